@@ -156,10 +156,6 @@ def main(words: list[str]) -> None:
     model, estimate = reckon(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
-    prices = estimate.usd_per_prompt_token, estimate.usd_per_completion_token
-    if prices[0] is not None and prices[1] is not None:
-        dollars = f"{1e6 * prices[0]:g} in, {1e6 * prices[1]:g} out"
-        say(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})")
     if cfg.prompt.check:
         say("prompt.check=true: each agent asks twice; the second prompt is this one, the first answer, and findings")
     if cfg.prompt.critic:

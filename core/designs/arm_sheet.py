@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.designs.reach import as_table, compute_reach, describe_limits, turns_at
+from core.designs.reach import as_table, compute_reach, turns_at
 from core.geometry import Array, Pose
 from core.interfaces import Robot, RolloutSettings, Task
 from core.robot.extents import extents_at_home, fingers_of
@@ -50,7 +50,6 @@ class ArmSheet(NamedTuple):
     at: str  # where its base stands, x, y and z; empty at the world's origin
     yaw: str  # how the base is turned; empty if it is not
     reach: str  # a table
-    limits: str  # what binds at the reach's inner edge, if anything does
     turns: str  # how far it turns by roll, pitch and yaw at home
     joints: str  # their values at home
     speed: str  # a sentence
@@ -82,7 +81,6 @@ def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str, grip
         at=short_numbers(robot.base.position, 4, ", ") if robot.base != Pose() else "",
         yaw=short_number(own, 4) if own else "",
         reach=as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
-        limits=describe_limits(reach),
         turns=", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
         joints=short_numbers(joints, 2, ", "),
         speed=describe_speed(robot, segments(arm, home, RolloutSettings(*rollout))),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import count
@@ -18,24 +18,17 @@ from core.robot.kinematics import Arm, Solution
 from core.solids.self_collision import find_self_collision
 
 PITCHES = (-0.8, -0.5, 0.0, 0.5, 0.8)
-SELF = "the arm itself"
-SINGULAR = "a singular pose"  # where its links can't be folded nearer to its axis
 _RISE_M = 0.1  # between two heights
 _STEP_M, _STEP_RAD = 0.02, 0.1
 _NEAR_M, _NEAR_RAD = 0.003, 0.02  # a pose missed by less counts as reached
-_AT_LIMIT_RAD = 1e-3
 
 
 @dataclass(frozen=True)
 class Span:
-    """The smallest and largest distances from the base's axis that are reached, metres.
-
-    ``inner`` says what binds just beyond the smallest, such as ``joint 4 at its lowest``.
-    """
+    """The smallest and largest distances from the base's axis that are reached, metres."""
 
     least: float
     most: float
-    inner: tuple[str, ...] = ()
 
 
 Row = dict[float, Span | None]  # by pitch; None: nothing is reached
@@ -75,14 +68,12 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
             break
     else:
         return None
-    out, _ = _march(arm, poses[first + 1 :], start.joints)
+    out = _march(arm, poses[first + 1 :], start.joints)
     out = out[: _clear(arm, out) or None]
     most = first + len(out) - 1
-    back, within = _march(arm, poses[:most][::-1], out[-1])
-    inner = _binding(arm, within)
-    if clear := _clear(arm, back):
-        back, inner = back[:clear], (SELF,)
-    return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M, inner)
+    back = _march(arm, poses[:most][::-1], out[-1])
+    back = back[: _clear(arm, back) or None]
+    return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M)
 
 
 def turns_at(arm: Arm, home: Pose) -> tuple[tuple[float, float], ...]:
@@ -91,21 +82,21 @@ def turns_at(arm: Arm, home: Pose) -> tuple[tuple[float, float], ...]:
 
     def most(axis: Array) -> float:
         turned = [Rotation.from_rotvec(axis * angle) * home.rotation for angle in angles]
-        way, _ = _march(arm, [Pose.from_rotation(home.position, turn) for turn in turned], start)
+        way = _march(arm, [Pose.from_rotation(home.position, turn) for turn in turned], start)
         return float(((_clear(arm, way) or len(way)) - 1) * _STEP_RAD)
 
     return tuple((-most(-axis), most(axis)) for axis in np.eye(3))
 
 
-def _march(arm: Arm, poses: Iterable[Pose], seed: Array) -> tuple[list[Array], Solution | None]:
-    """Go from pose to pose while they are reached: the joints, from ``seed`` on, and the first solution that misses."""
+def _march(arm: Arm, poses: Iterable[Pose], seed: Array) -> list[Array]:
+    """Go from pose to pose while they are reached: the joints, from ``seed`` on."""
     way = [seed]
     for pose in poses:
         solution = arm.inverse(pose, way[-1])
         if not _is_near(solution):
-            return way, solution
+            break
         way.append(solution.joints)
-    return way, None
+    return way
 
 
 def _is_near(solution: Solution) -> bool:
@@ -119,16 +110,6 @@ def _clear(arm: Arm, way: list[Array]) -> int:
     return 0 if met is None else max(1, int(np.ceil(met.time_s)))
 
 
-def _binding(arm: Arm, missed: Solution | None) -> tuple[str, ...]:
-    """Name the joints that are at a limit where a pose is missed, or say that none is."""
-    if missed is None:
-        return ()
-    low, high = missed.joints - arm.lower < _AT_LIMIT_RAD, arm.upper - missed.joints < _AT_LIMIT_RAD
-    sides = enumerate(zip(low, high, strict=True), 1)
-    bound = [f"joint {n} at its {'lowest' if below else 'highest'}" for n, (below, above) in sides if below or above]
-    return tuple(bound) or (SINGULAR,)
-
-
 def as_table(reach: dict[float, Row]) -> str:
     """Write the reach as a Markdown table in centimetres, a row for each height in metres."""
     pitches = list(next(iter(reach.values()), {}))
@@ -137,29 +118,3 @@ def as_table(reach: dict[float, Row]) -> str:
         spans = [f"{100 * span.least:.0f}-{100 * span.most:.0f}" if span else "none" for span in row.values()]
         lines.append([f"{height:g}", *spans])
     return "\n".join(f"|{'|'.join(cells)}|" for cells in lines)
-
-
-def describe_limits(reach: dict[float, Row]) -> str:
-    """Say what binds at the inner edge, the commonest first, and at which heights and pitches."""
-    met: dict[str, list[tuple[float, float]]] = {}
-    for height, row in reach.items():
-        for pitch, span in row.items():
-            for limit in span.inner if span else ():
-                met.setdefault(limit, []).append((height, pitch))
-    pitches = [pitch for row in reach.values() for pitch in row]
-    words = []
-    for limit, places in sorted(met.items(), key=lambda item: -len(item[1])):
-        at, turned = zip(*places, strict=True)
-        where = f"z {_range(at)}"
-        if min(turned) > min(pitches) and max(turned) < max(pitches):
-            where += f", pitch {_range(turned, ' to ')}"
-        elif max(turned) < max(pitches):
-            where += f", pitch up to {max(turned):g}"
-        elif min(turned) > min(pitches):
-            where += f", pitch from {min(turned):g}"
-        words.append(f"{limit} ({where})")
-    return ", ".join(words)
-
-
-def _range(numbers: Sequence[float], between: str = "-") -> str:
-    return between.join(dict.fromkeys(f"{bound(numbers):g}" for bound in (min, max)))

@@ -14,7 +14,7 @@ from omegaconf import MISSING, OmegaConf
 
 from core.config.compose import load, robot_part
 from core.designs.arm_sheet import segments, short
-from core.designs.reach import as_table, compute_reach, describe_limits
+from core.designs.reach import as_table, compute_reach
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
 from core.simulation.robustness import engines
@@ -67,7 +67,6 @@ def sheet(robot: Robot, figures: Figures) -> str:
             "Smallest and largest horizontal distance of the end-effector from the base's axis in centimetres, "
             "straight ahead of the base at its yaw and roll = 0, by height z in metres and pitch in radians:",
             as_table(reach),
-            f"At the inner edge binds: {describe_limits(reach) or 'nothing'}.",
         ],
         "Joints": [
             table(

@@ -20,19 +20,17 @@ from core.config.compose import load, node
 from core.config.schemas import PromptConfig
 from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool, Trial
-from core.designs.composer import CHECK, CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
+from core.designs.composer import CHECK, CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
 from core.plugins import installed
-from core.robot.extents import extents_at_home
 from core.scene import Body, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from plugins.tools.urdf.representation import UrdfTools
-from plugins.vlms.litellm.client import load as litellm
 from tests.panda import ARM, PANDA, on_panda
 
 FOLDER = Path(prompts.__file__).parent
@@ -182,42 +180,6 @@ def test_elites_are_shown() -> None:
     }
     assert (second["id"], second["reward"]) == ("g0-a0-s1-p0", 0.6)
     assert "crossover" in text.split("# Evolution rules")[1]
-
-
-def test_an_elite_of_eight_boxes_is_short_and_can_be_written_as_urdf() -> None:
-    """At most 600 tokens by LiteLLM's counter, and nothing is lost but colours."""
-    elite = hook(boxes=8, description="It reaches over the body, lowers a wall behind it, and pulls it back. " * 10)
-    text = prompt(elites=(elite,), representation=UrdfTools())
-    _, listed, (shown,) = elites_in(text)
-    assert litellm().token_counter(model="gemini/gemini-2.5-pro", text=listed) <= 600
-    assert "tool_urdf" not in shown
-    assert shown["tool_description"].endswith("...")
-    links = []
-    for line in shown["components"]:
-        name, parent, size, xyz, rpy, mass = re.fullmatch(
-            r"(\S+) on (\S+): (.+?) at (.+?)(?: rpy (.+?))?, (\S+) kg", line
-        ).groups("0 0 0")  # type: ignore[union-attr]
-        links.append(
-            f'<link name="{name}"><collision><geometry><box size="{size}"/></geometry></collision>'
-            f'<inertial><mass value="{mass}"/></inertial></link><joint name="j_{name}" type="fixed">'
-            f'<parent link="{parent}"/><child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>'
-        )
-    again = UrdfTools().parse({"tool_urdf": "".join(links)}, gripper=False)
-    assert elite.candidate.tool is not None
-    for one, other in zip(again.components, elite.candidate.tool.components, strict=True):
-        assert (one.name, one.parent, one.shape.size) == (other.name, other.parent, other.shape.size)
-        np.testing.assert_allclose(one.pose.matrix, other.pose.matrix, atol=2e-4)
-        assert one.mass == pytest.approx(other.mass)
-
-
-def hook(boxes: int, description: str) -> Evaluation:
-    parts = [Component("shaft", RIGID_MOUNT, Pose.xyz_rpy((0.1125, 0, -0.0945), (0, 0.42, 0)), Box((0.02, 0.025, 0.2)))]
-    for k in range(1, boxes):
-        pose = Pose.xyz_rpy((0.0325 * k, -0.0125 * k, -0.1), (0, 0.3925, 0) if k % 2 else (0, 0, 0))
-        parts.append(Component(f"wall_{k}", parts[-1].name, pose, Box((0.185, 0.0125, 0.06)), mass=0.0125))
-    tool = Tool(tuple(parts), name="hook with side walls", description=description)
-    candidate = Candidate(tool, np.zeros((1, 6)), strategy_name="pull from behind", strategy_description=description)
-    return Evaluation(candidate, "ok", reward=0.8123)
 
 
 # --- what a design is judged by, and what is left to gain -------------------------------------------------------
@@ -463,17 +425,6 @@ def test_an_elite_without_a_tool_is_an_error() -> None:
         PromptComposer().compose(make_brief(elites=(elite,)), None)
 
 
-def test_counts_read_well() -> None:
-    assert (counted(1, "tool"), counted(10, "tool")) == ("one tool", "10 tools")
-    for elites in ((), ELITES, ELITES[:1]):
-        for n_tool in (1, 2):
-            for n_action in (1, 2):
-                brief = make_brief(n_tool=n_tool, n_action=n_action, elites=elites)
-                text = words(PromptComposer().compose(brief, PICTURE)).split("# The task")[0]
-                assert not re.search(r"\b1 (new )?(tools?|plans?|action plans?|times|strateg|different)", text)
-                assert not re.search(r"one (new )?(tools|plans|action plans|strategies)\b", text)
-
-
 # --- the templates ----------------------------------------------------------------------------------------------
 
 
@@ -616,18 +567,6 @@ def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> N
         np.testing.assert_allclose(across, sign * 0.3 * np.sin(0.3) * np.array(direction), atol=1e-3)
 
 
-def test_the_space_around_the_mount_is_shown() -> None:
-    for gripper in (False, True):
-        text = prompt(gripper=gripper).split("# Spawn rules")[1]
-        rows = re.findall(r"^\| (\w+) \| (.+) \| (.+) \| (.+) \|$", text.split("# Frames")[0], re.MULTILINE)[1:]
-        shown = {name: np.array([cell.split(" to ") for cell in cells], dtype=float).T for name, *cells in rows}
-        extents = extents_at_home(PANDA, gripper, PushCube.home)
-        assert list(shown) == list(extents)
-        for name, extent in extents.items():
-            np.testing.assert_allclose(shown[name], extent, atol=6e-4)
-        assert ("Below `tool_mount` there is nothing but the tool." in text) == (not gripper)
-
-
 # --- the rules as the templates state them ----------------------------------------------------------------------
 
 
@@ -709,19 +648,3 @@ def test_the_example_of_a_tool_can_be_used(robot: Robot, gripper: bool) -> None:
     check_tool(tool, robot)
     SpawnRules(brief.task, 0).check(tool)
     assert "mm diameter and 4 mm thickness" in brief.representation.instructions(brief) or robot is PANDA
-
-
-def test_attachments_are_told_the_fingers() -> None:
-    brief = make_brief(gripper=True, representation=UrdfTools())
-    text = words(PromptComposer().compose(brief, None))
-    for part in (
-        "In its frame `left_finger` takes up x -0.011 to 0.011, y 0 to 0.026, z 0.0003 to 0.0545; "
-        "tip at z = 0.0545, inner face at y = 0, opens toward +y.",
-        "inner face at y = 0, opens toward -y.",
-        "The inner faces are 0.08 m apart when the gripper is open, and meet when it is closed.",
-        "`left_finger`: origin at (0, -0.04, -0.0584), x points to the front, y to the right, z down; "
-        "the tip is 0.113 m below.",
-        "`right_finger`: origin at (0, 0.04, -0.0584)",
-        "(each finger 0.04 m out)",
-    ):
-        assert part in text
