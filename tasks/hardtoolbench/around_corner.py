@@ -16,6 +16,7 @@ MAT = 0.002  # thickness
 OPENING = LENGTH / 2  # x of it in the box's frame
 OUT = OPENING + 0.03  # x of a cube's middle that is out
 TOLERANCE, NEAR = 0.015, 0.05  # of the cube's middle, m
+RAISED, STILL_M_S = 0.006, 0.05  # a cube that is higher than it lay, or faster, was not left
 
 RUBBER = (0.20, 0.21, 0.23, 1.0)
 WOOD, GLASS, RED, GREEN = (
@@ -46,7 +47,7 @@ class AroundCorner(Task):
     Layouts: in ``near`` the box moves and turns a little, with all that belongs to it; in ``wide`` it stands anywhere
     in front of the robot, turned, the cube lies elsewhere in it and is smaller or larger, lighter or heavier, smoother
     or rougher, and the mark is elsewhere before the opening.
-    Success: the cube's middle is within 15 mm of the mark's.
+    Success: the cube lies at rest, its middle within 15 mm of the mark's.
     """
 
     name = "AroundCorner"
@@ -56,9 +57,9 @@ class AroundCorner(Task):
         "alone, which points away from the robot. Its floor is a rubber mat of 2 mm, which goes on beyond the "
         "opening. A cube with sides of 36 to 46 mm lies on it, its middle 55 to 75 mm from the closed end and up to "
         "15 mm aside. A mark lies on the mat outside, 130 to 190 mm beyond the opening and up to 0.1 m aside. Bring "
-        f"the cube out and leave its middle within {1000 * TOLERANCE:g} mm of the mark's."
+        f"the cube out and leave it there at rest, its middle within {1000 * TOLERANCE:g} mm of the mark's."
     )
-    goals = (Goal(bodies=("cube",), at="mark", place=(0.0, 0.0, None), tolerance=TOLERANCE),)
+    goals = (Goal(bodies=("cube",), at="mark", place=(0.0, 0.0, None), tolerance=TOLERANCE, rest=True),)
     variations = {
         "near": around("box", (0.46, 0.0), 0.03, 0.2),
         "wide": {
@@ -96,14 +97,16 @@ class AroundCorner(Task):
         return Scene((floor(), table(), garage(pose), mark, cube))
 
     def reward(self, start: State, end: State) -> Array:
-        """Up to 0.3 on the way out of the box, then up to 1 near the mark."""
+        """Up to 0.3 on the way out of the box, then up to 1 near the mark for a cube that lies there at rest."""
         back = end.quaternion("box") * [1.0, -1.0, -1.0, -1.0]
         cube, begin, mark = (
             rotate(back, at - end.position("box"))
             for at in (end.position("cube"), start.position("cube"), end.position("mark"))
         )
         left = np.maximum(np.linalg.norm((cube - mark)[..., :2], axis=-1) - TOLERANCE, 0.0)
-        beyond = 0.3 + 0.7 * np.clip(1 - left / NEAR, 0.0, 1.0)
+        lies = np.abs(end.position("cube") - start.position("cube"))[..., 2] < RAISED
+        lies &= np.linalg.norm(end.linear_velocity("cube"), axis=-1) < STILL_M_S
+        beyond = 0.3 + 0.7 * np.clip(1 - left / NEAR, 0.0, 1.0) * lies
         inside = 0.3 * np.clip((cube - begin)[..., 0] / (OUT - begin[..., 0]), 0.0, 1.0)
         reward: Array = np.where(cube[..., 0] > OUT, beyond, inside) * (cube[..., 2] > 0.0)
         return reward

@@ -118,7 +118,9 @@ class LidAndBall(Task):
         )
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
-        """0.25 for the lid put down; the rest for the way of a ball that is out of the pot, if the lid counts."""
+        """0.25 for the lid put down; if it counts, 0.25 for the way of a ball that is out of the pot, and 0.5 for one
+        that was left in the bowl.
+        """
         assert trace is not None
         aside = np.linalg.norm((end.position("lid") - end.position("pot"))[..., :2], axis=-1)
         flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
@@ -128,6 +130,9 @@ class LidAndBall(Task):
         left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))
         out = np.linalg.norm((end.position("ball") - end.position("pot"))[..., :2], axis=-1) > POT_RADIUS + WALL
         still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < 0.05
-        there = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0) * out * still
+        x, y, z = np.moveaxis(end.relative("ball", "bowl"), -1, 0)
+        lies = (np.hypot(x, y) < BOWL_RADIUS) & (z < BOWL_HEIGHT) & ~trace.touching_at_end("ball", "robot")
+        near = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0)
+        there = np.where(lies, 1.0, near / 3) * out * still
         reward: Array = off * (0.25 + 0.75 * there)
         return reward

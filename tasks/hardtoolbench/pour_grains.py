@@ -75,8 +75,8 @@ class PourGrains(Task):
         "of its underside. A collar of 0.144 m diameter surrounds it, 0.034 to 0.042 m above its underside. All of "
         "it is oiled, so that fingers don't hold it. On its bottom lie nineteen round grains, 0.014 m in diameter. "
         "To the robot's left a bowl, 0.15 m wide inside at its rim and 0.055 m high, is fixed to the table. Pour "
-        "the grains into the bowl: each that is at rest in it counts the same. Nothing counts while the crucible "
-        "touches the bowl."
+        "the grains into the bowl: each that lies in it at rest counts the same, but none that is still carried, in "
+        "the crucible or by the tool. Nothing counts while the crucible touches the bowl."
     )
     goals = (Goal(bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True),)
     variations = {
@@ -111,12 +111,13 @@ class PourGrains(Task):
         return Scene((floor(), table(), Body("stand", place, 0.0, stand(height), stand(height)), dish, iron, *grains))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
-        """The share of the grains that are at rest in the bowl; nothing while the crucible touches it."""
+        """The share of the grains that lie in the bowl at rest, not carried; nothing while the crucible touches it."""
         assert trace is not None
         inside = []
         for name in GRAINS:
             x, y, z = np.moveaxis(end.relative(name, "bowl"), -1, 0)
             slow = np.linalg.norm(end.linear_velocity(name), axis=-1) < STILL_M_S
-            inside.append((np.hypot(x, y) < BOWL_RADIUS) & (z > 0) & (z < BOWL_HEIGHT) & slow)
+            carried = trace.held(name)[..., -1]  # in the crucible too, while the robot carries that
+            inside.append((np.hypot(x, y) < BOWL_RADIUS) & (z > 0) & (z < BOWL_HEIGHT) & slow & ~carried)
         reward: Array = np.mean(inside, axis=0) * ~trace.touching_at_end("crucible", "bowl")
         return reward

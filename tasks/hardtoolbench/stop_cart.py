@@ -105,6 +105,9 @@ class StopCart(Task):
         slow = np.linalg.norm(end.linear_velocity("cart"), axis=-1) < STILL_M_S
         earned = np.where(inside & slow, 1.0, np.clip((across - aside) / (TRAY[0] - aside), 0.0, 1.0) / 2)
         for name in ("red_before", "red_behind"):
-            kept = np.abs(end.relative(name, "track")[..., 0]) < TRACK
-            earned = earned * (kept & ~trace.touched(name, "robot"))
+            aside, along, _ = np.moveaxis(end.relative(name, "track"), -1, 0)
+            before, now = start.linear_velocity(name), end.linear_velocity(name)
+            goes_on = (before * now).sum(axis=-1) > 0.8 * (before * before).sum(axis=-1)
+            passes = (np.abs(aside) < TRACK) & ((along < END) | goes_on)
+            earned = earned * (passes & ~trace.touched(name, "robot"))
         return earned

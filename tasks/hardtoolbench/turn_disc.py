@@ -15,6 +15,7 @@ NEAR_EDGE = -0.14  # of the board, from the middle of the strip
 FAR_EDGE, WIDTH = 0.32, 0.34
 TOLERANCE = 0.015  # of the disc's middle, m
 TILT = 15.0  # of its axis, degrees
+RAISED = 0.005  # m; a disc that is higher than it lay is held, or leans
 
 WOOD, DARK = (0.76, 0.56, 0.36, 1.0), (0.34, 0.24, 0.16, 1.0)
 BLUE, RED, GREEN = (0.20, 0.38, 0.70, 1.0), (0.78, 0.22, 0.18, 1.0), (0.25, 0.62, 0.35, 1.0)
@@ -96,10 +97,12 @@ class TurnDisc(Task):
         return Scene((floor(), table(), board(pose), Body.mark("mark", there, 0.03, GREEN), stone))
 
     def reward(self, start: State, end: State) -> Array:
-        """0.1 for a disc on its rim, 1 for one upside down; less away from the mark, or in motion."""
+        """0.1 for a disc on its rim or held, 1 for one that lies upside down; less away from the mark, or in motion."""
         axis = rotate(end.quaternion("disc"), np.array([0.0, 0.0, 1.0]))
         angle = np.degrees(np.arccos(np.clip(axis[..., 2], -1.0, 1.0)))
         turned = np.interp(angle, (20, 90, 180 - TILT), (0.0, 0.1, 1.0))
+        lies = np.abs(end.position("disc") - start.position("disc"))[..., 2] < RAISED
+        turned = np.where(lies, turned, np.minimum(turned, 0.1))
         away = np.linalg.norm((end.position("disc") - end.position("mark"))[..., :2], axis=-1)
         speed = np.linalg.norm(end.linear_velocity("disc"), axis=-1)
         near = np.interp(away, (TOLERANCE, 0.05, 0.2), (1.0, 0.5, 0.1))

@@ -7,7 +7,14 @@ import pytest
 
 from core.geometry import Array
 from core.scene import Trace
-from tasks.hardtoolbench.lid_and_ball import LID_THICKNESS, POT_RADIUS, LidAndBall
+from tasks.hardtoolbench.lid_and_ball import (
+    BALL_RADIUS,
+    BOWL_RADIUS,
+    LID_THICKNESS,
+    POT_RADIUS,
+    WALL,
+    LidAndBall,
+)
 
 TASK = LidAndBall()
 SCENE = TASK.scene(0)
@@ -16,17 +23,24 @@ POT, BOWL = START.position("pot"), START.position("bowl")
 ASIDE = POT + np.array([0.0, 0.28, LID_THICKNESS / 2])
 
 
-def reward(lid: Array = ASIDE, ball: Array = BOWL, fall: float = 0.1) -> float:
+def reward(lid: Array = ASIDE, ball: Array = BOWL, fall: float = 0.1, held: bool = False) -> float:
     """The reward of a lid and a ball that end elsewhere, after the lid fell at most so fast."""
     end = replace(START, positions=np.stack([lid, ball]))
     falling = replace(START, linear_velocities=np.array([[0.0, 0.0, -fall], [0.0, 0.0, 0.0]]))
-    return float(TASK.reward(START, end, Trace.of(START, falling, end)))
+    touching = {("tool", "cradle", "ball"): np.array([False, True, held])}
+    return float(TASK.reward(START, end, Trace.of(START, falling, end, touching=touching)))
 
 
 def test_both_count() -> None:
     assert reward() == 1.0
     assert reward(ball=START.position("ball")) == pytest.approx(0.25)
     assert reward(lid=START.position("lid")) == 0.0
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0, 0.04), (BOWL_RADIUS + BALL_RADIUS + WALL, 0.0, BALL_RADIUS)])
+def test_a_ball_held_over_the_bowl_in_it_or_left_beside_it_is_not_in_it(off: tuple[float, ...]) -> None:
+    assert 0.4 < reward(ball=BOWL + np.array(off)) <= 0.5 + 1e-9
+    assert reward(held=True) == pytest.approx(0.5)
 
 
 def test_the_reward_rises_on_the_ball_s_way() -> None:

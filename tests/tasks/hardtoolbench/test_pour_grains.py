@@ -13,7 +13,7 @@ SCENE = TASK.scene(3)
 START = SCENE.state()
 
 
-def reward(count, at=(0.0, 0.0, 0.02), speed=0.0, touching=False):
+def reward(count, at=(0.0, 0.0, 0.02), speed=0.0, touching=False, more=()):
     """The reward when some of the grains end at a place in the bowl's frame."""
     positions, velocities = START.positions.copy(), START.linear_velocities.copy()
     for name in GRAINS[:count]:
@@ -22,6 +22,7 @@ def reward(count, at=(0.0, 0.0, 0.02), speed=0.0, touching=False):
         velocities[index] = (0.0, 0.0, speed)
     end = replace(START, positions=positions, linear_velocities=velocities)
     flags = {("body", "crucible", "bowl"): np.array([False, touching])}
+    flags |= dict.fromkeys(more, np.array([False, True]))
     return float(TASK.reward(START, end, Trace.of(START, end, touching=flags)))
 
 
@@ -36,6 +37,15 @@ def test_grains_beside_the_bowl_above_it_or_on_the_table_earn_nothing(at):
 
 def test_grains_in_motion_do_not_count():
     assert reward(len(GRAINS), speed=0.3) == 0.0
+
+
+def test_grains_that_the_robot_still_carries_do_not_count():
+    """They hang in the bowl, in the crucible that the tool holds there, or on the tool itself."""
+    in_crucible = [("body", "crucible", name) for name in GRAINS]
+    on_tool, in_bowl = ("tool", "ladle", GRAINS[0]), [("body", name, "bowl") for name in GRAINS]
+    assert reward(len(GRAINS), more=[*in_crucible, ("tool", "rack", "crucible")]) == 0.0
+    assert reward(len(GRAINS), more=[on_tool, ("body", *GRAINS[:2])]) == pytest.approx(1 - 2 / len(GRAINS))
+    assert reward(len(GRAINS), more=[on_tool, *in_bowl]) == 1.0
 
 
 def test_nothing_counts_while_the_crucible_touches_the_bowl():

@@ -9,16 +9,17 @@ from tasks.hardtoolbench.stop_cart import END, SPEED, TRAY, TRAY_FLOOR, StopCart
 TASK = StopCart(variation="wide")
 SCENE = TASK.scene(3)
 START = SCENE.complete(SCENE.state())
+START = replace(START, linear_velocities=np.array([body.velocity for body in SCENE.free]))
 IN_TRAY = (sum(TRAY) / 2, 0.0, TRAY_FLOOR + 0.012)
 IN_BIN = (0.01, END - 0.1, 0.022)
 
 
-def earned(touched=(), speed=0.0, **places):
-    """The reward where carts end at places in the track's frame, the blue one at a speed."""
-    positions, velocities = START.positions.copy(), np.zeros_like(START.linear_velocities)
+def earned(touched=(), speed=0.0, slowed=1.0, **places):
+    """The reward where carts end at places in the track's frame, the blue one at a speed, red ones as they began."""
+    positions, velocities = START.positions.copy(), slowed * START.linear_velocities
     for name, place in places.items():
         positions[START.names.index(name)] = SCENE["track"].pose.apply(place)
-    velocities[START.names.index("cart"), 1] = speed
+    velocities[START.names.index("cart")] = (0.0, speed, 0.0)
     end = replace(START, positions=positions, linear_velocities=velocities)
     touching = {("tool", "cup", name): np.array([True, False]) for name in touched}
     return float(TASK.reward(START, end, Trace.of(START, end, touching=touching)))
@@ -50,3 +51,9 @@ def test_a_red_cart_touched_or_off_the_track_costs_all_that_was_earned():
     assert earned(cart=IN_TRAY, touched=["cart"]) == 1.0
     assert earned(cart=IN_TRAY, touched=["red_before"]) == 0.0
     assert earned(cart=IN_TRAY, red_behind=IN_TRAY) == 0.0
+
+
+@pytest.mark.parametrize("slowed", [0.0, 0.5, -1.0])
+def test_a_red_cart_that_the_blue_one_stopped_or_sent_back_was_not_let_pass(slowed):
+    assert earned(cart=IN_TRAY, slowed=slowed) == 0.0
+    assert earned(cart=IN_TRAY, slowed=slowed, red_before=IN_BIN, red_behind=IN_BIN) == 1.0

@@ -47,6 +47,7 @@ def test_the_reward_falls_with_the_distance_from_the_mark() -> None:
     [
         pytest.param(0.0, MARK, 0.0, 0.0, id="only pushed onto the mark"),
         pytest.param(90.0, MARK, 0.0, 0.1, id="left standing on its rim"),
+        pytest.param(180.0, MARK + np.array([0.0, 0.0, 0.2]), 0.0, 0.1, id="held upside down above the mark"),
         pytest.param(180.0, np.array([2.0, 0.0, -0.6]), 0.0, 0.1, id="thrown to the floor"),
         pytest.param(180.0, MARK, 1.0, 0.0, id="still in motion"),
     ],
