@@ -18,16 +18,16 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from rich.console import Console
 from rich.progress import track
 
-from core.config.compose import check_seed, node, part, robot_part, task_part, tool_part
+from core.config.compose import check_seed, listed, node, part, robot_part, task_part, tool_part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation
 from core.designs.feedback import statistics
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
-from core.plugins import EXECUTOR, TaskPart
+from core.plugins import EXECUTOR, RobotPart, TaskPart
 from core.search.evolution import evaluate_all
-from core.simulation.robustness import arms, check_draws, engines, perturbed, worst
+from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
 from core.store.reader import chosen_designs, config_for
 from core.support.cli import arguments, print_table, say, write_bytes
@@ -100,7 +100,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
     task = task_part(cfg)
-    robots = arms(OmegaConf.to_container(cfg.robots), robot_part(cfg.robot))  # type: ignore[arg-type]
+    robots = _arms(OmegaConf.to_container(cfg.robots), robot_part(cfg.robot))  # type: ignore[arg-type]
     tasks = {robot: replace(task, robot=part) for robot, part in robots.items()}
     candidates = on_each(cfg, tasks)
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
@@ -140,6 +140,19 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
             for robot, candidate in zip(candidates, alike, strict=True)
         ],
     }
+
+
+def _arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[str, RobotPart]:
+    """Make the robots, by the names under which they are shown: entries as those of `engines`; none: ``chosen`` alone.
+
+    Raises:
+        UserError: a robot does not exist or can't be made, or is repeated.
+    """
+    nodes = listed("robot", "robot", robots or [chosen.name], chosen)
+    found = {shown: robot_part(node) for shown, node in nodes.items()}
+    for robot in found.values():
+        robot.create()  # so that a fault is reported once
+    return found
 
 
 def trials(

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from core.config.compose import listed, part, robot_part
+from core.config.compose import listed, part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task
-from core.plugins import SIMULATOR, PluginPart, RobotPart, TaskPart
+from core.plugins import SIMULATOR, PluginPart, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
 
@@ -86,19 +86,6 @@ def engines(
     found: dict[str, PluginPart[Simulator]] = {shown: part(SIMULATOR, node) for shown, node in nodes.items()}
     for engine in found.values():
         engine.create()  # so that a fault is reported once, not by each worker
-    return found
-
-
-def arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[str, RobotPart]:
-    """Make the robots, by the names under which they are shown: entries as those of `engines`; none: ``chosen`` alone.
-
-    Raises:
-        UserError: a robot does not exist or can't be made, or is repeated.
-    """
-    nodes = listed("robot", "robot", robots or [chosen.name], chosen)
-    found = {shown: robot_part(node) for shown, node in nodes.items()}
-    for robot in found.values():
-        robot.create()  # as above
     return found
 
 

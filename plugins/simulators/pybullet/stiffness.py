@@ -1,4 +1,4 @@
-"""Compute how light a joint is, by which stiff springs and strong dampers stay stable."""
+"""Compute how light a joint is, by which springs and dampers stay stable."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from core.geometry import Array, Pose
 from core.scene import Body, Inertia, Joint
 
-_MILD = 0.5  # of a joint's speed: what a damper may take of it in a step, as a force of the speed before the step
+_MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Lightness:
             turned = moving[:, :3] @ frame.rotation.as_matrix()
             own_mass = body.mass * moved @ moved.T + turned * inertias[name].moments @ turned.T
             masses[np.ix_(above[name], above[name])] += own_mass
-        return cls(_inverse(masses)[first:, first:], axes)
+        return cls(np.asarray(np.linalg.inv(masses), dtype=np.float64)[first:, first:], axes)
 
     def most(self, joint: Joint) -> float:
         """The most that a force of 1 at a joint accelerates."""
@@ -54,31 +54,10 @@ class Lightness:
         return float(np.linalg.eigvalsh(self.matrix[np.ix_(rows, rows)])[-1])
 
     def rate(self, joint: Joint) -> float:
-        """The highest rate, 1/s, at which its spring and latches swing a joint."""
+        """The highest rate, 1/s, at which its spring and latches swing a joint, or its damper stops it."""
         stiffness = joint.stiffness + max((math.pi * a.force / a.width for a in joint.latches), default=0.0)
-        return math.sqrt(stiffness * self.most(joint))
-
-
-class Dampers:
-    """Those dampers of a tree that are so strong that their force must be of the speed after the step."""
-
-    def __init__(self, joints: Sequence[Joint], lightness: Lightness, time_step: float) -> None:
-        self.joints = [joint for joint in joints if joint.damping * lightness.most(joint) * time_step > _MILD]
-        rows = [row for joint in self.joints for row in lightness.axes[joint.name]]
-        damping = [joint.damping for joint in self.joints for _ in lightness.axes[joint.name]]
-        self._inertia = _inverse(lightness.matrix[np.ix_(rows, rows)])
-        self._time_step = time_step
-        self._solve = np.diag(damping) @ _inverse(self._inertia + time_step * np.diag(damping))
-        self._speeds = self._forces = np.zeros(len(rows))
-
-    def forces(self, speeds: Array) -> Array:
-        """Return the forces (D,) in the next step for the speeds (D,) before it; a ball has three.
-
-        All else is taken to push as it did in the step before, which the change of the speeds tells.
-        """
-        pushed = self._inertia @ (2 * speeds - self._speeds) - self._time_step * self._forces
-        self._speeds, self._forces = speeds, -self._solve @ pushed
-        return self._forces
+        most = self.most(joint)
+        return max(math.sqrt(stiffness * most), joint.damping * most / _MILD)
 
 
 def _twists(joint: Joint, pose: Pose) -> list[Array]:
@@ -88,7 +67,3 @@ def _twists(joint: Joint, pose: Pose) -> list[Array]:
     axes = [pose.rotation.apply(joint.axis)] if joint.kind == "hinge" else [*pose.rotation.apply(np.eye(3))]
     origin = pose.apply(joint.origin)
     return [np.concatenate([axis, np.cross(origin, axis)]) for axis in axes]
-
-
-def _inverse(matrix: Array) -> Array:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.robot.description import write
 from core.scene import Body, Inertia, Joint, Scene
 from core.values.descriptions import Description, Limits, Origin, RobotJoint, RobotLink, rounded
 from plugins.simulators.pybullet.bodies import DIGITS, collisions_of, dynamics_of, inertial, offset_of, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
-from plugins.simulators.pybullet.stiffness import Dampers, Lightness
+from plugins.simulators.pybullet.stiffness import Lightness
 
 Place = tuple[int, int]  # of a body: PyBullet's numbers of its multibody and of its link, -1 the base
 _KINDS = {"hinge": "revolute", "slider": "prismatic", "ball": "spherical"}
@@ -71,7 +71,7 @@ class PreparedTree:
 
     @property
     def rate(self) -> float:
-        """The highest rate, 1/s, at which springs and latches swing a joint."""
+        """The highest rate, 1/s, at which springs and latches swing a joint, or dampers stop it."""
         return max(map(self.lightness.rate, self.joints))
 
     def place(self, client: int, fixed: dict[str, Place]) -> dict[str, Place]:
@@ -143,14 +143,11 @@ class Mechanism:
         """``places`` are those of bodies; ``gain`` is the share of its error that a drive makes up in a step."""
         self._client, self._gain, self._time_step = client, gain, time_step
         self._steps: int | None = None  # since the launch
-        self._dampers = Dampers(tree.joints, tree.lightness, time_step)
         joints = [(places[joint.body], joint) for joint in tree.joints]
         for place, joint in joints:
             self._resist(place, joint)
-            if joint not in self._dampers.joints:
-                p.changeDynamics(*place, jointDamping=joint.damping, physicsClientId=client)
+            p.changeDynamics(*place, jointDamping=joint.damping, physicsClientId=client)
         self._driven = [(place, joint) for place, joint in joints if joint.drive]
-        self._damped = [(place, joint) for place, joint in joints if joint in self._dampers.joints]
         self._pulled = [(place, joint) for place, joint in joints if joint.stiffness or joint.latches]
 
     def _resist(self, place: Place, joint: Joint) -> None:
@@ -181,29 +178,20 @@ class Mechanism:
         if self._driven and self._steps is not None:
             self._steps += 1
         for place, joint in self._pulled:
-            self._push(place, joint, _pull(joint, self._state(place, joint)[0]))
-        if self._damped:
-            speeds = [self._state(place, joint)[1] for place, joint in self._damped]
-            forces = self._dampers.forces(np.concatenate(speeds)).tolist()
-            for (place, joint), own in zip(self._damped, speeds, strict=True):
-                self._push(place, joint, np.array([forces.pop(0) for _ in own]))
+            self._pull(place, joint)
 
-    def _state(self, place: Place, joint: Joint) -> tuple[Array, Array]:
-        """The position, a ball's as quaternion (x, y, z, w), and speeds, (1,) or a ball's (3,)."""
+    def _pull(self, place: Place, joint: Joint) -> None:
+        """Add what its spring and latches pull a joint with to the forces of the next step."""
         if joint.kind == "ball":
-            quaternion, speeds, *_ = p.getJointStateMultiDof(*place, physicsClientId=self._client)
-            return np.array(quaternion), np.array(speeds)
-        moved, speed, *_ = p.getJointState(*place, physicsClientId=self._client)
-        return np.array([joint.start + moved]), np.array([speed])
-
-    def _push(self, place: Place, joint: Joint, forces: Array) -> None:
-        """Add forces (1,), or a ball's torques (3,), to those of the next step."""
-        if joint.kind == "ball":
+            quaternion = p.getJointStateMultiDof(*place, physicsClientId=self._client)[0]
+            torques = -joint.stiffness * Rotation.from_quat(quaternion).as_rotvec()
             p.setJointMotorControlMultiDof(
-                *place, p.TORQUE_CONTROL, force=forces.tolist(), physicsClientId=self._client
+                *place, p.TORQUE_CONTROL, force=torques.tolist(), physicsClientId=self._client
             )
-        else:
-            p.setJointMotorControl2(*place, p.TORQUE_CONTROL, force=float(forces[0]), physicsClientId=self._client)
+            return
+        position = np.array([joint.start + p.getJointState(*place, physicsClientId=self._client)[0]])
+        force = joint.stiffness * (joint.rest - position) + joint.latch_force(position)
+        p.setJointMotorControl2(*place, p.TORQUE_CONTROL, force=float(force[0]), physicsClientId=self._client)
 
     def _aim(self, place: Place, joint: Joint) -> None:
         """Drive a joint to where its schedule is at the end of the step."""
@@ -227,11 +215,3 @@ class Mechanism:
             velocityGain=1.0,
             physicsClientId=self._client,
         )
-
-
-def _pull(joint: Joint, position: Array) -> Array:
-    """Compute what its spring and latches pull a joint with, see `Mechanism._state`."""
-    if joint.kind == "ball":
-        turned: Array = Rotation.from_quat(position).as_rotvec()
-        return -joint.stiffness * turned
-    return joint.stiffness * (joint.rest - position) + joint.latch_force(position)

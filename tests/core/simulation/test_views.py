@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from PIL import Image as Pillow
-from PIL import ImageDraw
 from scipy import ndimage
 
 from core.design import Tool
 from core.errors import NoPicture
 from core.plugins import installed
 from core.scene import Body, Box, Camera, floor, table
-from core.simulation.views import _BOTTOM, _LEFT, _RIGHT, _TOP, _VIEWS, SIZE, _outline, _ticks, draw_view, view_camera
+from core.simulation.views import _BOTTOM, _LEFT, _RIGHT, _TOP, _VIEWS, SIZE, _ticks, draw_view, view_camera
 from plugins.conformance.worlds import Bodies
 
 AT, SIDES = np.array([0.7, 0.25, 0.35]), np.array([0.16, 0.12, 0.08])
@@ -116,13 +114,3 @@ def test_the_task_s_camera_has_no_axes():
     assert blank.asked == {"seed": 3, "tool": None}
     assert picture.shape == (480, 640, 3)
     assert (picture == 255).all()
-
-
-def test_names_neither_cover_each_other_nor_exceed_their_body_by_far():
-    lines, named = ImageDraw.Draw(Pillow.new("RGBA", SIZE)), []
-    square = np.array([[100.0, 100.0], [140.0, 100.0], [140.0, 140.0], [100.0, 140.0]])
-    for name, points in (("one", square), ("two", square + 5), ("on a line", square * [1, 0] + [0, 300])):
-        _outline(lines, name, points, named)
-    assert len(named) == 2
-    _outline(lines, "a long name", square / 20 + 200, named)
-    assert len(named) == 2

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
-from core.interfaces import JointTrajectory, RolloutSettings, Task
+from core.interfaces import JointTrajectory, RolloutSettings
 from core.robot.description import assemble
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
-from core.robot.trajectory import plan_motion
 from core.simulation.rollout import evaluate_batch
 from core.solids import self_collision
 from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
@@ -173,16 +172,6 @@ def measured(monkeypatch):
     calls, measure = [], self_collision._Gauge.depth
     monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
     return calls
-
-
-def test_few_distances_are_measured(measured):
-    """Nearly all pairs are left out by their capsules: what remains is little beside a rollout."""
-    plan = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.6, 0.2, 0.3, 0, 0, 1.0], [0.4, -0.2, 0.3, 0, 0, 0]])
-    trajectory = plan_motion(plan, Task.home, ARM).trajectory
-    assert find_self_collision(PANDA, ROD, trajectory) is None
-    measured.clear()  # of what is kept for other plans
-    find_self_collision(PANDA, ROD, trajectory)
-    assert len(measured) < len(trajectory.times) / 2
 
 
 def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch, measured):

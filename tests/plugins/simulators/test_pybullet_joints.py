@@ -10,7 +10,7 @@ from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
-from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, motion, move, stick, still
+from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, move, stick, still
 from tests.plugins.simulators.test_pybullet import PLAN, THINGS, bits, hammer
 
 pytest.importorskip("pybullet")
@@ -34,32 +34,13 @@ def block(mass):
     return cube("block", FAR, mass=mass)
 
 
-def bar(name, z):
-    """A bar 0.4 m long, with its middle at a height."""
-    return Body.of(name, Box((0.4, 0.02, 0.02)), (FAR[0], FAR[1], z), mass=0.5, color=GREY)
-
-
-@pytest.mark.parametrize("mass", [0.01, 1.0])
-@pytest.mark.parametrize("damping", [1.0, 300.0, 1e4])
+@pytest.mark.parametrize(("mass", "damping"), [(0.01, 1.0), (1.0, 1.0), (1.0, 300.0), (1.0, 3000.0)])
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_dampers_of_any_strength_let_a_block_sink_at_their_speed(sim, mass, damping, friction):
+def test_dampers_let_a_block_sink_at_their_speed(sim, mass, damping, friction):
     load = mass * GRAVITY
     joint = Joint("s", "slider", "block", damping=damping, friction=friction * load)
     _, states = play(sim, [block(mass)], [joint], seconds=1.0 + 8 * mass / damping)
     assert states.joint("s").speed[-1] == pytest.approx((friction - 1) * load / damping, rel=0.005)
-
-
-def test_strong_dampers_in_a_row_turn_at_the_speeds_of_their_loads(sim):
-    """Each turns as fast as the weights beyond it push, whatever the others do."""
-    bars = [bar("near", 2.0), replace(bar("far", 2.0), pose=bar("far", 2.0).pose @ cube(at=(0.4, 0, 0)).pose)]
-    hinges = [
-        Joint(name, "hinge", name, parent, (0, 1, 0), (-0.2, 0, 0), damping=300.0)
-        for name, parent in (("near", None), ("far", "near"))
-    ]
-    _, states = play(sim, bars, hinges)
-    load = 0.5 * GRAVITY / 300.0
-    assert states.joint("near").speed[-1] == pytest.approx(0.8 * load, rel=0.01)
-    assert states.joint("far").speed[-1] == pytest.approx(0.2 * load, rel=0.01)
 
 
 def test_a_latch_that_is_stiff_for_a_time_step_holds(sim):
@@ -70,9 +51,9 @@ def test_a_latch_that_is_stiff_for_a_time_step_holds(sim):
 
 
 def test_joints_that_are_far_too_stiff_are_refused(sim):
-    joint = Joint("s", "slider", "block", stiffness=1e4)
-    with pytest.raises(UsageError, match=r"set sim\.time_step to"):
-        play(sim, [block(1e-5)], [joint])
+    for strong in ({"stiffness": 1e4}, {"damping": 1.0}):
+        with pytest.raises(UsageError, match=r"set sim\.time_step to"):
+            play(sim, [block(1e-5)], [Joint("s", "slider", "block", **strong)])
 
 
 def test_scenes_with_joints_change_nothing_in_those_after(sim):
@@ -117,22 +98,6 @@ def test_bodies_that_hang_from_a_free_one_stop_at_each_other(sim):
     assert 0.3 * turned == pytest.approx(0.04, abs=0.002)  # they began so far apart
     assert recording.forces["left", "right"][-1] > 1
     assert not any({"base", name} == set(pair) for pair in recording.forces for name in ("left", "right"))
-
-
-def test_forces_are_the_weights_that_rest_and_name_what_pushes(sim):
-    stack = [table(), cube("low", at=(0.62, 0, 0.05)), cube("high", at=(0.62, 0, 0.15), mass=2.0)]
-    recording, _ = play(sim, stack, forces=True)
-    assert set(recording.forces) == {("table", "low"), ("low", "high")}
-    for pair, mass in ((("table", "low"), 3.0), (("low", "high"), 2.0)):
-        force = recording.forces[pair]
-        assert force[0] == 0
-        assert force[-1] == pytest.approx(mass * GRAVITY, rel=0.01)
-    pushing = motion([[0.5, 0, 0.3, 0, 0, 0], [0.58, 0, 0.3, 0, 0, 0]])
-    recording, states = play(sim, stack[:2], trajectory=pushing, tool=stick(0.25), record_hz=20.0, forces=True)
-    moved = states.position("low")[-1, 0] - 0.62
-    assert moved > 0.01
-    assert recording.forces["tool", "low"].max() > 3
-    assert set(recording.forces) == {("table", "low"), ("tool", "low")}
 
 
 def test_forces_are_left_out_where_none_are_asked_for(sim):

@@ -11,7 +11,7 @@ from core.errors import UsageError
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import Rollout
 from core.plugins import installed
-from core.scene import Body, Drive, Joint, Latch, table
+from core.scene import Body, Joint
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
@@ -20,9 +20,7 @@ from plugins.conformance.worlds import (
     cube,
     end,
     film,
-    motion,
     slope,
-    stick,
     still,
     wait,
 )
@@ -123,38 +121,3 @@ def test_spring_stays_linear_at_large_angles(kind, stiffness):
         world.step(arm, 0.04, np.zeros_like(arm), 0.0)
     state = scenery.scene(0).complete(world.state())
     assert state.joint("h").position == pytest.approx(2.8, rel=0.015)
-
-
-def test_same_bits_with_joints_whatever_ran_before():
-    bodies, names = post_and_flaps(3)
-    drive = Drive((0.0, 0.3), (0.0, 0.2), 50.0, repeats=True)
-    joints = (
-        Joint("driven", "slider", names[0], "post", (1.0, 0.0, 0.0), drive=drive),
-        Joint("latched", "slider", names[1], names[0], latches=(Latch(0.0, 9.0, 0.02),)),
-        Joint("ball", "ball", names[2], "post", origin=(0.1, 0.0, 0.0), stiffness=1.0, friction=0.01),
-    )
-    job = Rollout(BARE, still(), hold_s=0.5, record_hz=50, forces=True)
-    engine = sapien()
-    one = engine.rollout(Bodies(*bodies, joints=joints), [job])[0]
-    engine.rollout(Bodies(cube()), [job])
-    other = engine.rollout(Bodies(*bodies, joints=joints), [job])[0]
-    np.testing.assert_array_equal(one.recording.states.positions, other.recording.states.positions)
-    assert np.ptp(one.recording.states.positions[:, 0, 0]) > 0.1
-
-
-def test_contact_forces_are_weights_and_what_the_tool_presses():
-    small, top = cube("small", (0.9, 0.3, 0.05)), cube("top", (0.9, 0.3, 0.1501), mass=0.5)
-    pressed = cube("pressed", (0.5, 0.0, 0.05))
-    press = motion([[0.5, 0, 0.3, 0, 0, 0], [0.5, 0, 0.299, 0, 0, 0]])
-    job = Rollout(stick(0.2), press, 0, 0.3, 1.0, 50.0, forces=True)
-    (outcome,) = sapien().rollout(Bodies(table(), small, top, pressed), [job])
-    forces = outcome.recording.forces
-    assert set(forces) == {("table", "small"), ("small", "top"), ("table", "pressed"), ("tool", "pressed")}
-    assert all(values[0] == 0 for values in forces.values())
-    assert forces["table", "small"][-1] == pytest.approx(1.5 * GRAVITY, rel=0.01)
-    assert forces["small", "top"][-1] == pytest.approx(0.5 * GRAVITY, rel=0.01)
-    assert forces["tool", "pressed"][-1] > 1
-    assert forces["table", "pressed"][-1] == pytest.approx(forces["tool", "pressed"][-1] + GRAVITY, rel=0.02)
-    (without,) = sapien().rollout(Bodies(table(), small, top, pressed), [replace(job, forces=False)])
-    assert without.recording.forces == {}
-    np.testing.assert_array_equal(without.end.positions, outcome.end.positions)
