@@ -62,7 +62,7 @@ class _Transport(httpx.BaseTransport):
 
         Raises:
             BadAnswer: the answer is a redirect, too large, or packed in another way than asked for; or OpenAI's key
-                would go to another provider.
+                would go to another provider, or another's request to OpenAI.
         """
         _keep_openai(request)
         for name, value in request.headers.items():
@@ -87,13 +87,15 @@ def _keep_openai(request: httpx.Request) -> None:
     """Take what is OpenAI's out of requests to others, since LiteLLM puts it into all that lack something of their own.
 
     Raises:
-        BadAnswer: it is the key.
+        BadAnswer: it is the key, or the request is another provider's and would go to OpenAI.
     """
     host, own = request.url.host, sender.provider in OPENAI
     if own and f".{host}".endswith(".openai.com"):
         return
     for name in [name for name in request.headers if name.startswith("openai-")]:
         del request.headers[name]
+    if host == "api.openai.com" and not own:  # LiteLLM's default for servers of one's own
+        raise BadAnswer(f"requests of {sender.provider} would go to {host}; set vlm.api_base")
     key = os.environ.get("OPENAI_API_KEY")
     if key and not own and any(key in value for value in request.headers.values()):
         raise BadAnswer(f"OPENAI_API_KEY would go to {host}; set the variable of {sender.provider or 'that provider'}")

@@ -65,6 +65,7 @@ def test_what_is_openais_goes_to_no_other_provider(api_base, sent, monkeypatch):
             assert KEYS["openai"] in text, provider
             assert ("planted-OPENAI" in text) == (api_base is None)
         else:
+            assert "api.openai.com" not in text, provider
             others = [key for owner, key in KEYS.items() if key in text and owner not in OWNERS.get(provider, ())]
             leaks += [(provider, found) for found in (*others, *re.findall("planted-OPENAI", text))]
         if name := re.search(r"set the environment variable (\w+)$", refused):

@@ -36,7 +36,7 @@ def secrets_in(folder):
 
 
 def test_a_served_run_and_its_replay_have_the_result_of_their_answers(tmp_path):
-    small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1"]
+    small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"]
     run(load("config", ["vlm=offline", *small]), tmp_path / "offline")
     # The embedded designer's answers, served in the order in which one caller at a time asks for them.
     ids = ["g0-a0", "g0-a1", "g1-a0", "g1-a1"]
