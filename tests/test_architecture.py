@@ -114,8 +114,6 @@ def test_the_core_knows_no_plugin_no_engine_and_no_model():
     for file, tree in modules("core"):
         for name in imported(tree):
             assert name.partition(".")[0] not in forbidden, f"{file} imports {name}"
-        if file.name == "moved.py":  # a table of where names went
-            continue
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 assert not node.value.startswith(("plugins.", "tasks.")), f"{file} names {node.value}"

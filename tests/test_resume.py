@@ -400,43 +400,6 @@ def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path)
     assert_same_run(folder, whole)
 
 
-# --- forms of the store, damage ---------------------------------------------------------------------------------
-
-
-def damaged(folder, how):
-    file = folder / FILE
-    data = file.read_bytes()
-    if how == "newer":
-        with closing(sqlite3.connect(file)) as database:
-            database.execute("UPDATE run SET schema_version = 99")
-            database.commit()
-    elif how == "text":
-        file.write_text("no database at all, only text " * 200)
-    elif how == "half":
-        file.write_bytes(data[: len(data) // 2])
-    elif how == "a hole":
-        file.write_bytes(data[:8192] + bytes(len(data) - 8192))
-    elif how == "another's":
-        file.unlink()
-        with closing(sqlite3.connect(file)) as database:
-            database.execute("CREATE TABLE songs (title TEXT)")
-            database.commit()
-
-
-@pytest.mark.parametrize("how", ["newer", "text", "half", "a hole", "another's"])
-def test_a_store_that_cannot_be_used_is_left_as_it_is(toy, tmp_path, how):
-    folder = tmp_path / "run"
-    begin(toy, folder, vlm_limit=6)
-    damaged(folder, how)
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    said = "schema version is 99, this version reads" if how == "newer" else "run.sqlite is damaged: "
-    for _ in range(2):
-        with pytest.raises(UserError, match=said) as error:
-            resume(folder)
-        assert "\n" not in str(error.value)
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-
-
 # --- disks ------------------------------------------------------------------------------------------------------
 
 

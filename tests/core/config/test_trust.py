@@ -120,30 +120,6 @@ def test_a_stored_configuration_is_not_resolved(config, tmp_path):
     assert KEY not in left_out.reason
 
 
-@pytest.mark.slow
-def test_no_command_resolves_what_a_run_holds(tmp_path):
-    (tmp_path / "a" / ".hydra").mkdir(parents=True)
-    (tmp_path / "a" / ".hydra" / "config.yaml").write_text(
-        "task: {name: '${oc.env:OPENAI_API_KEY}'}\nx: ${oc.env:HOME}\n"
-    )
-    stored(tmp_path / "b", task={"name": "${oc.env:OPENAI_API_KEY}"})
-    for words in (
-        ["core", "report", "a", "b"],
-        ["core", "gallery", "a", "b"],
-        ["core", "transfer", "designs=b"],
-        ["core.run", "resume=a"],
-        ["core.run", "resume=b"],
-    ):
-        done = command(tmp_path, *words)
-        assert done.returncode == 1, words
-        assert done.stderr.startswith("error: ")
-        assert "Traceback" not in done.stderr
-        assert KEY not in done.stdout + done.stderr
-    pages = [file for file in tmp_path.rglob("*") if file.is_file()]
-    assert any(file.name == "index.html" for file in pages)
-    assert not [file for file in pages if KEY.encode() in file.read_bytes()]
-
-
 def test_hydras_file_of_a_run_is_read_within_limits(tmp_path):
     (tmp_path / ".hydra").mkdir()
     file = tmp_path / ".hydra" / "config.yaml"

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from core.plugins import Plugins
-from core.plugins.moved import MOVED
+from core.plugins.moved import places
 
+MOVED = places()
 CHANGELOG = (Path(__file__).parents[3] / "CHANGELOG.md").read_text()
 
 

@@ -76,6 +76,7 @@ def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     [
         (None, "holds no run: there is no run.sqlite in it"),
         (b"no database at all, only text " * 50, "run.sqlite can't be read: file is not a database"),
+        (b"SQLite format 3\0" + bytes(9000), "run.sqlite can't be read: "),
     ],
 )
 def test_what_cannot_be_read_is_one_line(tmp_path, content, said):
