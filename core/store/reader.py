@@ -233,13 +233,18 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
 
 def chosen_designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Candidate]:
     """Read all designs of the file, or the best of the run, that ``cfg.designs`` names."""
+    return [evaluation.candidate for evaluation in chosen_evaluations(cfg, representation, spawn)]
+
+
+def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
+    """Read the same as `chosen_designs`, with what each earned; the designs of a file have earned nothing."""
     path = Path(cfg.designs)
     if not path.is_dir():
-        return read_designs(load_designs(path), representation, spawn)
+        return [Evaluation(candidate, "ok") for candidate in read_designs(load_designs(path), representation, spawn)]
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
     tie = stored_config(path).get("evolution", {}).get("tie", TIE)  # as the run chose its best
-    return [e.candidate for e in best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]]
+    return best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]
 
 
 def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> DictConfig:

@@ -33,6 +33,8 @@ NAME = "buildable"
 class Buildable(Fitness):
     """The reward of the fitness ``of``, or 0 where a design breaks a rule of those who make and run it.
 
+    Of one rollout the reward is at most that of the exported motion.
+
     What a printer and the arm can't bear is rejected before it costs a rollout. What earns something is played once
     more in the run's engine, with forces: then it must not break, and the arm must keep clear of itself and of all
     that is fixed.
@@ -130,18 +132,19 @@ class Buildable(Fitness):
         ):
             return evaluation
         try:
-            found, problems = self._played(candidate, candidate.tool)
+            exported, found, problems = self._played(candidate, candidate.tool)
         except (Unplayable, DesignError) as error:
-            found, problems = {}, [str(error)]
+            exported, found, problems = 0.0, {}, [str(error)]
         figures = {**evaluation.figures, **found}
         if not problems:
-            return replace(evaluation, figures=figures)
+            reward = evaluation.reward if evaluation.combined else min(evaluation.reward, exported)
+            return replace(evaluation, reward=reward, figures=figures)
         reason = f"not buildable: {problems[0]}, so that its reward of {evaluation.reward:.2f} does not count"
         warnings = (*evaluation.warnings, *(f"not buildable: {problem}" for problem in problems))
         return replace(evaluation, reward=0.0, reason=reason, warnings=warnings, figures=figures)
 
-    def _played(self, candidate: Candidate, tool: Tool) -> tuple[dict[str, float], list[str]]:
-        """Measure strength and clearance; return figures, and what speaks against the design."""
+    def _played(self, candidate: Candidate, tool: Tool) -> tuple[float, dict[str, float], list[str]]:
+        """Play the motion as it is exported; return its reward, figures, and what speaks against the design."""
         (task, simulator), seed, settings = self._evaluator.made(), self._evaluator.seed, self._evaluator.settings
         scene, robot = task.scene(seed), task.robot
         planned = plan_task_motion(resolve(candidate.plan, task, seed, settings, scene), task, settings)
@@ -163,4 +166,4 @@ class Buildable(Fitness):
             )
         safety = min((row.safety for row in rows if row.safety is not None), default=math.inf)
         figures: dict[str, float] = {"safety_factor": round(safety, 3)} if safety < math.inf else {}
-        return figures | {"clearance_m": round(least[closest], 4)}, problems
+        return replay.reward, figures | {"clearance_m": round(least[closest], 4)}, problems

@@ -1,7 +1,9 @@
 """Sample a motion at a fixed rate for a real arm: smooth, within its limits, from where the arm stands.
 
 Engines play joint targets that are linear between instants 10 ms apart. An arm that interpolates so at 1 kHz breaks its
-acceleration limits several times over. Here a cubic spline goes through the same targets.
+acceleration limits several times over. Here the targets are the control points of a cubic B-spline. Its accelerations
+are means of those of the targets, so that it keeps the limits without taking longer: what is struck or thrown flies as
+it was simulated. A spline through the targets swings about them, and had to be up to 15 % slower.
 """
 
 from __future__ import annotations
@@ -14,17 +16,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline
 
 from core.errors import UsageError
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.kinematics import Arm
 
-SHARE = 0.95  # of the velocity and acceleration limits, at most
+SHARE = 0.97  # of the velocity and acceleration limits, at most
 APPROACH = 0.1  # of the velocity limits, at most: the first motion from where the arm stands
-_STEP_S = 0.01  # longest time between two knots of the spline
-_FINE = 5  # samples between two knots, at which the speed is measured
+STEP_S = 0.01  # between two knots of the spline; by so much it is behind the targets, as it begins at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +71,18 @@ def sample(trajectory: JointTrajectory, arm: Arm, rate_hz: float, speed: float =
         raise UsageError(f"rate must be between 10 and 10000 Hz, got {rate_hz}")
     if not 0 < speed <= 1:
         raise UsageError(f"speed must be above 0 and at most 1, got {speed}")
-    instants = _dense(trajectory.times)
-    joints, _ = trajectory.sample(instants)
-    path = CubicSpline(instants, joints, bc_type="clamped")
-    fine = np.linspace(0.0, trajectory.duration, _FINE * len(instants))
+    steps = math.ceil(trajectory.duration / STEP_S - 1e-9) + 2
+    instants = STEP_S * np.arange(-2, steps + 1, dtype=np.float64)  # it waits for two steps at both ends
+    targets, _ = trajectory.sample(instants)
+    path, fine = BSpline(STEP_S * np.arange(-3, steps + 4), targets, 3), STEP_S / 5 * np.arange(5 * steps + 1)
     fastest = (np.abs(path(fine, 1)) / arm.velocity_limits).max() / SHARE
-    hardest = (np.abs(path(instants, 2)) / arm.acceleration_limits).max() / SHARE  # it is linear between knots
+    hardest = (np.abs(path(fine, 2)) / arm.acceleration_limits).max() / SHARE
     slower = max(1.0 / speed, float(fastest), math.sqrt(hardest))
-    return _sampled(path, trajectory, arm, rate_hz, slower)
+    times = np.arange(math.ceil(STEP_S * steps * slower * rate_hz - 1e-6) + 1) / rate_hz
+    own = np.minimum(times / slower, STEP_S * steps)
+    velocities, accelerations = (path(own, order) / slower**order for order in (1, 2))
+    _, fingers = trajectory.sample(own - STEP_S)
+    return Sampled(times, np.clip(path(own), arm.lower, arm.upper), velocities, accelerations, fingers, slower)
 
 
 def approach(start: Array, end: Array, opening: float, arm: Arm, rate_hz: float) -> Sampled:
@@ -104,34 +109,13 @@ def approach(start: Array, end: Array, opening: float, arm: Arm, rate_hz: float)
 def cut(trajectory: JointTrajectory, arrivals: Array, instant: float, arm: Arm) -> JointTrajectory | None:
     """Return the part up to the last waypoint before an instant where the arm rests; None if there is none."""
     for end in sorted((float(at) for at in arrivals if at < instant), reverse=True):
-        joints, fingers = trajectory.sample(end + _STEP_S * np.array([-1.0, 0.0, 1.0]))
-        if (np.abs(np.diff(joints, axis=0)) <= arm.acceleration_limits * _STEP_S**2).all():
+        joints, fingers = trajectory.sample(end + STEP_S * np.array([-1.0, 0.0, 1.0]))
+        if (np.abs(np.diff(joints, axis=0)) <= arm.acceleration_limits * STEP_S**2).all():
             before = trajectory.times < end - 1e-9
             times = np.append(trajectory.times[before], end)
             opening = np.append(trajectory.fingers[before], fingers[1])
             return JointTrajectory(times, np.vstack([trajectory.arm[before], joints[1]]), opening)
     return None
-
-
-def _dense(times: Array) -> Array:
-    """Add instants where two are far apart: a spline would swing there, where the targets stand still."""
-    steps = np.diff(times)
-    counts = np.maximum(1, np.ceil(steps / (1.5 * _STEP_S))).astype(int)
-    return np.append(np.interp(np.arange(counts.sum()), np.append(0, np.cumsum(counts)), times), times[-1])
-
-
-def _sampled(path: CubicSpline, trajectory: JointTrajectory, arm: Arm, rate_hz: float, slower: float) -> Sampled:
-    times = np.arange(math.ceil(trajectory.duration * slower * rate_hz) + 1) / rate_hz
-    own = np.minimum(times / slower, trajectory.duration)
-    moving = (times / slower < trajectory.duration)[:, None]
-    return Sampled(
-        times,
-        np.clip(path(own), arm.lower, arm.upper),
-        path(own, 1) / slower * moving,
-        path(own, 2) / slower**2 * moving,
-        np.interp(own, trajectory.times, trajectory.fingers),
-        slower,
-    )
 
 
 def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:

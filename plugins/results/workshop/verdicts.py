@@ -53,7 +53,7 @@ def printable(parts: Sequence[PrintedPart], checks: Sequence[Check] = ()) -> lis
     """Name what was checked of parts by these, and add what to change; ``checks`` are those of the whole tool."""
     named = [(check.name, check) for check in checks]
     named += [(f"{check.name}, {part.name}", check) for part in parts for check in part.checks]
-    return [check._replace(name=name, mend=_mend(check.name)) for name, check in named]
+    return [check._replace(name=name, mend=check.mend or _mend(check.name)) for name, check in named]
 
 
 def _mend(name: str) -> str:

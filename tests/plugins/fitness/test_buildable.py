@@ -69,7 +69,8 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
     evaluator = moving_ball()
     (alone,) = evaluator([scoop])
     (found,) = fitness(evaluator, plate_mm=PLATE)([scoop])
-    assert (found.status, found.reward, found.reason) == ("ok", alone.reward, "")
+    assert (found.status, found.reason) == ("ok", "")
+    assert alone.reward - 0.02 < found.reward <= alone.reward
     assert found.figures["safety_factor"] > 2
     assert found.figures["clearance_m"] > 0.005
     assert " of all trials" not in describe(found)

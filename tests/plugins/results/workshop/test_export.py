@@ -17,7 +17,7 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import checklist, configured, export, main, whole
+from plugins.results.workshop.command import as_searched, checklist, configured, export, main, whole
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
@@ -40,6 +40,8 @@ def test_the_motion_earns_what_was_simulated(made):
     folder, found = made
     assert found.replays["mujoco"].reward > 0.98
     assert found.replays["mujoco"].problems == ()
+    assert as_searched(found.replays, {"mujoco": found.replays["mujoco"].reward + 0.019}).passed
+    assert not as_searched(found.replays, {"mujoco": found.replays["mujoco"].reward + 0.021}).passed
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
     assert 0 < figures["first_contact_s"] < figures["duration_s"]
@@ -224,6 +226,10 @@ def test_a_run_s_best_is_exported(tmp_path):
     found = export(configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
     assert found.candidate.id == "g0-a0-s1-p0"
     assert found.task.name == "MoveBall"
+    (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
+    assert verdict.passed is False
+    assert verdict.found == "as exported it earns 0.000 in mujoco, 0.600 as searched"
+    assert f"Not to be run as it is:\n\n- {verdict}\n" in (tmp_path / "out" / "CHECKLIST.md").read_text()
 
 
 def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_path):

@@ -8,7 +8,7 @@ from core.interfaces import JointTrajectory, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
-from plugins.results.workshop.motion import APPROACH, SHARE, approach, cut, sample, to_csv, to_json
+from plugins.results.workshop.motion import APPROACH, SHARE, STEP_S, approach, cut, sample, to_csv, to_json
 from tests.benchmarks.layouts import designs
 from tests.panda import PANDA
 
@@ -20,17 +20,18 @@ def planned(name):
     return plan_task_motion(designs(name, RolloutSettings())["literal"].plan, task, RolloutSettings())
 
 
-@pytest.mark.parametrize("name", ["OneBook", "StopCart", "TurnDisc", "SnatchCookie"])
+@pytest.mark.parametrize("name", ["OneBook", "OpenLatch", "StopCart", "SweepCards", "TurnDisc", "SnatchCookie"])
 def test_a_motion_keeps_to_the_way_and_to_the_limits(name):
     motion = planned(name)
     made = sample(motion.trajectory, ARM, 1000)
-    there, _ = motion.trajectory.sample(made.times / made.slower)
-    assert np.abs(made.positions - there).max() < 5e-4
+    there, _ = motion.trajectory.sample(made.times / made.slower - STEP_S)
+    assert np.abs(made.positions - there).max() < 6e-4
+    assert np.allclose(made.positions[0], motion.trajectory.arm[0], atol=1e-9)
     assert np.allclose(made.positions[-1], motion.trajectory.arm[-1], atol=1e-9)
     velocity, acceleration = made.loads(ARM)
     assert velocity.max() <= SHARE + 1e-3
     assert acceleration.max() <= SHARE + 1e-3
-    assert 1 <= made.slower < 1.2
+    assert made.slower == 1  # what is struck or thrown flies as it was simulated
     steps = np.diff(made.positions, axis=0) * 1000
     assert np.abs(steps - (made.velocities[1:] + made.velocities[:-1]) / 2).max() < 0.01
     assert np.abs(np.diff(made.velocities, axis=0) * 1000 - made.accelerations[:-1])[:-1].max() < 15
@@ -41,7 +42,8 @@ def test_slower_is_the_same_way_in_more_time(speed, rate):
     trajectory = planned("OneBook").trajectory
     made = sample(trajectory, ARM, rate, speed)
     assert made.slower == pytest.approx(1 / speed, rel=1e-3)
-    assert made.times[-1] == pytest.approx(trajectory.duration / speed, abs=1.01 / rate)
+    steps = np.ceil(trajectory.duration / STEP_S) + 2
+    assert made.times[-1] == pytest.approx(STEP_S * steps / speed, abs=1.01 / rate)
     assert np.diff(made.times) == pytest.approx(1 / rate)
     assert np.abs(made.velocities).max() <= speed * np.abs(sample(trajectory, ARM, rate).velocities).max() * 1.01
 
