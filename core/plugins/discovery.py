@@ -90,21 +90,19 @@ class Discovery:
             reason = f"{where} implements no hook; possible: {', '.join(HOOKS)}"
             self.failures.append(Failure(name, distribution, reason))
             return
-        for kind in KINDS.values():
+        kinds = {kind.hook: kind.name for kind in KINDS.values()}
+        for hook in HOOKS:
             try:
-                offered = [factories for factories in getattr(manager.hook, kind.hook)() if factories is not None]
-                for part, factory in (item for factories in offered for item in dict(factories).items()):
-                    self._offer(Offer(kind.name, part, name, distribution, factory))
+                for given in getattr(manager.hook, hook)():
+                    if hook in kinds:
+                        for part, factory in dict(given).items():
+                            self._offer(Offer(kinds[hook], part, name, distribution, factory))
+                    else:
+                        _check_config_path(given)
+                        self.configs.setdefault(distribution, []).append(given)
             except RAISED as error:  # a third-party hook may raise anything
-                reason = f"hook {kind.hook!r} failed: {type(error).__name__}: {error}"
+                reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
-        try:
-            for path in manager.hook.config_path():
-                _check_config_path(path)
-                self.configs.setdefault(distribution, []).append(path)
-        except Exception as error:  # a third-party hook may raise anything
-            reason = f"hook 'config_path' failed: {type(error).__name__}: {error}"
-            self.failures.append(Failure(name, distribution, reason))
 
     def _offer(self, offer: Offer) -> None:
         taken = self.offers.get((offer.kind, offer.name))

@@ -25,7 +25,7 @@ class Offering:
     @staticmethod
     def _hook(offered):
         def hook():
-            if isinstance(offered, Exception):
+            if isinstance(offered, BaseException):
                 raise offered
             return offered
 

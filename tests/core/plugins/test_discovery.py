@@ -119,16 +119,19 @@ def test_one_name_may_be_of_two_kinds(found):
     ("offered", "reason"),
     [
         (RuntimeError("oh no"), "RuntimeError: oh no"),
+        (SystemExit(0), "SystemExit: 0"),
         (["grid"], "ValueError"),
         (5, "TypeError"),
         ("grid", "ValueError"),
     ],
 )
 def test_a_hook_that_fails_takes_only_itself_along(found, offered, reason):
-    found.register(Offering(simulators=offered, executors={"grid": Engine}), "mine", "my-package")
-    (failure,) = found.failures
+    path = offered if isinstance(offered, BaseException) else None
+    found.register(Offering(simulators=offered, executors={"grid": Engine}, config_path=path), "mine", "my-package")
+    failure, *others = found.failures
     assert failure.reason.startswith("hook 'simulators' failed: ")
     assert reason in failure.reason
+    assert [other.reason for other in others] == ([f"hook 'config_path' failed: {reason}"] if path is not None else [])
     assert found.names("sim") == []
     assert found.names("executor") == ["grid"]
 
