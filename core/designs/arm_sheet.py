@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,11 +65,11 @@ def describe_arm(task: Task, rollout: RolloutSettings, engine: str, gripper: boo
     Raises:
         UserError: the arm can't reach the task's home.
     """
-    return _sheet(task.robot, task.home, astuple(rollout), engine, gripper)
+    return _sheet(task.robot, task.home, rollout, engine, gripper)
 
 
 @lru_cache(maxsize=16)
-def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str, gripper: bool) -> ArmSheet:
+def _sheet(robot: Robot, home: Pose, rollout: RolloutSettings, engine: str, gripper: bool) -> ArmSheet:
     arm = arm_of(robot)
     joints = arm.home_for(home)
     reach = compute_reach(arm)
@@ -83,7 +82,7 @@ def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str, grip
         reach=as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
         turns=", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
         joints=short_numbers(joints, 2, ", "),
-        speed=describe_speed(robot, segments(arm, home, RolloutSettings(*rollout))),
+        speed=describe_speed(robot, segments(arm, home, rollout)),
         exactness=describe_exactness(robot.measured, engine),
         around=table(
             ("link", "x", "y", "z"),

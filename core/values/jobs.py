@@ -59,7 +59,7 @@ class Rollout:
     forces: bool = False
 
 
-@dataclass
+@dataclass(unsafe_hash=True)
 class Perception:
     """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians."""
 
@@ -75,7 +75,7 @@ class Perception:
 PENETRATION_MODES = ("forbid", "warn", "ignore")
 
 
-@dataclass
+@dataclass(unsafe_hash=True)
 class RolloutSettings:
     """How a plan is executed. Times are in seconds.
 
