@@ -32,7 +32,7 @@ class Launching(World, Protocol):
     """A world in which something moves by itself once the robot's motion begins."""
 
     def launch(self) -> None:
-        """Give bodies their velocities, and begin the time of drives."""
+        """Give bodies their velocities, begin the time of drives, and let the tool's joints go."""
 
 
 def play(world: World, job: Rollout) -> Outcome:

@@ -166,7 +166,7 @@ class World(Protocol):
     """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`).
 
     A world may have a method ``launch()``, which its caller calls once, when the robot's motion begins: then bodies get
-    their velocities (`Body.velocity`), and the time of drives begins (`Drive`).
+    their velocities (`Body.velocity`), the time of drives begins (`Drive`), and the tool's joints are let go.
     """
 
     time_step: float
