@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from core.geometry import Array
 from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, slug, wrapped
 from plugins.results.pages.tools import Winner
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
 
 MAX_GENERATIONS = 5  # side by side in a row of tools
 
-Curve = tuple[Sequence[float] | Array, list[list[list[float]]]]  # places on the x axis, and at each the runs' by task
-
 _BANDS = f"bands: {100 * CONFIDENCE:g} % stratified bootstrap intervals."
 
 
@@ -43,7 +40,6 @@ def figure_pages(results: Results) -> list[FigurePage]:
         rewards(results),
         intervals(results, tasks, methods),
         anytime(results, tasks, methods),
-        generations(results, tasks, methods),
         gallery(results),
         *(evolution(method, rows, i + 1) for i, (method, rows) in enumerate(results.tools.courses.items())),
     ]
@@ -143,34 +139,8 @@ def intervals(results: Results, tasks: list[str], methods: list[str]) -> FigureP
     return FigurePage("intervals", "Methods over all tasks, with intervals", caption, paint)
 
 
-# --- curves -----------------------------------------------------------------------------------------------------
-
-
-def _curves(results: Results, name: str, what: str, caption: str, curves: dict[str, Curve]) -> FigurePage:
-    """The mean reward of each method along ``what``, with its interval where that is known."""
-
-    def paint() -> Figure:
-        figure = new_figure(6.4, 4.0)
-        ax = figure.subplots()
-        for method, (x, scores) in curves.items():
-            look = _look(results, method, "ls")
-            spans = [interval(by_task, "mean") for by_task in scores]
-            known = [(place, *span) for place, span in zip(x, spans, strict=True) if span is not None]
-            if known:
-                places, low, high = zip(*known, strict=True)
-                ax.fill_between(places, low, high, color=look["color"], alpha=0.18, lw=0)
-            ax.plot(x, [mean_of_tasks(by_task) for by_task in scores], lw=1.8, **look)
-        ax.grid(axis="y", visible=True)
-        ax.locator_params(axis="x", integer=True)
-        ax.set(ylabel="mean best reward so far (0 to 1)", xlabel=what)
-        _legend(figure, ax)
-        return figure
-
-    return FigurePage(name, f"Reward by {what}", caption, paint)
-
-
 def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:
-    """The mean best reward so far against rollouts, over the tasks that the methods share."""
+    """The mean best reward so far against rollouts, over the tasks that the methods share, with its interval."""
     courses = {method: [read_courses(g.runs) for g in results.of(method, tasks)] for method in methods}
     ends = {
         method: max((course.rollouts[-1] for task in by_task for course in task), default=0.0)
@@ -178,32 +148,29 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
     }
     if max(ends.values(), default=0.0) < 2 or not all(task for by_task in courses.values() for task in by_task):
         return None
-    curves: dict[str, Curve] = {}
-    for method, by_task in courses.items():
-        x = np.linspace(0, ends[method], POINTS)
-        scores = [np.array([course.at(x) for course in task]) for task in by_task]
-        curves[method] = x, [[task[:, i].tolist() for task in scores] for i in range(POINTS)]
+
+    def paint() -> Figure:
+        figure = new_figure(6.4, 4.0)
+        ax = figure.subplots()
+        for method, by_task in courses.items():
+            look, x = _look(results, method, "ls"), np.linspace(0, ends[method], POINTS)
+            scores = [np.array([course.at(x) for course in task]) for task in by_task]  # of each task (runs, POINTS)
+            spans = [interval([task[:, i] for task in scores], "mean") for i in range(POINTS)]
+            known = [(place, *span) for place, span in zip(x, spans, strict=True) if span is not None]
+            if known:
+                places, low, high = zip(*known, strict=True)
+                ax.fill_between(places, low, high, color=look["color"], alpha=0.18, lw=0)
+            ax.plot(x, np.mean([task.mean(axis=0) for task in scores], axis=0), lw=1.8, **look)
+        ax.grid(axis="y", visible=True)
+        ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="rollouts")
+        _legend(figure, ax)
+        return figure
+
     caption = (
         f"The best reward after each number of rollouts, averaged over runs and then over {len(tasks)} tasks; {_BANDS} "
         "A run that ended early keeps its last."
     )
-    return _curves(results, "anytime", "rollouts", caption, curves)
-
-
-def generations(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:
-    """The mean best reward by generation, over the tasks."""
-    curves: dict[str, Curve] = {}
-    for method in methods:
-        groups = results.of(method, tasks)
-        x = range(max(len(run.best_so_far) for g in groups for run in g.runs))
-        curves[method] = x, [[[run.course(len(x))[i] for run in g.runs] for g in groups] for i in x]
-    if max((len(x) for x, _ in curves.values()), default=0) < 2:
-        return None
-    caption = (
-        f"The best reward up to and with each generation, averaged over runs and then over {len(tasks)} tasks; {_BANDS}"
-        " A run that stopped early keeps its last. The axis need not start at 0."
-    )
-    return _curves(results, "generations", "generation", caption, curves)
+    return FigurePage("anytime", "Reward by rollouts", caption, paint)
 
 
 # --- tools ------------------------------------------------------------------------------------------------------

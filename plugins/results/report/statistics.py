@@ -43,7 +43,7 @@ def mean_of_tasks(tasks: Sequence[Sequence[float]]) -> float:
     return float(_averaged(*tasks))
 
 
-def interval(tasks: Sequence[Sequence[float]], statistic: Statistic) -> tuple[float, float] | None:
+def interval(tasks: Sequence[Sequence[float] | Array], statistic: Statistic) -> tuple[float, float] | None:
     """The percentile interval of a statistic over the runs of several tasks, resampled within each task.
 
     Args:

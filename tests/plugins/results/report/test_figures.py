@@ -12,7 +12,7 @@ from plugins.results.report.command import report
 from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 
-FIGURES = {"rewards", "intervals", "anytime", "generations", "gallery"}
+FIGURES = {"rewards", "intervals", "anytime", "gallery"}
 
 
 def test_figures_are_there_and_not_blank(made):
