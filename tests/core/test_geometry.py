@@ -107,16 +107,6 @@ def test_what_is_no_pose(position, quaternion, reason):
 
 # --- shapes -----------------------------------------------------------------------------------------------------
 
-sides = st.floats(0.001, 10)
-
-
-@given(sides, sides)
-def test_cylinders_stand_along_z(radius, length):
-    mesh = Cylinder(radius, length).to_trimesh()
-    assert mesh.is_watertight
-    np.testing.assert_allclose(mesh.bounds[:, 2], [-length / 2, length / 2])
-    np.testing.assert_allclose(mesh.bounds[:, :2], [[-radius] * 2, [radius] * 2], rtol=1e-9)
-    assert mesh.volume == pytest.approx(math.pi * radius**2 * length, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.scene import State
-from tasks.clean_table import SIDE, CleanTable, litter
+from tasks.clean_table import SIDE, CleanTable
 
 TASK = CleanTable()
 BEFORE = TASK.scene(0).state()
@@ -15,32 +15,6 @@ def reward(*ends, start=BEFORE):
     """The reward for positions (8, 3) of the cubes."""
     states = [replace(start, positions=np.asarray(end, dtype=float)) for end in ends]
     return TASK.reward(State.stack([start] * len(states)), State.stack(states))
-
-
-def corners(x, y, yaw):
-    """The corners (4, 2) of a cube in the top view."""
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    return np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * SIDE / 2 @ turn.T + (x, y)
-
-
-def apart(one, other):
-    """Report whether a side of one of two convex outlines separates them."""
-    for outline in (one, other):
-        for edge in np.roll(outline, -1, axis=0) - outline:
-            a, b = (points @ (edge[1], -edge[0]) for points in (one, other))
-            if a.max() < b.min() or b.max() < a.min():
-                return True
-    return False
-
-
-@pytest.mark.parametrize("block", range(1))
-def test_no_two_cubes_touch_with_any_seed(block):
-    for seed in range(50 * block, 50 * (block + 1)):
-        places = litter(seed)
-        assert len(places) == 8
-        assert all(0.5 <= x <= 0.9 and -0.2 <= y <= 0.2 for x, y, _ in places)
-        outlines = [corners(*place) for place in places]
-        assert all(apart(outlines[i], outlines[j]) for i in range(8) for j in range(i))
 
 
 def test_each_cube_counts_an_eighth():

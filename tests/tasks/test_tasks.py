@@ -108,17 +108,6 @@ def test_the_config_has_the_papers_parameters(name):
 
 
 @every_task
-def test_goals_are_about_bodies_that_move(name):
-    task = task_of(name)
-    free = {body.name for body in task.scene(0).free}
-    assert task.goals
-    for goal in task.goals:
-        assert goal.bodies
-        assert {*goal.bodies, *goal.keep} <= free
-        assert not {*goal.bodies} & {*goal.keep}
-
-
-@every_task
 def test_all_that_matters_is_in_the_picture(name):
     task = task_of(name)
     position, target = np.array(task.camera.position), np.array(task.camera.target)

@@ -9,7 +9,7 @@ from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
-from core.robot.description import assemble, assembled, tool_urdf, write
+from core.robot.description import assemble, assembled, write
 from core.values.urdf import read_description
 from plugins.conformance.shapes import bowl, prism
 from plugins.robots.descriptions import robots_folder
@@ -79,18 +79,6 @@ def links(tool, **how):
 
 
 # --- the arm ----------------------------------------------------------------------------------------------------
-
-
-def test_joint_limits_are_the_data_sheets():
-    model = model_of(Tool())
-    assert list(model.names)[1:] == list(ARM_JOINTS)
-    np.testing.assert_allclose(
-        model.lowerPositionLimit, [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]
-    )
-    np.testing.assert_allclose(model.upperPositionLimit, [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
-    np.testing.assert_allclose(model.velocityLimit, [2.175] * 4 + [2.61] * 3)
-    np.testing.assert_allclose(model.effortLimit, [87] * 4 + [12] * 3)
-    np.testing.assert_allclose(PANDA.acceleration_limits, [15, 7.5, 10, 12.5, 15, 20, 20])
 
 
 # --- the mounts -------------------------------------------------------------------------------------------------
@@ -230,21 +218,3 @@ def test_visuals_can_be_left_out():
     assert whole.count("<visual>") > 8
     assert "<visual>" not in bare
     assert whole.count("<collision>") == bare.count("<collision>") > 8
-
-
-def test_a_tools_block_has_a_link_and_a_joint_per_component():
-    block = etree.fromstring(f"<robot>{tool_urdf(RIGID)}</robot>")
-    assert [element.tag for element in block] == ["link", "joint", "link", "joint"]
-    for component, link, joint in zip(RIGID.components, block[::2], block[1::2], strict=True):
-        assert link.get("name") == joint.find("child").get("link") == component.name
-        assert joint.get("type") == "fixed"
-        assert joint.find("parent").get("link") == component.parent
-        for tag in ("visual", "collision"):
-            assert [float(x) for x in link.find(f"{tag}/geometry/box").get("size").split()] == list(
-                component.shape.size
-            )
-        assert link.find("visual/material/color").get("rgba") == "0.1 0.2 0.3 0.4"
-        assert float(link.find("inertial/mass").get("value")) == component.mass
-        origin = {key: [float(x) for x in value.split()] for key, value in joint.find("origin").items()}
-        np.testing.assert_allclose(Pose.xyz_rpy(origin["xyz"], origin["rpy"]).matrix, component.pose.matrix, atol=1e-8)
-    assert tool_urdf(Tool()) == ""

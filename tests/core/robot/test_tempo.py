@@ -67,12 +67,6 @@ def test_a_speed_is_reached_and_held_through_a_waypoint():
     assert_within_limits(motion)
 
 
-def test_without_through_it_stops():
-    motion = motion_of(speeds=[0.5] * 3)
-    speed, at = speeds(motion)
-    assert speed[np.abs(at - motion.arrivals[1]).argmin()] < 0.05
-
-
 def test_what_the_limits_do_not_allow_is_slowed_and_reported():
     motion = motion_of(speeds=[np.nan, 9.0, np.nan], seconds=[np.nan, np.nan, 0.01])
     assert motion.slowed[0] == 1.0

@@ -70,12 +70,6 @@ def test_it_starts_at_home():
     np.testing.assert_allclose(ARM.forward(first).matrix, elsewhere.matrix, atol=1e-3)
 
 
-def test_a_plan_cut_short_is_the_beginning_of_the_whole():
-    whole, cut = plan_of(PLAN).trajectory, plan_of(PLAN[:3]).trajectory
-    np.testing.assert_allclose(whole.arm[: len(cut.arm)], cut.arm, atol=1e-12)
-    np.testing.assert_allclose(whole.times[: len(cut.times)], cut.times, atol=1e-12)
-
-
 @settings(max_examples=25)
 @given(st.integers(0, 10**6).map(reachable_plan))
 def test_waypoints_are_reached(plan):
@@ -133,14 +127,6 @@ def test_between_waypoints_positions_go_straight_and_orientations_by_slerp(plan)
         assert (np.diff(progress) > -1e-4 / length).all()  # never back
 
 
-def test_it_turns_on_the_spot():
-    (begin, end) = segments(PLAN)[3]
-    joints, _ = plan_of(PLAN).trajectory.sample(np.linspace(begin, end, 50))
-    poses = [ARM.forward(q) for q in joints]
-    assert max(np.linalg.norm(pose.position - PLAN[3, :3]) for pose in poses) < 2e-3
-    assert (np.diff([pose.rpy[2] for pose in poses]) < 1e-6).all()
-
-
 # --- how fast ---------------------------------------------------------------------------------------------------
 
 
@@ -173,12 +159,6 @@ def test_segments_last_as_long_as_asked_or_longer(segment_s):
         assert segment_s * 0.999 <= end - begin < segment_s * 1.05
     for begin, end in segments(PLAN, segment_s=segment_s):
         assert end - begin >= segment_s * 0.999
-
-
-def test_a_lower_speed_takes_longer():
-    whole, half = (plan_of(PLAN, speed=speed, segment_s=0.01).trajectory for speed in (1.0, 0.5))
-    assert half.duration > 1.3 * whole.duration
-    assert max(rates(half)) < 0.55
 
 
 # --- the gripper ------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from core.errors import UserError
 from core.robot.meshes import MAX_CORNERS
 from core.support.sandbox import isolated
 from plugins.robots import hulls
-from plugins.robots.hulls import MAX_DRAWN, hull_file, visual_file
+from plugins.robots.hulls import hull_file, visual_file
 from tests.plugins.tasks.file.imports.conftest import called
 
 RED = (0.8, 0.1, 0.1, 1.0)
@@ -86,19 +86,6 @@ def drawn(file):
     assert b"Z_UP" in file.read_bytes()
     colors = [part.visual.material.main_color / 255 for part in trimesh.load_scene(file).dump()]
     return [tuple(np.round(color, 2).tolist()) for color in colors]
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_a_large_mesh_is_drawn_with_fewer_triangles(write):
-    """One of 40 MB, as a CAD program writes it: 840,000 triangles."""
-    ball = trimesh.creation.uv_sphere(radius=0.2, count=(460, 460))
-    file = write("fine.stl", ball)
-    assert file.stat().st_size > 40_000_000
-    (shown,) = trimesh.load_scene(visual_file(file, GREY)).dump()
-    assert MAX_DRAWN / 10 < len(shown.faces) <= MAX_DRAWN
-    np.testing.assert_allclose(shown.extents, 0.4, atol=0.002)
-    assert len(trimesh.load_mesh(hull_file(file)).vertices) == MAX_CORNERS
 
 
 BAD = {
