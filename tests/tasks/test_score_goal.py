@@ -11,7 +11,7 @@ from core.robot.solids import Solid, body_solids, signed_distance, solid_geometr
 from core.scene import Scene, State
 from tasks.score_goal import HEIGHT, PUCK_HEIGHT, PUCK_RADIUS, START, ScoreGoal
 from tests.engines import simulator
-from tests.panda import ARM
+from tests.panda import ARM, on_panda
 
 TASK = ScoreGoal()
 SCENE = TASK.scene(0)
@@ -106,7 +106,7 @@ class Shot(Task):
 
 def flight(aim, direction, speed, rpy):
     """Positions (S, 3) of the puck in the goal's frame, at each step until 0.3 s after the expected hit."""
-    task = Shot(aim, direction / np.linalg.norm(direction), speed, rpy)
+    task = on_panda(Shot(aim, direction / np.linalg.norm(direction), speed, rpy))
     still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.zeros(1))
     job = Rollout(Tool(), still, settle_s=0.0, hold_s=speed / 9.81 + 0.3, record_hz=500.0)
     (outcome,) = simulator("pybullet").rollout(task, [job])

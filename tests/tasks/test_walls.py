@@ -14,7 +14,7 @@ from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Scene, floor, table
 from tests.engines import every_simulator, simulator
-from tests.panda import ARM
+from tests.panda import ARM, on_panda
 
 pytestmark = pytest.mark.slow
 
@@ -68,7 +68,7 @@ def exit_distance(inside: tuple[float, ...], ahead: np.ndarray) -> float:
 @given(angle=st.floats(-np.pi, np.pi), run_up=st.booleans())
 def test_rod_stays_inside(name, engine, angle, run_up):
     _, _, inside, height = HOLLOW[name]
-    task = Walled(name)
+    task = on_panda(Walled(name))
     ahead = np.array([np.cos(angle), np.sin(angle)])
     if name == "container" and ahead[0] < 0.75:  # it is open toward the robot
         ahead = np.array([abs(ahead[0]) + 0.75, ahead[1]]) / np.hypot(abs(ahead[0]) + 0.75, ahead[1])
