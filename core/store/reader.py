@@ -244,7 +244,10 @@ def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spaw
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
     tie = stored_config(path).get("evolution", {}).get("tie", TIE)  # as the run chose its best
-    return best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]
+    tried = stored_evaluations(path, representation, spawn)
+    if not tried:
+        raise UserError(f"{path}: no design of this run came to the end of a rollout")
+    return best_first(tried, tie)[: cfg.top]
 
 
 def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> DictConfig:

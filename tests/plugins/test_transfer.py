@@ -226,9 +226,3 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
 def test_mistakes(words, said):
     with pytest.raises(UserError, match=said):
         transfer(configured(["sims=[pybullet]", *words]))
-
-
-@pytest.mark.slow
-def test_top_must_be_a_number_of_designs(ran):
-    with pytest.raises(UserError, match="top must be at least 1, got 0"):
-        transfer(settings([f"designs={ran[0]}", "sims=[pybullet]", "top=0"]))

@@ -33,6 +33,7 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "apart": "leave a gap between them",
     "STEP": "mill it from its STL file",
     "weight": "simulate it with material= what it is printed of",
+    "motion": "search in each of these engines with fitness=robust, or name in sims those that you trust",
     "mounted": "move components away from the mount, and leave more room where the motion is tight",
     "files read back": "write them again; if it stays, thicken what is thinner than a nozzle",
 }
@@ -53,7 +54,7 @@ def printable(parts: Sequence[PrintedPart], checks: Sequence[Check] = ()) -> lis
     """Name what was checked of parts by these, and add what to change; ``checks`` are those of the whole tool."""
     named = [(check.name, check) for check in checks]
     named += [(f"{check.name}, {part.name}", check) for part in parts for check in part.checks]
-    return [check._replace(name=name, mend=check.mend or _mend(check.name)) for name, check in named]
+    return [check._replace(name=name, mend=_mend(check.name)) for name, check in named]
 
 
 def _mend(name: str) -> str:

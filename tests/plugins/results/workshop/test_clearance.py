@@ -50,10 +50,3 @@ def test_torques_of_an_arm_at_rest_are_those_of_weights():
             ends.append(arm.forward(q).apply(np.array([0, 0, -0.1]))[2])
         lever = (ends[1] - ends[0]) / (2 * step)  # virtual work: how the weight rises with the joint
         assert laden[joint] - bare[joint] == pytest.approx(2 * 9.81 * lever, rel=0.01, abs=0.02)
-
-
-def test_motors_need_torque_to_accelerate():
-    rows = np.tile(HOME, (1, 1))
-    moving = Sampled(np.zeros(1), rows, 0 * rows, np.eye(7)[[0]], np.full(1, 0.04))
-    rest = torques(PANDA, Tool(), still(1))
-    assert torques(PANDA, Tool(), moving)[0, 0] - rest[0, 0] > PANDA.motor_inertia[0]

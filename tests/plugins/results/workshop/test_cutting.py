@@ -94,11 +94,6 @@ def test_no_cut_goes_through_the_mount():
     assert any(low < -40 and high > 40 for low, high in ((box[0], box[3]) for box in boxes))
 
 
-def test_what_fits_is_not_cut():
-    solid = Workpiece("add", ((Box((0.1, 0.1, 0.1)), Pose()),))
-    assert cut(solid, SMALL, FIT, np.eye(3), NO_MOUNT) == ([solid], [])
-
-
 def test_a_section_that_nothing_fits_is_glued_and_says_so():
     wire = Mesh.from_trimesh(Cylinder(0.002, 0.4).to_trimesh())
     solids, joints = cut(Workpiece("add", ((wire, Pose()),)), SMALL, FIT, np.eye(3), NO_MOUNT)

@@ -34,17 +34,6 @@ def found(piece, name):
     return next(check.found for check in piece.checks if check.name == name)
 
 
-def test_overlapping_boxes_become_one_closed_body():
-    shaft = box("shaft", "tool_mount", (0, 0, -0.05), (0.02, 0.02, 0.1))
-    blade = box("blade", "shaft", (0.02, 0, -0.04), (0.06, 0.02, 0.02), (0.3, 0.2, 0.1))
-    (piece,) = pieces(tool(shaft, blade), WIDE)
-    assert piece.ready
-    assert piece.mesh.is_volume
-    assert piece.mesh.body_count == 1
-    apart = 1e6 * (0.02 * 0.02 * 0.1 + 0.06 * 0.02 * 0.02)
-    assert 0.6 * apart < piece.volume_cm3 < apart
-
-
 def test_boxes_that_touch_by_their_faces_become_one_body():
     one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     other = box("other", "one", (0.03, 0, 0), (0.03, 0.03, 0.03))
@@ -106,21 +95,6 @@ def test_a_thin_spot_in_a_thick_body_is_found():
 
 
 # --- on the plate -------------------------------------------------------------------------------------------------
-
-
-def test_a_piece_lies_on_the_plate_and_in_its_middle():
-    (piece,) = pieces(hook(0.15), Printer())
-    assert piece.ready
-    low, high = piece.mesh.bounds
-    assert low[2] == pytest.approx(0, abs=1e-9)
-    assert low[:2] + high[:2] == pytest.approx([0, 0], abs=1e-9)
-    assert (high - low <= np.array([250, 210, 220]) + 1e-6).all()
-
-
-def test_of_the_ways_that_fit_the_one_is_chosen_that_touches_most():
-    lying, fits, _ = lay(trimesh.creation.box((10, 80, 40)), (100, 100, 100))
-    assert fits
-    assert lying.extents == pytest.approx([80, 40, 10]) or lying.extents == pytest.approx([40, 80, 10])
 
 
 def test_a_long_piece_is_laid_across_the_plate():
