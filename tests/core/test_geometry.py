@@ -108,7 +108,6 @@ def test_what_is_no_pose(position, quaternion, reason):
 # --- shapes -----------------------------------------------------------------------------------------------------
 
 
-
 @pytest.mark.parametrize(
     "shape",
     [Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3), prism(5, 0.1, 0.2), bowl(0.1, 0.01)],
