@@ -408,9 +408,11 @@ class Watched(Simulator):
 def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recording) -> Tried:
     """Follow the commanded path of a rollout's tool."""
     assert evaluation.candidate.tool is not None
-    count = len(evaluation.candidate.tool.components)
-    commanded = robot_tracks(PANDA, evaluation.candidate.tool, _still(job.trajectory, scene))[-count:]
-    return Tried(scene, evaluation, recording, commanded, body_tracks(scene, PANDA, _still(job.trajectory, scene)))
+    tool, still = evaluation.candidate.tool, _still(job.trajectory, scene)
+    loose = np.zeros((len(still.times), len(tool.bearers)))  # the tool's own joints stay as they were built
+    held = replace(still, fingers=np.hstack([still.fingers, loose]))
+    commanded = robot_tracks(PANDA, tool, held)[-len(tool.components) :]
+    return Tried(scene, evaluation, recording, commanded, body_tracks(scene, PANDA, still))
 
 
 def _still(trajectory: JointTrajectory, scene: Scene = _EMPTY) -> Recording:

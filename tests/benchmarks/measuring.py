@@ -32,7 +32,7 @@ from core.errors import UsageError, UserError, choices
 from core.interfaces import Executor, RolloutSettings
 from core.plugins import installed
 from core.search.evolution import evaluate_all
-from core.search.orchestration import run
+from core.search.orchestration import INTERRUPTED, run
 from core.simulation.rollout import Evaluator, PluginPart
 from core.store.reader import stored_evaluations
 
@@ -153,7 +153,8 @@ def _designed(task: str, count: int, by: str, seed: int, workers: int) -> dict[s
     plugins = installed()
     representation = plugins.create("tool", "urdf")
     with tempfile.TemporaryDirectory() as folder:
-        run(load("config", words), Path(folder) / "run")
+        if run(load("config", words), Path(folder) / "run").stopped == INTERRUPTED:
+            raise KeyboardInterrupt  # half of a run is not kept as the whole
         spawn = SpawnRules(plugins.create("task", task), seed)
         tried = [e.candidate for e in stored_evaluations(Path(folder) / "run", representation, spawn)]
     first = [c for c in tried if c.generation == 0]

@@ -1,5 +1,6 @@
 """The search's measures of absurdity know what is absurd, and a small search runs to its table."""
 
+import contextlib
 import sys
 from dataclasses import replace
 
@@ -8,7 +9,8 @@ import pytest
 
 pytest.importorskip("cmaes")
 
-from core.design import RIGID_MOUNT, Candidate, Component, Tool
+from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
+from core.designs.rules import check_tool
 from core.errors import UsageError
 from core.geometry import Box, Pose
 from core.interfaces import Recording
@@ -61,6 +63,36 @@ def test_a_sheet_is_inside_of_a_cube_by_its_area(task):
     plate = installed().create("task", "ElevatePlate")
     seam = moved(at, 0.0, -0.018)  # between its foot and its disc, which touch
     assert absurd.inside(plate.scene(0), tool, recording(plate, [seam]))[0] > 50
+
+
+def test_bodies_that_move_before_the_motion_and_parts_that_come_away_are_seen(task):
+    hinge = ToolJoint("hinge", (0.0, 1.0, 0.0), 0.0, 1.0)
+    post = component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1))
+    for gap, lack in ((0.0, 1.0), (0.0025, 0.5), (0.02, 0.0)):
+        arm = replace(component("arm", (0.02, 0.02, 0.1), (0.0, 0.0, -0.15 - gap), "post"), joint=hinge)
+        tool = Tool((post, arm))
+        seen = recording(task, [moved(task.scene(0)["cube"].pose.position, gap, 0.0)])
+        seen = replace(seen, fingers=np.pad(seen.fingers, ((0, 0), (0, 1))))
+        evaluation = Evaluation(Candidate(tool, np.zeros((1, 6))), "ok")
+        for times, lacks in ((seen.times, 1.0), (seen.times - 0.08, lack)):
+            tried = absurd.Tried(task.scene(0), evaluation, replace(seen, times=times), [], [])
+            assert absurd.early(tried) == pytest.approx(lacks, abs=0.01)
+            assert absurd.parted(tried) == pytest.approx(lack, abs=0.01)
+
+
+def test_springs_of_the_search_keep_the_rules(task):
+    random = np.random.default_rng(0)
+    parts = (
+        component("post", (0.02, 0.02, 0.3), (0.0, 0.0, -0.15)),
+        component("arm", (0.02, 0.02, 0.2), (0.0, 0.0, -0.25), "post"),
+    )
+    start, kinds = absurd.Start(Tool(parts), np.zeros((1, 6)), sprung=True), []
+    for _ in range(40):
+        tool = start.bent(0.5 * random.normal(size=start.size), lambda tool: tool).tool
+        with contextlib.suppress(DesignError):
+            check_tool(tool, task.robot)
+            kinds.append(tool.components[1].joint and tool.components[1].joint.kind)
+    assert set(kinds) == {None, "hinge", "slider"}
 
 
 def test_a_bent_tool_stays_joined_and_becomes_absurd():
@@ -118,3 +150,16 @@ def test_a_candidate_that_breaks_a_rule_is_not_tried(task, monkeypatch):
     broken = Candidate(Tool((component("far", (0.1, 0.1, 0.1), (1.0, 0.0, 0.0)),)), np.zeros((1, 6)))
     assert run.costs([broken]) == [(2.0, None)]
     assert run.rollouts == 0
+
+
+@pytest.mark.parametrize("objective", ["sprung", "still", "early", "parted"])
+def test_a_tool_with_a_joint_is_tried(objective):
+    run = adversary._Search(adversary.Pair("StopCart", objective, adversary.engines(["mujoco"])["mujoco"], 0, 10, None))
+    post = component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1))
+    hinge = ToolJoint("hinge", (0.0, 1.0, 0.0), 0.0, 1.0, (0.0, 0.0, 0.05))
+    arm = replace(component("arm", (0.02, 0.02, 0.1), (0.0, 0.0, -0.15), "post"), joint=hinge)
+    home = np.array([[*run.task.home.position, *run.task.home.rpy]])
+    ((cost, evaluation),) = run.costs([Candidate(Tool((post, arm)), home)])
+    assert evaluation is not None
+    assert evaluation.status == "ok"
+    assert cost <= 1.0 + 1e-6

@@ -167,7 +167,7 @@ def commands(folder: Path, out: Path) -> dict[str, tuple[Callable[[], Any], tupl
         "replay": (run.main, (*QUICK, *SMALL, *replayed)),
         "evaluate": (evaluate.main, (*QUICK, design)),
         "prompt": (prompt.main, (*QUICK, design, to)),
-        "view": (lambda: view.recordings(folder), ()),
+        "view": (lambda _: view.recordings(folder), ()),
     }
 
 
