@@ -115,6 +115,7 @@ def scene(output: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         module = page_module(Path(folder))
         task = module.PullTray()
+        task.robot = installed().default_robot
         Image.fromarray(simulator.render(task, tool=Tool())).save(output / "scene.png")
         layouts = [simulator.render(task, seed=seed, tool=Tool()) for seed in (0, 2, 4)]
         Image.fromarray(sheet(["seed 0", "seed 2", "seed 4"], layouts)).save(output / "layouts.png")
@@ -122,7 +123,8 @@ def scene(output: Path) -> None:
         camera = Camera((AWAY[0] - 0.34, AWAY[1] - 0.26, 0.3), (AWAY[0] - 0.01, AWAY[1], 0.02), 48.0)
         views = []
         for body in (replace(tray, visuals=(*tray.visuals, *axes())), replace(tray, visuals=collision_shapes(tray))):
-            alone = type("Alone", (module.PullTray,), {"scene": lambda self, seed, body=body: Scene((ground(), body))})
+            own = {"scene": lambda self, seed, body=body: Scene((ground(), body)), "robot": task.robot}
+            alone = type("Alone", (module.PullTray,), own)
             views.append(simulator.render(alone(), tool=Tool(), camera=camera))
         Image.fromarray(sheet(["visuals", "collisions"], views, columns=2)).save(output / "shapes.png")
 

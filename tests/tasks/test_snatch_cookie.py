@@ -11,9 +11,9 @@ from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import State
 from tasks.snatch_cookie import BODY_RADIUS, BOTTOM, COOKIES, JAR, MOUTH, RADIUS, THICKNESS, SnatchCookie
-from tests.panda import ARM, FINGER_OPEN
+from tests.panda import ARM, FINGER_OPEN, on_panda
 
-TASK = SnatchCookie()
+TASK = on_panda(SnatchCookie())
 START = TASK.scene(0).state()
 
 
