@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 
 RAISED = (Exception, SystemExit)
-"""What the code of a plugin may raise: `sys.exit`, which is no Exception, ends none of our processes."""
+"""What to catch around the code of a plugin. `sys.exit` raises no Exception, and must not end a run without a word."""
 
 
 class UserError(Exception):
