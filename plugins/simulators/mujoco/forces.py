@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,29 +18,33 @@ from plugins.simulators.mujoco.shapes import Element
 
 Numbers = npt.NDArray[np.int64]
 
+PACKED = 256  # steps whose contacts are packed at once
 _AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)  # as a number: an array is compared with an enum one by one
 
 
 class Measured(NamedTuple):
-    """The contacts of a step: the two things of each by number (C, 2), the smaller first, and normal forces (C,).
+    """The contacts of ``length`` steps in a row: of each the step (C,), the numbers of its two things (C, 2), the
+    smaller first, and the normal force (C,). ``asleep`` (length, N) says which things slept.
 
-    Of the P contacts with the tool also the other thing (P,), the point (P, 3) and the force on the tool (P, 3).
+    Of the P contacts with the tool also the step (P,), the other thing (P,), the point (P, 3) and the force on the tool
+    (P, 3).
     """
 
+    length: int
+    steps: Numbers
     pairs: Numbers
     forces: Array
+    asleep: npt.NDArray[np.bool_]
+    touching: Numbers
     others: Numbers
     points: Array
     pushes: Array
 
 
-_NOTHING = Measured(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
-
-
 class Meter:
     """Measure what things press on each other with: the tool and the arm's links first, then the scene's bodies.
 
-    ``steps`` are the steps measured so far.
+    A step only copies what the engine says; `packed` has the contacts of many steps, and makes sense of them at once.
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
@@ -55,45 +60,83 @@ class Meter:
                 for owner, own in zip(owners, robot, strict=True)
             ]
         )
-        self.steps: list[Measured] = []
+        self._packed: list[Measured] = []
+        self._steps: list[tuple[npt.NDArray[Any], ...]] = []  # not packed yet
         self._bodies = np.full(len(self._names), -1)  # the model's, of bodies in the scene
         self._bodies[self._owners[~robot]] = model.geom_bodyid[~robot]
 
+    def begin(self, packed: Sequence[Measured]) -> None:
+        """Begin anew, after steps that were measured before."""
+        self._packed, self._steps = [*packed], []
+
     def measure(self, data: Element) -> None:
-        """Measure the contacts of the last step; things that sleep press on each other as they did before it."""
-        before = self.steps[-1] if self.steps else _NOTHING
+        """Copy the contacts of the last step."""
         contact = data.contact
-        acts = contact.efc_address >= 0
-        owners = self._owners[contact.geom[acts]]
+        arrays = contact.geom, contact.efc_address, contact.dim, contact.frame, contact.pos, data.efc_force
+        self._steps.append((*(array.copy() for array in arrays), data.body_awake.copy()))
+        if len(self._steps) == PACKED:
+            self.packed()
+
+    def packed(self) -> list[Measured]:
+        """Return the contacts of all steps so far."""
+        if self._steps:
+            self._packed.append(self._pack())
+            self._steps = []
+        return self._packed
+
+    def _pack(self) -> Measured:
+        geoms, addresses, dims, frames, points, forces = (
+            np.concatenate(parts) for parts in zip(*(step[:-1] for step in self._steps), strict=True)
+        )
+        counts, rows = (np.array([len(step[number]) for step in self._steps]) for number in (1, 5))
+        steps = np.repeat(np.arange(len(counts)), counts)
+        first = addresses + np.repeat(np.cumsum(rows) - rows, counts)  # of an elliptic cone this row is the normal
+        acts = addresses >= 0
+        owners = self._owners[geoms]
         pairs = np.sort(owners, axis=1)
-        forces = data.efc_force[contact.efc_address[acts]]  # of an elliptic cone the first row is the normal
-        awake = np.where(self._bodies < 0, True, data.body_awake[self._bodies] == _AWAKE)
-        kept, new = ~awake[before.pairs].any(axis=1), awake[pairs].any(axis=1) & (pairs[:, 1] >= self._links)
-        joined = np.concatenate([before.pairs[kept], pairs[new]]), np.concatenate([before.forces[kept], forces[new]])
-        mine = (pairs[:, 0] == self._tool) & (pairs[:, 1] >= self._links)
-        touching = np.flatnonzero(acts)[mine]
-        rows = contact.efc_address[touching, None] + np.minimum(np.arange(3), contact.dim[touching, None] - 1)
-        along = data.efc_force[rows] * (np.arange(3) < contact.dim[touching, None])  # without friction there is one
-        on_second = np.einsum("pi,pij->pj", along, contact.frame[touching].reshape(-1, 3, 3))
+        asleep = np.array([step[-1] for step in self._steps])[:, self._bodies] != _AWAKE
+        asleep[:, self._bodies < 0] = False
+        resting = asleep[steps, pairs[:, 0]] & asleep[steps, pairs[:, 1]]
+        scene = acts & (pairs[:, 1] >= self._links)
+        new, mine = np.flatnonzero(scene & ~resting), np.flatnonzero(scene & (pairs[:, 0] == self._tool))
+        axes = np.arange(3)
+        along = forces[first[mine, None] + np.minimum(axes, dims[mine, None] - 1)] * (axes < dims[mine, None])
+        on_second = np.einsum("pi,pij->pj", along, frames[mine].reshape(-1, 3, 3))  # without friction there is one row
         pushes = np.where(owners[mine, 1:] == self._tool, on_second, -on_second)
-        self.steps.append(Measured(*joined, pairs[mine, 1], contact.pos[touching], pushes))
+        each = steps[new], pairs[new], forces[first[new]], asleep
+        return Measured(len(counts), *each, steps[mine], pairs[mine, 1], points[mine], pushes)
 
     def measured(self, recording: Recording, at: Numbers) -> Recording:
-        """Add the mean forces between instants, before steps ``at`` (T,), to a recording."""
-        if not self.steps:
+        """Add the mean forces between instants, before steps ``at`` (T,), to a recording.
+
+        Things that sleep press on each other as they did in the step before.
+        """
+        packed = self.packed()
+        if not packed:
             return recording
-        kinds = [np.concatenate(parts) for parts in zip(*self.steps, strict=True)]
-        pairs, forces, others, points, pushes = kinds
-        interval, touching = (
-            np.searchsorted(at, np.repeat(np.arange(len(self.steps)), counts), side="right")
-            for counts in ([len(one.forces) for one in self.steps], [len(one.others) for one in self.steps])
+        offsets = np.cumsum([0, *(one.length for one in packed)])
+        kinds = [np.concatenate(parts) for parts in list(zip(*packed, strict=True))[2:]]
+        pairs, forces, asleep, _, others, points, pushes = kinds
+        steps, touching = (
+            np.concatenate([one[number] + offset for one, offset in zip(packed, offsets, strict=False)])
+            for number in (Measured._fields.index("steps"), Measured._fields.index("touching"))
         )
+        interval = np.searchsorted(at, np.arange(offsets[-1]), side="right")  # of each step
         spans = np.diff(at, prepend=at[0] - 1)
-        found = {}
-        for one, other in np.unique(pairs, axis=0).tolist():
-            mine = (pairs == (one, other)).all(axis=1)
-            sums = np.bincount(interval[mine], forces[mine], minlength=len(at))
+        codes, found = pairs @ (len(self._names), 1), {}
+        order = np.argsort(codes, kind="stable")
+        for mine in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
+            one, other = pairs[mine[0]]
+            which, entries = steps[mine], forces[mine]
+            resting = asleep[:, one] & asleep[:, other]
+            if resting.any():
+                since = np.maximum.accumulate(np.where(resting, 0, np.arange(len(resting))))
+                begin, end = np.searchsorted(which, since), np.searchsorted(which, since, side="right")
+                which = np.repeat(np.arange(len(resting)), end - begin)
+                shift = np.repeat(begin - np.cumsum(end - begin) + (end - begin), end - begin)
+                entries = entries[np.arange(len(which)) + shift]
+            sums = np.bincount(interval[which], entries, minlength=len(at))
             if sums.any():
                 found[self._names[one], self._names[other]] = sums / spans
-        bodies = np.array(self._names, dtype=np.str_)[others]
-        return replace(recording, forces=found, pushes=Pushes(touching, bodies, points, pushes / spans[touching, None]))
+        samples, bodies = interval[touching], np.array(self._names, dtype=np.str_)[others]
+        return replace(recording, forces=found, pushes=Pushes(samples, bodies, points, pushes / spans[samples, None]))

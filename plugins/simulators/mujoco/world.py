@@ -182,7 +182,7 @@ class World:
         settled = self._settle(joints, controls[:settle], meter)
         mujoco.mj_copyData(self._data, self._model, settled.data)  # which bodies sleep is not part of a state
         if meter:
-            meter.steps = [*settled.measured]
+            meter.begin(settled.measured)
         states = settled.states
         if self._moving.launches:
             states = states.copy()
@@ -201,7 +201,7 @@ class World:
         if (
             known is None
             or len(known.states) != 1 + count
-            or (meter is not None and len(known.measured) != count)
+            or (meter is not None and sum(one.length for one in known.measured) != count)
             or not np.array_equal(known.joints, joints)
         ):
             data = mujoco.MjData(self._model)
@@ -210,7 +210,7 @@ class World:
             mujoco.mj_getState(self._model, data, start[0], _STATE)
             self._joints.hold(self._model, held=True)
             states = self._steps(data, start, controls, meter)
-            known = self._settled = _Settled(joints, states, data, [*meter.steps] if meter else [])
+            known = self._settled = _Settled(joints, states, data, [*meter.packed()] if meter else [])
         return known
 
     def _steps(self, data: Element, states: Array, controls: Array, meter: Meter | None) -> Array:
