@@ -242,11 +242,13 @@ def parted(tried: Tried) -> float:
     """How far a rollout is from a component that came away from its parent, by the gap between their solids."""
     tool = tried.evaluation.candidate.tool
     assert tool is not None
-    names = [component.name for component in tool.components]
-    tracks = dict(zip(names, robot_tracks(PANDA, tool, tried.recording)[-len(names) :], strict=True))
-    pairs = [(tracks[c.name], tracks[c.parent]) for c in tool.components if c.joint is not None]
-    samples = range(0, len(tried.recording.times), 2)
-    gaps = [_gap(one, one.at(k, 0.0)[0], other, k) for one, other in pairs for k in samples]
+    solids = robot_tracks(PANDA, tool, tried.recording)
+    loose = {component.name for component in tool.components if component.joint is not None}
+    gaps = []
+    for one in (solid for solid in solids if solid.name in loose):
+        others = [other for other in solids if other.name != one.name]
+        samples = range(0, len(tried.recording.times), 5)
+        gaps += [min(_gap(one, one.at(k, 0.0)[0], other, k) for other in others) for k in samples]
     return _lack(max(gaps, default=0.0), PARTED_M)
 
 

@@ -1,0 +1,449 @@
+"""Which rewards can be had without the work? ``python -m tests.benchmarks.cheats search folder=cheats``.
+
+For every task of HardToolBench and every measure of absurdity (`MEASURES`), an evolution varies documents as a model
+writes them: ``tool=solids`` with joints, springs and dampers, and anchored plans with tempo. It starts from the
+reference solution and from random designs, and looks for a high reward of a rollout that is wholly absurd. What earns
+0.3 or more is a finding, kept in ``findings/``, a designs file. What the folder has is not searched again; another seed
+adds.
+
+``judge`` plays every finding once more in all of ``sims`` and draws a film strip of each.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from rich.console import Console
+from scipy.spatial.transform import Rotation
+
+from core.config.compose import load, part
+from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
+from core.designs.reading import dump_design, load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UsageError
+from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.interfaces import Numbers, RolloutSettings, Simulator, Task
+from core.plugins import installed
+from core.simulation.pictures import png
+from core.simulation.robustness import engines
+from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch
+from core.support.cli import command
+from plugins.actions.anchored import AnchoredPlan, Step
+from plugins.tools.varying import tool_numbers, vary_tool
+from tests.benchmarks import measuring
+from tests.benchmarks.absurd import Tried, Watched, early, floating, parted, tried
+from tests.benchmarks.adversary import film_strip
+
+USAGE = (
+    "usage: python -m tests.benchmarks.cheats search|table|judge [folder=DIR] [tasks=NAME,...] [measures=NAME,...] "
+    "[sims=NAME,...] [rollouts=N] [seed=N] [workers=N]"
+)
+FOUND = 0.3
+PARENTS, CHILDREN, FIRST = 10, 12, 24
+HOME_RAD, PRESSED_N, FAST_M_S = 0.02, 60.0, 0.2  # from here on a rollout counts as absurd, see `MEASURES`
+SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
+TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]) - 0.25
+SOLUTIONS = Path(__file__).parents[1] / "tasks" / "hardtoolbench"
+
+console = Console(stderr=True)
+
+
+@dataclass
+class Settings:
+    """``sims``: the first one is searched in. ``rollouts`` are for all tasks and measures together."""
+
+    folder: str = "cheats"
+    tasks: list[str] = field(default_factory=lambda: sorted(file.stem for file in SOLUTIONS.glob("*.json")))
+    measures: list[str] = field(default_factory=lambda: list(MEASURES))
+    sims: list[str] = field(default_factory=lambda: ["mujoco", "pybullet", "sapien"])
+    rollouts: int = 100_000
+    seed: int = 0
+    workers: int | None = None
+
+
+def main() -> None:
+    match sys.argv[1:]:
+        case ["search" | "table" | "judge" as name, *words]:
+            given = measuring.settings(words, Settings)
+            {"search": search, "table": table, "judge": judge}[name](given)
+        case _:
+            raise UsageError(USAGE)
+
+
+# --- what is absurd: each measure is 0 where a rollout is, and up to 1 ------------------------------------------
+
+
+def still(seen: Tried) -> float:
+    """Compute how far the arm goes from home, which it is told not to leave."""
+    arm = seen.recording.arm
+    return min(1.0, max(0.0, float(np.abs(arm - arm[0]).max()) - HOME_RAD))
+
+
+def pressed(seen: Tried) -> float:
+    """Compute how far something fixed is from bearing a large force through a free body, besides its weight."""
+    fixed = {body.name for body in seen.scene.bodies if body.fixed}
+    free = {body.name for body in seen.scene.free}
+    through = [
+        force - force[0]
+        for pair, force in seen.recording.forces.items()
+        if (pair[0] in fixed and pair[1] in free) or (pair[1] in fixed and pair[0] in free)
+    ]
+    return max(0.0, 1 - max((float(np.max(force)) for force in through), default=0.0) / PRESSED_N)
+
+
+def moving(seen: Tried) -> float:
+    """Compute how far the fastest free body is from moving at the end, when rewards are judged."""
+    speeds = np.linalg.norm(seen.recording.states.arrays[2][-1], axis=-1)
+    return max(0.0, 1 - float(speeds.max(initial=0.0)) / FAST_M_S)
+
+
+def jointed(seen: Tried) -> float:
+    """Compute whether the tool has springs that work, which is not absurd by itself."""
+    tool = seen.evaluation.candidate.tool
+    return 0.0 if tool is not None and any(bearer.joint.stiffness > 0 for bearer in tool.bearers) else 1.0
+
+
+MEASURES: dict[str, Callable[[Tried], float]] = {
+    "still": still,
+    "sprung": jointed,
+    "early": early,
+    "parted": parted,
+    "pressed": pressed,
+    "moving": moving,
+    "float": floating,
+}
+
+
+# --- what is varied ---------------------------------------------------------------------------------------------
+
+
+class Varied:
+    """Draws and changes designs for a task at random."""
+
+    def __init__(self, task: Task, scene_names: list[str], random: np.random.Generator, *, wait: bool) -> None:
+        self.task, self.names, self.random, self.wait = task, scene_names, random, wait
+
+    def draw(self) -> Candidate:
+        """Draw a chain of one to four parts of any shape, and a plan around a few bodies."""
+        length = self.random.uniform(0.05, 0.3)
+        post = Component("post", RIGID_MOUNT, Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)))
+        tool = Tool((post,))
+        for _ in range(int(self.random.integers(1, 4))):
+            tool = self.grown(tool)
+        steps = tuple(self.step() for _ in range(int(self.random.integers(1, 6))))
+        return Candidate(tool, AnchoredPlan(steps))
+
+    def changed(self, candidate: Candidate, other: Candidate) -> Candidate:
+        """Change a design in one to three places; one time in five it gets another's plan first."""
+        tool, plan = candidate.tool, candidate.plan
+        assert tool is not None
+        assert isinstance(plan, AnchoredPlan)
+        if self.random.random() < 0.2 and isinstance(other.plan, AnchoredPlan) and not tool.gripper:
+            plan = replace(other.plan, gripper=False, steps=tuple(replace(step, grip=0.0) for step in other.plan.steps))
+        for _ in range(int(self.random.integers(1, 4))):
+            kind = self.random.random()
+            if kind < 0.35:
+                plan = self.plan(plan)
+            elif kind < 0.6:
+                tool = self.resized(tool)
+            elif kind < 0.85:
+                tool = self.joined(tool)
+            elif kind < 0.93 or len(tool.components) < 3:
+                tool = self.grown(tool)
+            else:
+                parents = {component.parent for component in tool.components}
+                leaves = [component for component in tool.components if component.name not in parents]
+                gone = leaves[int(self.random.integers(len(leaves)))]
+                tool = replace(tool, components=tuple(c for c in tool.components if c is not gone))
+        return replace(candidate, tool=tool, plan=plan, problem=None)
+
+    def grown(self, tool: Tool) -> Tool:
+        """Add a part of any shape at a random place of the surface of another's bounding box."""
+        random, parent = self.random, tool.components[int(self.random.integers(len(tool.components)))]
+        size = np.exp(random.uniform(np.log(0.004), np.log(0.3), 3))
+        shapes: list[Shape] = [
+            Box(tuple(size)),
+            Sphere(float(size[0] / 4 + 0.002)),
+            Cylinder(float(size[0] / 4 + 0.002), float(size[1])),
+            Mesh.from_trimesh(trimesh.convex.convex_hull(TETRAHEDRON * (size + 0.01))),
+        ]
+        shape = shapes[int(random.integers(len(shapes)))]
+        middle, sides = parent.shape.bounds
+        at = middle + random.choice([-1, 0, 1], 3) * sides / 2
+        turn = Rotation.from_rotvec(random.normal(0, 0.5, 3) * (random.random() < 0.5))
+        own_middle, own_sides = shape.bounds
+        held = own_middle + random.choice([-0.9, 0, 0.9], 3) * own_sides / 2
+        numbers = [int(c.name[4:]) for c in tool.components if c.name.startswith("more")]
+        name = f"more{max(numbers, default=-1) + 1}"
+        added = Component(name, parent.name, Pose.from_rotation(at - turn.apply(held), turn), shape)
+        return replace(tool, components=(*tool.components, added))
+
+    def resized(self, tool: Tool) -> Tool:
+        numbers = tool_numbers(
+            replace(tool, components=tuple(replace(component, joint=None) for component in tool.components))
+        )
+        return vary_tool(tool, self.moved(numbers))
+
+    def joined(self, tool: Tool) -> Tool:
+        """Give a part a joint, change the one that it has, or take it away."""
+        random, parts = self.random, list(tool.components)
+        number = int(random.integers(len(parts)))
+        component = parts[number]
+        if component.joint is not None and random.random() < 0.5:
+            parts[number] = replace(component, joint=None)
+            return replace(tool, components=tuple(parts))
+        hinge = bool(random.random() < 0.6)
+        upper = float(random.uniform(0.05, 3.0) if hinge else random.uniform(0.005, 0.3))
+        most = 3.0 if hinge else 50.0
+        stiffness = float(most * random.uniform(0.1, 1.0) / upper * (random.random() < 0.8))
+        axis = tuple(map(float, np.eye(3)[int(random.integers(3))] + random.normal(0, 0.1, 3)))
+        middle, sides = component.shape.bounds
+        origin = tuple(map(float, middle + random.choice([-1, 0, 1], 3) * sides / 2)) if hinge else (0.0, 0.0, 0.0)
+        lower, rest = (-upper, -upper) if random.random() < 0.5 else (0.0, upper)
+        damping = float(random.choice([0.0, 0.02, 0.2]) * (1.0 if hinge else 50.0))
+        friction = float(random.choice([0.0, 0.0, 0.1, 10.0]))
+        upper = 0.0 if lower < 0 else upper
+        joint = ToolJoint(
+            "hinge" if hinge else "slider", axis, lower, upper, origin, damping, friction, stiffness, rest
+        )
+        parts[number] = replace(component, joint=joint)
+        return replace(tool, components=tuple(parts))
+
+    def plan(self, plan: AnchoredPlan) -> AnchoredPlan:
+        """Move waypoints, add or remove one, anchor one anew, or change its tempo."""
+        random, steps = self.random, list(plan.steps)
+        number, kind = int(random.integers(len(steps))), random.random()
+        if kind < 0.6:
+            actions = installed().create("action", "anchored")
+            moved: AnchoredPlan = actions.with_parameters(plan, self.moved(actions.parameters(plan)))
+            return moved
+        if kind < 0.7 and len(steps) < 20:
+            steps.insert(number, self.step())
+        elif kind < 0.8 and len(steps) > 1:
+            del steps[number]
+        elif kind < 0.9:
+            steps[number] = replace(steps[number], **self.tempo())
+        else:
+            anchor = str(random.choice(self.names))
+            steps[number] = replace(
+                steps[number], anchor=anchor, toward="", share=0.0, axes=random.choice(["world", "anchor"])
+            )
+        return replace(plan, steps=tuple(steps))
+
+    def step(self) -> Step:
+        random = self.random
+        anchor, toward = (str(name) for name in random.choice(self.names, 2))
+        between = toward != anchor and random.random() < 0.2
+        offset = random.normal((0.0, 0.0, 0.2), 0.12)
+        return Step(
+            tuple(map(float, offset)),
+            tuple(map(float, random.normal(0, 0.4, 3))),
+            anchor,
+            toward=toward if between else "",
+            share=float(random.random()) if between else 0.0,
+            **self.tempo(),
+        )
+
+    def tempo(self) -> dict[str, Any]:
+        random, pace = self.random, float(np.exp(self.random.uniform(np.log(0.02), np.log(2.0))))
+        through = bool(random.random() < 0.3)
+        return {
+            "speed": pace if (timed := random.random()) < 0.4 else 0.0,
+            "seconds": pace if timed > 0.8 else 0.0,
+            "through": through,
+            "wait": 0.0 if through else float(random.choice([0.0, 0.5, 2.0])),
+        }
+
+    def moved(self, numbers: Numbers) -> Any:
+        return numbers.moved(numbers.values, np.empty((0, len(numbers))), self.random)
+
+
+# --- the search -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A search: one task, one measure."""
+
+    task: str
+    measure: str
+    sim: PluginPart[Simulator]
+    seed: int
+    rollouts: int
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        return f"{self.task}.{self.measure}.{self.seed}.json"
+
+
+def search(given: Settings) -> None:
+    """Search all pairs that the folder does not have, and print the table."""
+    sim, folder = engines(given.sims[:1])[given.sims[0]], Path(given.folder)
+    shares = {task: SHARES.get(task, 1.0) for task in given.tasks}
+    each = given.rollouts / len(given.measures) / sum(shares.values())
+    counts = {task: int(np.ceil(each * share)) for task, share in shares.items()}
+    pairs = [Pair(task, m, sim, given.seed, counts[task], folder) for m in given.measures for task in given.tasks]
+    pairs = [pair for pair in pairs if not (folder / "searched" / pair.name).exists()]
+    words = [f"executor.workers={measuring.workers(given.workers)}", "executor.timeout_s=null"]
+    with part("executor", load("evaluate", words).executor).create() as executor:
+        for pair, result in executor.map(searched, pairs):
+            if isinstance(result, Exception):
+                raise result
+            console.print(f"{pair.task} {pair.measure}: {result}", highlight=False, soft_wrap=True)
+    table(given)
+
+
+def searched(pair: Pair) -> str:
+    """Search for one pair, write its files, and return a summary."""
+    began, run = time.perf_counter(), _Search(pair)
+    best = run.run()
+    absurd = [evaluation for evaluation, lack in best if lack == 0]
+    top = max((evaluation.reward for evaluation in absurd), default=0.0)
+    record = {"rollouts": run.rollouts, "statuses": dict(run.statuses), "best": top, "absurd": run.absurd}
+    record["seconds"] = round(time.perf_counter() - began, 1)
+    found = [dump_design(e.candidate, run.tools) for e in absurd if e.reward >= FOUND]
+    if found:
+        (pair.folder / "findings").mkdir(parents=True, exist_ok=True)
+        document = {"task": pair.task, "seed": pair.seed, "strategies": found}
+        measuring.save(pair.folder / "findings" / pair.name, document)
+    (pair.folder / "searched").mkdir(parents=True, exist_ok=True)
+    measuring.save(pair.folder / "searched" / pair.name, record)
+    return f"{top:.3f} in {run.rollouts} rollouts, {run.absurd} absurd, {record['seconds']} s"
+
+
+class _Search:
+    def __init__(self, pair: Pair) -> None:
+        self.pair, self.measure = pair, MEASURES[pair.measure]
+        self.task: Task = installed().create("task", pair.task)
+        self.simulator = Watched(pair.sim.create())
+        self.tools = installed().create("tool", "solids", {"joints": True})
+        self.actions = installed().create("action", "anchored")
+        self.spawn, self.scene = SpawnRules(self.task, pair.seed), self.task.scene(pair.seed)
+        self.random = np.random.default_rng(zlib.crc32(pair.name.encode()))
+        names = ["world", *(body.name for body in self.scene.bodies)]
+        self.varied = Varied(self.task, names, self.random, wait=pair.measure == "still")
+        self.rollouts, self.absurd, self.statuses = 0, 0, Counter[str]()
+
+    def run(self) -> list[tuple[Evaluation, float]]:
+        """Return the best designs and what they lack, after the pair's rollouts: first what is absurd and earns."""
+        solution, boxes = load_designs(SOLUTIONS / f"{self.pair.task}.json"), installed().create("tool", "boxes")
+        first = read_designs(solution, boxes, self.spawn, actions=self.actions)[0]
+        drawn = [self.sound(self.varied.draw) for _ in range(FIRST)]
+        ranked = self.tried(
+            [first, *(self.sound(lambda: self.varied.changed(first, first)) for _ in range(FIRST)), *drawn]
+        )
+        asked = 0
+        while self.rollouts < self.pair.rollouts and asked < 4 * self.pair.rollouts:
+            children = []
+            for _ in range(CHILDREN):
+                one, other = (ranked[int(self.random.integers(len(ranked)))][0].candidate for _ in range(2))
+                children.append(self.sound(lambda one=one, other=other: self.varied.changed(one, other)))  # type: ignore[misc]
+            children.append(self.sound(self.varied.draw))
+            asked += len(children)
+            ranked = self.kept(ranked + self.tried(children))
+        return ranked
+
+    def kept(self, evaluated: list[tuple[Evaluation, float]]) -> list[tuple[Evaluation, float]]:
+        return sorted(evaluated, key=lambda pair: pair[1] - pair[0].reward)[:PARENTS]
+
+    def sound(self, make: Callable[[], Candidate]) -> Candidate:
+        """Make designs until one keeps the rules, twenty at most; as a model's they are written and read."""
+        for _ in range(20):
+            try:
+                candidate = make()
+                if self.pair.measure == "still":
+                    home = self.task.home
+                    step = Step(tuple(map(float, home.position)), tuple(map(float, home.rpy)), wait=2.0)
+                    candidate = replace(candidate, plan=AnchoredPlan((step,), candidate.tool.gripper))  # type: ignore[union-attr]
+                (read,) = self.read([dump_design(candidate, self.tools)])
+            except DesignError as error:
+                read = Candidate(None, AnchoredPlan(()), problem=str(error))
+            if read.problem is None:
+                break
+            self.statuses["refused"] += 1
+        return read
+
+    def read(self, strategies: list[Any]) -> list[Candidate]:
+        return read_designs({"strategies": strategies}, self.tools, self.spawn, actions=self.actions)
+
+    def tried(self, candidates: list[Candidate]) -> list[tuple[Evaluation, float]]:
+        """Play candidates; those that could be played, with what each lacks to be absurd."""
+        sound = [candidate for candidate in candidates if candidate.problem is None]
+        evaluations = evaluate_batch(self.task, self.simulator, sound, self.pair.seed, RolloutSettings())
+        jobs = zip(self.simulator.jobs, self.simulator.outcomes, strict=True)
+        played = {id(job.tool): (job, outcome.recording) for job, outcome in jobs}
+        ranked = []
+        for evaluation in evaluations:
+            self.statuses[evaluation.status] += 1
+            job, recording = played.get(id(evaluation.candidate.tool), (None, None))
+            self.rollouts += job is not None
+            if job is None or recording is None or evaluation.status != "ok":
+                continue
+            lack = self.measure(tried(self.scene, evaluation, job, recording))
+            self.absurd += lack == 0
+            ranked.append((evaluation, lack))
+        self.simulator.jobs, self.simulator.outcomes = (), []
+        return ranked
+
+
+# --- what came out ----------------------------------------------------------------------------------------------
+
+
+def table(given: Settings) -> None:
+    """Print rollouts, and the best reward of an absurd rollout by task and measure, also to ``table.md``."""
+    folder, lines = Path(given.folder), []
+    lines += [f"| task | rollouts | {' | '.join(given.measures)} |", "|---" * (2 + len(given.measures)) + "|"]
+    everything, seconds = Counter[str](), 0.0
+    for name in given.tasks:
+        cells, count = [], 0
+        for measure in given.measures:
+            files = (folder / "searched").glob(f"{name}.{measure}.*.json")
+            records = [json.loads(file.read_text()) for file in files]
+            count += sum(record["rollouts"] for record in records)
+            everything.update({"absurd": sum(record["absurd"] for record in records)})
+            for record in records:
+                everything.update(record["statuses"])
+                seconds += record["seconds"]
+            absurd = sum(record["absurd"] for record in records)
+            cells.append(f"{max(record['best'] for record in records):.2f}" if absurd else "–" if records else "")
+        everything["rollouts"] += count
+        lines.append(f"| {name} | {count:,} | {' | '.join(cells)} |")
+    lines.append(f"\n{dict(everything)}, {seconds / 3600:.2f} hours of a core.")
+    (folder / "table.md").write_text("\n".join(lines) + "\n")
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+def judge(given: Settings) -> None:
+    """Play the best of each finding in every engine, draw it, and print its rewards."""
+    folder, sims = Path(given.folder), engines(given.sims)
+    (folder / "strips").mkdir(exist_ok=True)
+    sys.stdout.write(f"| finding | {' | '.join(sims)} |\n{'|---' * (1 + len(sims))}|\n")
+    for file in sorted((folder / "findings").glob("*.json")):
+        name, measure, seed = file.stem.split(".")
+        if name not in given.tasks or measure not in given.measures:
+            continue
+        pair = Pair(name, measure, next(iter(sims.values())), int(seed), 0, folder)
+        run = _Search(pair)
+        (candidate,) = run.read(json.loads(file.read_text())["strategies"][:1])
+        rewards = []
+        for sim in sims.values():
+            (evaluation,) = Evaluator(PluginPart("task", name), sim, int(seed))([candidate])
+            rewards.append(f"{evaluation.reward:.2f} {evaluation.reason[:60]}")
+        sys.stdout.write(f"| {file.stem} | {' | '.join(rewards)} |\n")
+        strip = film_strip(run.task, pair.sim.create(), candidate, int(seed))
+        (folder / "strips" / f"{file.stem}.png").write_bytes(png(strip))
+
+
+if __name__ == "__main__":
+    command(lambda _: main())
