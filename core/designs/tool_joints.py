@@ -1,7 +1,7 @@
 """Check the joints of a tool: number, ranges, what holds their two sides together, springs and dampers.
 
 An engine's step is 2 to 5 ms. A spring or a damper that acts faster than that shakes or explodes in some engines. How
-strong springs may be follows from springs that one can buy or print.
+strong springs may be follows from springs that one can buy or print; `docs/materials.md` has the sources.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MIN_RANGE = {"hinge": 0.01, "slider": 0.0005}  # radians, metres; an engine take
 MIN_MOVED_KG = 0.001
 MAX_HZ = 20.0  # of what a spring moves, on its own
 MAX_DECAY = 100.0  # 1/s, at which a damper stops what it moves
-MAX_SPRING = {"hinge": 3.0, "slider": 50.0}  # N m and N, of a bought spring of a hand tool's size
+MAX_SPRING = {"hinge": 3.0, "slider": 50.0}  # N m and N, of a bought spring or brake of a hand tool's size
 MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
 MAX_DAMPING = {"hinge": 0.2, "slider": 20.0}  # N m s/rad and N s/m, of a bought damper of that size
@@ -54,7 +54,7 @@ def describe_springs(material: Material) -> str:
     return (
         f"At the end of its range that is farther from `rest` a spring exerts {torque:.2g} N m or {force:.2g} N at "
         f"most;\n  all together hold {energy:.2g} J at most. Damping is at most {turning:g} N m s/rad or {sliding:g} "
-        "N s/m"
+        f"N s/m,\n  dry friction {MAX_SPRING['hinge']:g} N m or {MAX_SPRING['slider']:g} N"
     )
 
 
@@ -79,8 +79,10 @@ def check_joints(tool: Tool, material: Material, mounts: Mapping[str, Sequence[S
                 f"{where} has too strong a spring: it exerts {exerted:.3g} {pull} where it is {strain:.3g} {unit} from "
                 f"its rest; at most {most:.2g} {pull} are allowed"
             )
-        if joint.damping > (most := MAX_DAMPING[joint.kind]):
-            raise DesignError(f"{where} has a damping of {joint.damping:.3g} {resists}; at most {most:g} is allowed")
+        resisting = ("damping", joint.damping, MAX_DAMPING, resists), ("dry friction", joint.friction, MAX_SPRING, pull)
+        for what, value, limits, shown in resisting:
+            if value > (most := limits[joint.kind]):
+                raise DesignError(f"{where} has a {what} of {value:.3g} {shown}; at most {most:g} is allowed")
         energies[bearer.name] = exerted * strain / 2
     if (energy := sum(energies.values())) > (most := share * MAX_SPRINGS_J):
         strongest = max(energies, key=lambda name: energies[name])

@@ -16,19 +16,25 @@ from core.plugins import describe_part
 from core.support.cli import say
 
 
-def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> None:
+def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> Guard:
     """Register ``listener`` with ``hub`` until it raises an exception.
 
     The first one is reported on standard error in one line, which names the listener, the event and the error. From
     then on the listener receives only ``run_ended``, so that it can let go of what it holds.
     """
-    hub.register(_Guard(hub, listener), name)
+    guard = Guard(hub, listener)
+    hub.register(guard, name)
+    return guard
 
 
-class _Guard:
-    """Stands for a listener at the hub: it implements the same events, and lets no exception through."""
+class Guard:
+    """Stands for a listener at the hub: it implements the same events, and lets no exception through.
+
+    ``exited`` says which event it answered by ending the process, if it tried to.
+    """
 
     def __init__(self, hub: pluggy.PluginManager, listener: object) -> None:
+        self.exited: str | None = None
         self._listener = listener
         self._failed = False
         self._lock = threading.Lock()  # replies are received in a thread of their own
@@ -58,4 +64,6 @@ class _Guard:
             first, self._failed = not self._failed, True
         if first:
             what = " ".join(f"{type(error).__name__}: {error}".split())
-            say(f"{describe_part(self._listener)}: {event} raised {what}; it receives no more events", file=sys.stderr)
+            blamed = f"{describe_part(self._listener)}: {event} raised {what}"
+            self.exited = blamed if isinstance(error, SystemExit) else None
+            say(f"{blamed}; it receives no more events", file=sys.stderr)

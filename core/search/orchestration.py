@@ -36,7 +36,7 @@ from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
 from core.search.holdout import try_unseen
-from core.search.listeners import add_listener
+from core.search.listeners import Guard, add_listener
 from core.search.refinement import Refinement
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
@@ -61,6 +61,7 @@ class _Search:
     executor: Executor
     events: pluggy.PluginManager
     near_duplicates: bool
+    guards: list[Guard]
 
 
 @refuse_exit()
@@ -105,13 +106,13 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     twice = config["evolution"].get("near_duplicates", False)
     if type(twice) is not bool:
         raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")
-    for name, options in config["listener"].items():
-        add_listener(events, installed().create("listener", name, options or {}), name)
-    add_listener(events, vlm, "vlm")
+    listeners = config["listener"].items()
+    made = {name: installed().create("listener", name, options or {}) for name, options in listeners}
+    guards = [add_listener(events, listener, name) for name, listener in {**made, "vlm": vlm}.items()]
     parts = {kind: config[kind]["name"] for kind in _PARTS}
     parts |= {"robot": task.robot.name, "material": representation.material.name}
-    made = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
-    return _Search(made, designer, strategy, fitness, executor, events, twice)
+    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
+    return _Search(this, designer, strategy, fitness, executor, events, twice, guards)
 
 
 def _observes(evolution: Mapping[str, Any]) -> bool:
@@ -126,7 +127,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     ``store`` is the store of the run in ``folder`` that is resumed; None: a new run.
 
     Raises:
-        UserError: a part or setting that can't be used, or a folder that holds a run already or can't be written.
+        UserError: a part or setting that can't be used, a folder that holds a run already or can't be written, or a
+            listener that tried to end the process, once the run has come to its end.
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
     search = _made(cfg, folder, store.past.replies if store is not None else {})
@@ -176,6 +178,8 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
     with writing(this.folder):
         save_best(result, this, search.strategy, film=film)
     events.hook.run_finished(run=this, result=result)
+    if exited := [guard.exited for guard in search.guards if guard.exited]:
+        raise UserError(f"{exited[0]}; the run came to its end without it")
     return result
 
 

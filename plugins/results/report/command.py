@@ -160,3 +160,5 @@ def main(words: list[str]) -> None:
         raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {why}")
     show(results)
     say(str(Path(cfg.output) / "index.html"))
+    if wrong := [f"{run.task} with seed {run.seed}" for run in results.verified if not run.same and run.claimed > 0]:
+        raise UserError(f"{cfg.verify} claims what its designs don't earn here: {', '.join(wrong)}")

@@ -84,6 +84,7 @@ PLA = Material("pla", 1240, young_pa=2.5e9, strength_pa=26e6)
         (ToolJoint("slider", (0, 0, 1), -0.1, 0.1, stiffness=300, rest=0.1), "exerts 60 N .* at most 50 N", PAPER),
         (hinge(damping=0.3), "a damping of 0.3 N m s/rad; at most 0.2", PAPER),
         (ToolJoint("slider", (0, 0, 1), -0.1, 0.1, damping=30), "a damping of 30 N s/m; at most 20", PAPER),
+        (hinge(friction=4.0), "a dry friction of 4 N m; at most 3", PAPER),
     ],
 )
 def test_springs_and_dampers_are_as_strong_as_those_that_one_can_buy_or_print(joint, fault, material):

@@ -146,10 +146,11 @@ def test_a_model_that_fails_as_a_listener_still_answers(jitter, tmp_path, capfd)
     )
 
 
-def test_a_listener_that_exits_is_one_that_raises(jitter, tmp_path, capfd):
-    result = come_to(tmp_path, {"jitter": {"event": "generation_finished", "error": "SystemExit"}})
-    assert (result.stopped, result.n_evaluations) == (None, 20)
+def test_a_listener_that_exits_costs_no_result_and_is_named_at_the_end(jitter, tmp_path, capfd):
+    with pytest.raises(UserError, match=r"^listener 'jitter' of jitter-parts .* the run came to its end without it; "):
+        come_to(tmp_path, {"jitter": {"event": "generation_finished", "error": "SystemExit"}})
     assert "listener 'jitter' of jitter-parts" in capfd.readouterr().err
+    assert len(list(tmp_path.rglob("result.json"))) == 1
 
 
 def test_a_strategy_that_exits_ends_the_run_with_an_error(jitter, tmp_path):

@@ -209,7 +209,8 @@ def test_runs_write_their_design_and_the_command_verifies_it(entry, tmp_path, mo
     assert entry.runs[0].design["action_sets"]
     (tmp_path / "theirs.json").write_bytes(entry.dump())
     monkeypatch.setattr("plugins.results.report.verify.earned", lambda entry, task, run: 0.6 - 0.3 * run.seed)
-    main([f"verify={tmp_path / 'theirs.json'}", f"output={tmp_path / 'out'}"])
+    with pytest.raises(UserError, match=r"claims what its designs don't earn here: .*OneBook with seed 1"):
+        main([f"verify={tmp_path / 'theirs.json'}", f"output={tmp_path / 'out'}"])
     assert "12 of 24 runs" in capsys.readouterr().out
     table = (tmp_path / "out/data/verification.csv").read_text()
     assert table.count(",yes\n") == table.count(",no\n") == 12
