@@ -30,13 +30,16 @@ SCHEMAS: dict[str, type] = {
     "prompt": schemas.ComposeConfig,
 }
 """The schema of each primary config; ``config`` belongs to ``core.run``. Plugins' commands add theirs (`load`)."""
+_registered: dict[str, type] = {}
 
 
 def register(overrides: Sequence[str] = ()) -> None:
     """Register the schemas, from which the primary configs start, and the configs of plugins with Hydra."""
     sources.register(overrides)
     for name, schema in SCHEMAS.items():
-        ConfigStore.instance().store(f"{'run' if name == 'config' else name}_schema", schema)
+        if _registered.get(name) is not schema:  # a quarter of the time of composing
+            ConfigStore.instance().store(f"{'run' if name == 'config' else name}_schema", schema)
+            _registered[name] = schema
 
 
 def prepared(name: str, overrides: Sequence[str]) -> list[str]:

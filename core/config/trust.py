@@ -102,6 +102,9 @@ def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str
     return config
 
 
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the one in Python takes seconds for deep lists
+
+
 def read_stored_yaml(file: Path) -> dict[str, Any]:
     """Read the configuration that Hydra wrote into a run's folder, unresolved.
 
@@ -112,7 +115,7 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
         raise UserError(f"{file} is a link, which is not followed")
     try:
         text = read_untrusted(file, MAX_BYTES).decode()
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_LOADER)):
             raise UserError(f"{file} can't be used: it is too large")  # a few aliases may unfold to gigabytes
         config = OmegaConf.to_container(OmegaConf.create(text))
     except (OmegaConfBaseException, yaml.YAMLError, ValueError, RecursionError) as error:
