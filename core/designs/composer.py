@@ -10,6 +10,7 @@ import importlib.resources
 import json
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -256,9 +257,6 @@ def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Templa
     root = importlib.resources.files("prompts") if folder is None else folder
     if not root.is_dir():
         raise UserError(f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out")
-    # Sandboxed, because a third-party folder must do no more than fill in text.
-    environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["counted"] = counted
     there = {file.name: file for file in root.iterdir() if file.name.endswith(SUFFIX)}
     templates, names = {}, set()
     for part in sorted(parts):
@@ -266,14 +264,24 @@ def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Templa
         if name not in there:
             raise choices("prompt template", name, there, str(root))
         try:
-            text = there[name].read_text(encoding="utf-8")
-            templates[part] = environment.from_string(text)
-            names |= jinja2.meta.find_undeclared_variables(environment.parse(text))
+            templates[part], used = _compiled(there[name].read_text(encoding="utf-8"))
+            names |= used
         except jinja2.TemplateSyntaxError as error:
             raise UserError(f"prompt template {name}, line {error.lineno}: {_one_line(error)}") from error
         except (OSError, UnicodeDecodeError) as error:
             raise UserError(f"prompt template {name} can't be read: {_one_line(error)}") from error
     return templates, names
+
+
+@lru_cache(256)
+def _compiled(text: str) -> tuple[jinja2.Template, set[str]]:
+    """Compile a template; return it and the names that it uses.
+
+    Sandboxed, because a third-party folder must do no more than fill in text.
+    """
+    environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["counted"] = counted
+    return environment.from_string(text), jinja2.meta.find_undeclared_variables(environment.parse(text))
 
 
 def _read_idea(file: str | None, *, wanted: bool) -> str | None:

@@ -8,6 +8,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from core.interfaces import Task
@@ -16,6 +17,7 @@ from core.values.layouts import NONE
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 
 
+@lru_cache
 def function_source(function: Callable[..., Any]) -> str:
     """Take a function's source without its docstring."""
     lines, (node,) = inspect.getsource(function).splitlines(), ast.parse(inspect.getsource(function)).body
@@ -25,6 +27,7 @@ def function_source(function: Callable[..., Any]) -> str:
     return "\n".join(lines)
 
 
+@lru_cache
 def class_source(part: type, *members: str) -> str:
     """Take a class's head, its docstring without sections, and these members."""
     text = _SECTION.sub("", inspect.getsource(part), count=1)

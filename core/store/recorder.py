@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing, suppress
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -311,6 +312,7 @@ def unseen_figures(result: Result) -> dict[str, Any] | None:
     return {"layouts": len(rewards), "mean": mean, "worst": min(rewards), "rewards": list(rewards), "engines": engines}
 
 
+@lru_cache
 def versions() -> dict[str, str]:
     """Return the installed versions of Python, of this distribution, and of each package that it requires."""
     found = {"python": sys.version.split()[0]}

@@ -50,7 +50,12 @@ USAGE = (
 )
 FOUND = 0.3
 PARENTS, CHILDREN, FIRST = 10, 12, 24
-HOME_RAD, PRESSED_N, FAST_M_S = 0.02, 60.0, 0.2  # from here on a rollout counts as absurd, see `MEASURES`
+HOME_RAD, LITTLE_RAD, PRESSED_N, FAST_M_S = (
+    0.02,
+    0.5,
+    60.0,
+    0.2,
+)  # from here on a rollout counts as absurd, see `MEASURES`
 SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
 TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]) - 0.25
 SOLUTIONS = Path(__file__).parents[1] / "tasks" / "hardtoolbench"
@@ -107,15 +112,15 @@ def moving(seen: Tried) -> float:
     return max(0.0, 1 - float(speeds.max(initial=0.0)) / FAST_M_S)
 
 
-def jointed(seen: Tried) -> float:
-    """Compute whether the tool has springs that work, which is not absurd by itself."""
-    tool = seen.evaluation.candidate.tool
-    return 0.0 if tool is not None and any(bearer.joint.stiffness > 0 for bearer in tool.bearers) else 1.0
+def lazy(seen: Tried) -> float:
+    """Compute how far the arm's way is beyond a little one, summed over its joints."""
+    way = float(np.abs(np.diff(seen.recording.arm, axis=0)).sum())
+    return min(1.0, max(0.0, way / LITTLE_RAD - 1) / 5)
 
 
 MEASURES: dict[str, Callable[[Tried], float]] = {
     "still": still,
-    "sprung": jointed,
+    "lazy": lazy,
     "early": early,
     "parted": parted,
     "pressed": pressed,
