@@ -1,7 +1,6 @@
 """Define what the adversarial search varies, and when a tool is absurd. Used by `tests.benchmarks.adversary`.
 
-A start is a tool with a plan. Numbers around zero bend it: sizes, angles and joints of the boxes, and all waypoints.
-With ``sprung`` they also hang boxes on hinges and sliders with springs.
+A start is a tool with a plan. Numbers around zero bend it: sizes, angles and places of the boxes, and all waypoints.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool, ToolJoint
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.designs import rules
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
@@ -40,32 +39,23 @@ _AT_REST_M_S, _LIFTED_M = 0.1, 0.01
 
 @dataclass(frozen=True)
 class Start:
-    """A tool and a plan, which numbers (`size` of them) bend. Boxes stay joined where they touch.
-
-    With ``sprung`` each has six numbers more, which may make a joint with a spring of how it hangs on its parent.
-    """
+    """A tool and a plan, which numbers (`size` of them) bend, nine for each box. Boxes stay joined where they touch."""
 
     tool: Tool
     plan: Array
-    sprung: bool = False
-
-    @property
-    def each(self) -> int:
-        """The count of numbers for a component."""
-        return 15 if self.sprung else 9
 
     @property
     def size(self) -> int:
-        return self.each * len(self.tool.components) + 1 + self.plan.size
+        return 9 * len(self.tool.components) + 1 + self.plan.size
 
     def bent(self, numbers: Array, shape: Callable[[Tool], Tool]) -> Candidate:
         """Make a candidate; ``shape`` makes its tool absurd."""
         count = len(self.tool.components)
-        parts, heavier, ways = np.split(numbers, [self.each * count, self.each * count + 1])
+        parts, heavier, ways = np.split(numbers, [9 * count, 9 * count + 1])
         sizes = {mount: np.zeros(3) for mount in self.tool.mounts}
         old = dict(sizes)
         bent: list[Component] = []
-        for component, row in zip(self.tool.components, parts.reshape(count, self.each), strict=True):
+        for component, row in zip(self.tool.components, parts.reshape(count, 9), strict=True):
             size = np.clip(np.array(component.shape.size) * np.exp(_SIZE * row[:3]), 0.00051, rules.MAX_SIDE_M)
             old[component.name], sizes[component.name] = np.array(component.shape.size), size
             above, half = old[component.parent] / 2, old[component.name] / 2
@@ -80,26 +70,11 @@ class Start:
             position = joint + left - turned.apply(held)
             mass = float(component.mass * np.prod(size) / np.prod(old[component.name]) * np.exp(heavier[0]))
             pose = Pose.from_rotation(position, turned)
-            loose = spring(row[9:], held) if component.parent not in self.tool.mounts and self.sprung else None
-            bent.append(
-                replace(component, pose=pose, shape=Box(tuple(size)), mass=mass, joint=loose or component.joint)
-            )
+            bent.append(replace(component, pose=pose, shape=Box(tuple(size)), mass=mass))
         scale = np.array([_WAY_M] * 3 + [_WAY_RAD] * 3 + [_GRIP])[: self.plan.shape[1]]
         plan = self.plan + ways.reshape(self.plan.shape) * scale
         plan[:, 6:] = np.clip(plan[:, 6:], 0, 1)
         return Candidate(_heavy_enough(shape(replace(self.tool, components=tuple(bent)))), plan)
-
-
-def spring(numbers: Array, held: Array) -> ToolJoint | None:
-    """Make a joint with a spring of six numbers, about or along an axis through a point (3,); None: no joint."""
-    if abs(numbers[0]) < 0.4:
-        return None
-    hinge, reach = numbers[0] > 0, abs(np.tanh(numbers[4] or 1.0)) + 0.01
-    upper, stiffness = (1.5 * reach, 0.5) if hinge else (0.25 * reach, 100.0)
-    axis, rest = tuple(np.add(numbers[1:4], (0.0, 0.0, 0.1))), upper * (1 + np.tanh(numbers[5]))
-    origin = tuple(map(float, held)) if hinge else (0.0, 0.0, 0.0)
-    strong = float(stiffness * np.exp(numbers[5]))
-    return ToolJoint("hinge" if hinge else "slider", axis, 0.0, upper, origin, 0.02 * strong, 0.0, strong, float(rest))
 
 
 def random_start(task: Task, seed: int, random: np.random.Generator, *, flat: bool) -> Start:
@@ -432,8 +407,6 @@ class Objective:
     lack: Callable[[Tried], float]
     says: str
     flat: bool = False
-    sprung: bool = False
-    still: bool = False  # the arm stays at home
 
 
 def _as_it_is(tool: Tool) -> Tool:
@@ -447,8 +420,4 @@ OBJECTIVES = {
     "ghost": Objective(_as_it_is, ghost, "the plan leads the tool 8 mm or deeper into something fixed"),
     "fling": Objective(_as_it_is, fling, "a point of the tool is faster than 6 m/s"),
     "float": Objective(_as_it_is, floating, "a lifted body ends 2 cm or more beyond what supports it"),
-    "sprung": Objective(_as_it_is, _nothing, "boxes hang on joints with springs", sprung=True),
-    "still": Objective(_as_it_is, _nothing, "springs work while the arm stays at home", sprung=True, still=True),
-    "early": Objective(_as_it_is, early, "a body moves 5 mm or more while the scene settles", sprung=True),
-    "parted": Objective(_as_it_is, parted, "a part gets 5 mm or more away from what it hangs on", sprung=True),
 }

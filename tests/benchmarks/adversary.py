@@ -17,7 +17,7 @@ import time
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cmaes
@@ -46,7 +46,6 @@ USAGE = (
     "[objectives=NAME,...] [sims=NAME,...] [rollouts=N] [count=N] [seed=N] [workers=N]"
 )
 FOUND = 0.3
-JOINTS = {"joints": True}  # of the tools that are read and written
 SHARES = {"GatherSpheres": 0.05, "TurkeyLegs": 0.15, "CleanTable": 0.5, "ElevatePlate": 0.5}  # of rollouts, by cost
 DENSE_HZ, FRAMES = 200.0, 8
 PENETRATIONS = ("passed through", "deep inside", "cut into")
@@ -132,7 +131,7 @@ def searched(pair: Pair) -> str:
     run, began = _Search(pair), time.perf_counter()
     kept = [best for best in (run.climbed(*start) for start in run.starts()) if best is not None]
     kept.sort(key=lambda item: -item[1].reward)
-    representation = installed().create("tool", "urdf", JOINTS)
+    representation = installed().create("tool", "urdf")
     strategies = []
     for origin, evaluation in kept:
         if evaluation.reward >= FOUND:
@@ -177,36 +176,24 @@ class _Search:
         for name, file in files.items():
             if not file.exists():  # HardToolBench's solutions look at the scene
                 continue
-            read = read_designs(load_designs(file), installed().create("tool", "urdf", JOINTS), self.spawn)
+            read = read_designs(load_designs(file), installed().create("tool", "urdf"), self.spawn)
             read = [candidate for candidate in read if candidate.problem is None]
             self.rollouts += len(read)
             evaluator = Evaluator(PluginPart("task", self.pair.task), self.pair.sim, self.pair.seed)
             for evaluation in best_first(evaluator(read))[: 2 if name == "a design" else 1]:
                 plan = evaluation.candidate.plan.poses
-                start = self.fitted(Start(evaluation.candidate.tool, plan))  # type: ignore[arg-type]
+                start = Start(evaluation.candidate.tool, plan)  # type: ignore[arg-type]
                 yield name, start, self.mean(start), each
         for left in (3, 2, 1):
             pool = [random_start(self.task, self.pair.seed, self.random, flat=self.objective.flat) for _ in range(POOL)]
-            pool = [self.fitted(start) for start in pool]
             bent = [start.bent(np.zeros(start.size), self.objective.shape) for start in pool]
             best = int(np.argmin([cost for cost, _ in self.costs(bent)]))
             yield "a random start", pool[best], np.zeros(pool[best].size), (self.pair.rollouts - self.rollouts) // left
 
-    def fitted(self, start: Start) -> Start:
-        """Give a start its springs, or a plan that waits at home, as the objective has them."""
-        if self.objective.still:
-            home = [*self.task.home.position, *self.task.home.rpy, *([1.0] * start.tool.gripper)]
-            start = replace(start, plan=np.array([home]))
-        return replace(start, sprung=self.objective.sprung)
-
     def mean(self, start: Start) -> Array:
-        """Return the first mean: one box is shrunk, or all may have springs."""
+        """Return the first mean: one box is shrunk."""
         mean, chosen = np.zeros(start.size), int(self.random.integers(len(start.tool.components)))
-        if start.sprung:
-            count = len(start.tool.components)
-            mean[: start.each * count].reshape(count, start.each)[:, 9:] = self.random.normal(0, 1, (count, 6))
-        else:
-            mean[9 * chosen : 9 * chosen + 3] = SHRUNK
+        mean[9 * chosen : 9 * chosen + 3] = SHRUNK
         return mean
 
     def climbed(self, name: str, start: Start, mean: Array, rollouts: int) -> tuple[str, Evaluation] | None:
@@ -218,8 +205,6 @@ class _Search:
             optimizer = cmaes.SepCMA(mean, SIGMA / tries, seed=self.number % 2**31 + tries)
             while not optimizer.should_stop() and self.rollouts < end and asked < 4 * rollouts:
                 asks = [optimizer.ask() for _ in range(optimizer.population_size)]
-                if self.objective.still:
-                    asks = [np.append(numbers[: -start.plan.size], np.zeros(start.plan.size)) for numbers in asks]
                 asked += len(asks)
                 costs = self.costs([start.bent(numbers, self.objective.shape) for numbers in asks])
                 tells = []
@@ -300,7 +285,7 @@ def judge(given: Settings) -> None:
         if name not in measuring.tasks(given.tasks) or objective not in given.objectives:
             continue
         task: Task = installed().create("task", name)
-        read = read_designs(load_designs(file), installed().create("tool", "urdf", JOINTS), SpawnRules(task, int(seed)))
+        read = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, int(seed)))
         for number, candidate in enumerate(read[:2]):
             rewards, warnings = [], Counter[str]()
             for sim in sims.values():
