@@ -30,6 +30,7 @@ from core.config.compose import load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
+from core.designs.tool_joints import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
 from core.errors import UsageError
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, RolloutSettings, Simulator, Task
@@ -208,19 +209,25 @@ class Varied:
             parts[number] = replace(component, joint=None)
             return replace(tool, components=tuple(parts))
         hinge = bool(random.random() < 0.6)
-        upper = float(random.uniform(0.05, 3.0) if hinge else random.uniform(0.005, 0.3))
-        most = 3.0 if hinge else 50.0
-        stiffness = float(most * random.uniform(0.1, 1.0) / upper * (random.random() < 0.8))
+        upper = float(random.uniform(0.05, 3.0) if hinge else np.exp(random.uniform(np.log(0.003), np.log(0.2))))
         axis = tuple(map(float, np.eye(3)[int(random.integers(3))] + random.normal(0, 0.1, 3)))
         middle, sides = component.shape.bounds
         origin = tuple(map(float, middle + random.choice([-1, 0, 1], 3) * sides / 2)) if hinge else (0.0, 0.0, 0.0)
         lower, rest = (-upper, -upper) if random.random() < 0.5 else (0.0, upper)
-        damping = float(random.choice([0.0, 0.02, 0.2]) * (1.0 if hinge else 50.0))
-        friction = float(random.choice([0.0, 0.0, 0.1, 10.0]))
-        upper = 0.0 if lower < 0 else upper
-        joint = ToolJoint(
-            "hinge" if hinge else "slider", axis, lower, upper, origin, damping, friction, stiffness, rest
+        upper, kind = 0.0 if lower < 0 else upper, "hinge" if hinge else "slider"
+        joint = ToolJoint(kind, axis, lower, upper, origin)  # type: ignore[arg-type]
+        parts[number] = replace(component, joint=joint)
+        tool = replace(tool, components=tuple(parts))
+        bearer = next(bearer for bearer in tool.bearers if bearer.name == component.name)
+        inertia, reach = moved(tool, bearer)[1], max(-lower, upper)
+        strong = min(MAX_SPRING[kind] / reach, MAX_SPRINGS_J / reach**2, inertia * (2 * np.pi * MAX_HZ) ** 2)
+        slow = min(MAX_DAMPING[kind], inertia * MAX_DECAY)
+        stiffness, damping = (
+            float(most * random.uniform(0.1, 0.99) * (random.random() < share))
+            for most, share in ((strong, 0.8), (slow, 0.4))
         )
+        friction = float(random.choice([0.0, 0.0, 0.1 * MAX_SPRING[kind]]))
+        joint = replace(joint, stiffness=stiffness, rest=rest, damping=damping, friction=friction)
         parts[number] = replace(component, joint=joint)
         return replace(tool, components=tuple(parts))
 
