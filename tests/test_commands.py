@@ -14,6 +14,8 @@ from PIL import Image
 
 from tests.commands import python_m
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
 TINY = [
@@ -69,7 +71,6 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("command", "words", "said"), MISTAKES, ids=[" ".join([c, *w[-1:]]) for c, w, _ in MISTAKES])
 def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words, said):
     (tmp_path / "malformed.json").write_text('{"strategies": [\n  oh no]}')
@@ -113,7 +114,6 @@ def test_evaluate_writes_what_each_plan_earned(tmp_path):
         assert word in done.stdout
 
 
-@pytest.mark.slow
 def test_render_writes_a_picture_of_the_size_asked_for(tmp_path):
     done = call(tmp_path, "render", "task=OneBook", "width=120", "height=90", "output=pictures/plain.png")
     assert done.returncode == 0, done.stderr
@@ -225,6 +225,7 @@ def test_the_best_design_can_be_taken_away(tiny):
     assert 20 < printed.extents.max() < 2000  # millimetres
 
 
+@pytest.mark.thorough
 def test_the_best_robot_can_be_loaded_from_anywhere(tiny, tmp_path):
     """Meshes are named relative to the file, so that the folder can travel."""
     folder = (tiny[0] / "best").rename(tmp_path / "moved")
@@ -256,7 +257,6 @@ def test_the_best_design_earns_the_same_again(tiny, tmp_path):
     assert again["distance_m"] == pytest.approx(best["distance_m"], abs=1e-9)
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(tiny, tmp_path):
     folder = tmp_path / "run"
     done = call(tmp_path, "run", *TINY, f"hydra.run.dir={folder}", "executor.workers=1")
@@ -268,7 +268,7 @@ def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(tiny
     assert (folder / "best" / "design.json").read_bytes() == (tiny[0] / "best" / "design.json").read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_folder_with_a_run_is_not_written_over(tiny):
     before = (tiny[0] / "result.json").read_bytes()
     done = call(tiny[0].parent, "run", *TINY, f"hydra.run.dir={tiny[0]}")

@@ -31,6 +31,8 @@ from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
 from tests.packages import install
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 NOTEBOOK = ROOT / "docs/example.ipynb"
@@ -70,17 +72,11 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 
 RUN = (  # really, of all that are composed; what they share is run once
     "core.evaluate task=BringCube designs=tests/tasks/solutions/BringCube.json output=rewards.json",
-    "core.evaluate protocol=varied task=OneBook tool=boxes designs=tests/tasks/anchored/OneBook.json",
     "core.prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
     "core.run --help",
-    "core.run -m task=BringCube seed=0,1",
-    "core.run robot=urdf robot.path=my_lab/outside_arm/urdf/arm.urdf robot.flange=tool0 "
-    "robot.home=[0,0.35,1.5,0,1.29,0] task=BringCube sim=mujoco",
     "vlmgineer render task=BringCube designs=tests/tasks/solutions/BringCube.json output=scene.png",
-    "core.run task=BringCube task.variation=wide action=anchored fitness=layouts",
     "vlmgineer gallery multirun/first output=gallery",
     "core.run task=MoveBall material=pla sim=mujoco fitness=buildable fitness.plate_mm=[400,400,400]",
-    "core.run task=OneBook sim=pybullet vlm=offline seed=3",
 )
 
 
@@ -88,7 +84,6 @@ def test_the_commands_that_are_run_are_in_the_docs():
     assert set(RUN) <= {line.removeprefix("python -m ") for line in commands()}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "line",
     [
@@ -141,7 +136,7 @@ def test_what_is_not_run_says_why():
             )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_settings_of_every_command_are_there():
     lines = [line for page in PAGES for _, block in console(page) for line in typed(block)]
     assert len(lines) > 10
@@ -168,7 +163,6 @@ def test_each_kind_of_block_is_looked_at():
     }
 
 
-@pytest.mark.slow
 @pytest.mark.thorough
 def test_the_notebook_shows_what_it_does(tmp_path):
     """Run it again: it shows outputs of the same kinds, and the rewards that its text names."""
@@ -233,7 +227,6 @@ def test_the_ranges_in_the_docs_are_those_of_the_tasks(page, plugin):
     assert text.partition("<!-- table -->\n")[2].startswith(build.ranges(plugin)), "python docs/build.py ranges"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_python_as_the_page_has_it(number, tmp_path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
@@ -266,7 +259,6 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
     assert "PullBlock" in plugins.names("task")
 
 
-@pytest.mark.slow
 def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     """Written by `plugins.new`, changed as the page says, and installed as pip leaves it."""
     page = ROOT / "docs/strategy_tutorial.md"
@@ -327,7 +319,6 @@ def test_example_designs_are_read():
 SCENE_PAGE = ROOT / "docs/writing_a_scene.md"
 
 
-@pytest.mark.slow
 def test_the_scene_of_the_page_passes_its_checks(tmp_path):
     """As the page has it: the pieces in one file, and the last piece beside it."""
     build.page_module(tmp_path)
@@ -340,7 +331,7 @@ def test_the_scene_of_the_page_passes_its_checks(tmp_path):
     assert Image.open(tmp_path / "scene.png").size == (640, 480)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_scene_of_the_page_becomes_a_part(tmp_path):
     """The package that the page's command writes, with the page's file in it."""
     folder, module = write_package("task", "PullTray", tmp_path / "pull_tray")
@@ -391,7 +382,7 @@ def test_the_tables_have_every_field_and_its_default(of):
         assert re.findall(r"`(\w+)`", row) == [field.name for field in dataclasses.fields(of)]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_pictures_of_the_page_are_drawn(tmp_path):
     """Each is one that the page shows, of the size that it has there, and not blank."""
     build.scene(tmp_path)

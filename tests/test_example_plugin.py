@@ -68,6 +68,7 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
         assert row["status"] == "ok", table
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "part", ["sim=toy", "vlm=echo", "task=PushButton tool=numbers", "evolution=restarts", "fitness=thrifty"]
 )

@@ -22,7 +22,7 @@ def population():
     return [candidate(number, faults_of.get(number)) for number in range(COUNT)], faults_of
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_where_one_in_ten_breaks_the_sound_ones_earn_what_they_earn_alone():
     candidates, fates = population()
     settings = {"workers": 2, "timeout_s": 5.0, "memory_mb": 1500}

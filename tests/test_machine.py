@@ -47,6 +47,7 @@ def test_a_temporary_folder_that_is_cleaned_changes_nothing(undisturbed, tmp_pat
     assert_same_run(tmp_path / "run", undisturbed)
 
 
+@pytest.mark.thorough
 @every_simulator
 def test_an_engine_whose_files_are_deleted_writes_them_again(engine):
     """The second rollout shares all files with the first; an engine may report none that is missing."""
@@ -69,6 +70,7 @@ def test_an_engine_whose_files_are_deleted_writes_them_again(engine):
     assert tried() == first
 
 
+@pytest.mark.thorough
 def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(undisturbed, disk):
     folder = disk.parent / "run"
     mount("-t", "tmpfs", "-o", "size=2m", "tests", str(disk))

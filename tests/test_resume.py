@@ -21,6 +21,9 @@ from tests import toys
 from tests.commands import python_m
 from tests.core.run_folders import edit
 from tests.disks import mount, small_files
+from tests.rare import rare
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 KILLED = {  # settings of the runs that are killed
@@ -97,7 +100,6 @@ def assert_same_run(one, other):
 # --- killed at any moment ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("points", "words"),
     [
@@ -147,7 +149,6 @@ def begin(toy, folder, **settings):
     return run(cfg, folder)
 
 
-@pytest.mark.slow
 def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, whole, tmp_path, capsys):
     folder = tmp_path / "run"
     result = begin(toy, folder, vlm_limit=6)
@@ -175,7 +176,7 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, who
     assert_same_run(folder, whole)
 
 
-@pytest.mark.parametrize("down", ["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"])
+@pytest.mark.parametrize("down", rare(["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"], "g0-a3|g1-.*"))
 def test_what_a_service_did_not_answer_is_asked_again(toy, whole, tmp_path, capsys, down):
     """A refusal beside it, of agent 2, stays; so does each answer."""
     folder = tmp_path / "run"
@@ -232,8 +233,7 @@ def test_a_run_in_which_every_proposal_fails_ends(toy, tmp_path, capsys):
     assert result_of(folder)["best"] is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("chunk", [1, 2, 4])
+@pytest.mark.parametrize("chunk", rare([1, 2, 4], 2))
 def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
     folder = tmp_path / "a run"
     result = begin(toy, folder, executor_fails_at=chunk)
@@ -382,7 +382,6 @@ def test_a_run_killed_before_it_stored_anything_begins_anew(toy, whole, tmp_path
 # --- one process at a time --------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=3)
@@ -415,6 +414,7 @@ def assert_full(toy, folder, whole, error):
     return len(stored)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [80_000, 150_000, 250_000])
 def test_a_disk_that_refuses_ends_the_run_and_later_it_goes_on(toy, whole, tmp_path, size):
     """As a quota does: at first the store's log can't grow, or the database itself, or a file."""
@@ -424,7 +424,7 @@ def test_a_disk_that_refuses_ends_the_run_and_later_it_goes_on(toy, whole, tmp_p
     assert (assert_full(toy, folder, whole, error) > 0) == (size > 80_000)
 
 
-@pytest.mark.parametrize("size", ["500k", "600k", "800k"])
+@pytest.mark.parametrize("size", rare(["500k", "600k", "800k"], "600k"))
 def test_a_disk_that_is_full_ends_the_run_and_later_it_goes_on(toy, whole, disk, size):
     mount("-t", "tmpfs", "-o", f"size={size}", "toys", str(disk))
     folder = disk / "run"

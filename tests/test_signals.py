@@ -64,6 +64,7 @@ class Terminal:
         return code, self.said.decode()
 
 
+@pytest.mark.thorough
 def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_path):
     folder, temporary = tmp_path / "a run", tmp_path / "temporary"
     terminal = Terminal(tmp_path, *SMALL, f"hydra.run.dir='{folder}'")
@@ -109,6 +110,7 @@ def kill(run, folder, more_than):
 # --- SIGTERM ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_sweep_that_is_terminated(tmp_path):
     """As a scheduler does, which signals every process of the group."""
     folder = tmp_path / "sweep"
@@ -125,6 +127,7 @@ def test_a_sweep_that_is_terminated(tmp_path):
     assert not (folder / "6").exists()
 
 
+@pytest.mark.thorough
 def test_an_evaluation_that_is_terminated(tmp_path):
     document = json.loads((ROOT / "tests" / "tasks" / "solutions" / "BringCube.json").read_text())
     (plan,) = document["strategies"][0]["action_sets"]

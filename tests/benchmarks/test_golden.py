@@ -17,6 +17,7 @@ def call(monkeypatch, *words):
     golden.main()
 
 
+@pytest.mark.thorough
 def test_the_same_code_earns_the_same_bits(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     few = ["tasks=BringCube", "sims=mujoco", "designs=2", "workers=1"]

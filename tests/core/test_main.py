@@ -14,6 +14,8 @@ from core.errors import UserError
 from core.plugins import installed
 from core.plugins.own_commands import COMMANDS
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 SCRIPT = [str(Path(sys.executable).with_name("vlmgineer"))]
 TINY = [
@@ -107,7 +109,7 @@ def test_modules_in_the_working_directory_hide_nothing(tmp_path, name):
     assert "'vlmgineer NAME ...'" in line
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_run_beside_such_modules(tmp_path):
     """The worker processes import ours as well, and so do the conformance suites."""
     for name in ("tasks", "core", "plugins", "conf", "prompts"):
@@ -119,7 +121,6 @@ def test_a_run_beside_such_modules(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.slow
 def test_an_interrupt(tmp_path):
     words = [*TINY, "vlm=mailbox", "hydra.run.dir=run"]
     process = subprocess.Popen([*SCRIPT, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True)

@@ -12,6 +12,9 @@ from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.prompt import compose, main
 from tests.commands import python_m
+from tests.rare import rare
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
@@ -69,8 +72,7 @@ def test_every_use(use, idea):
     assert plan["items"]["minItems"] == numbers
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kinds", ["rigid", "gripper"])
+@pytest.mark.parametrize("kinds", rare(["rigid", "gripper"], "rigid"))
 def test_evolution_shows_what_the_designs_earned(designs, kinds):
     request = composed("prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]")
     block = re.search(r"## The elites\n.*?```json\n(.*?)```", text_of(request), re.DOTALL)
@@ -82,11 +84,10 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
     assert ("of the other kind" in text_of(request)) == (kinds == "gripper")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("views", [["camera", "front", "side", "top"], ["top"], []])
+@pytest.mark.parametrize("views", rare([["camera", "front", "side", "top"], ["top"], []], []))
 def test_the_scene_is_drawn_from_where_the_settings_say(views):
     """Of two kinds of tools, gripper tools get a picture with the hand, rigid ones a picture without."""
-    words = [f"prompt.views=[{','.join(views)}]", "task=SnatchCookie", "task.tool_kinds=[rigid,gripper]", "sim=mujoco"]
+    words = [f"prompt.views=[{','.join(views)}]", "task=OneBook", "task.tool_kinds=[rigid,gripper]", "sim=mujoco"]
     by_kind = {}
     for agent in range(8):
         request = composed(*words, f"agent={agent}")
@@ -106,7 +107,7 @@ def test_the_scene_is_drawn_from_where_the_settings_say(views):
     assert all(bare != hand for bare, hand in zip(pictures[False], pictures[True], strict=True))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
     assert [elite.candidate.id for elite in request.brief.elites] == ["g0-a0-s1-p1"]
@@ -134,7 +135,6 @@ def test_mistakes(overrides, reason):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.slow
 def test_designs_that_make_no_elites(tmp_path):
     (good,) = json.loads(SOLUTION.read_text())["strategies"]
     file = tmp_path / "designs.json"
@@ -143,7 +143,6 @@ def test_designs_that_make_no_elites(tmp_path):
         composed(f"designs={file}")
 
 
-@pytest.mark.slow
 def test_the_command_writes_what_would_be_sent(tmp_path):
     words = ["task=OneBook", "vlm=litellm", "vlm.model=openai/gpt-4.1", "output=there", "budget.n_tool=2", "agent=3"]
     done = python_m(tmp_path, "core.prompt", *words)
@@ -175,7 +174,7 @@ def test_without_a_language_model_tokens_are_estimated_from_the_length(tmp_path,
     assert "prompt.check=true: each agent asks twice" in said
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_output_that_can_not_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="can't write"):

@@ -18,6 +18,8 @@ from plugins.transfer import TransferConfig, configured, transfer
 from tests import toys
 from tests.commands import python_m
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
 COARSE = "{name: pybullet, time_step: 0.004}"
@@ -40,7 +42,6 @@ def ran(tmp_path_factory):
 # --- a designs file ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_every_design_in_every_engine_with_every_change(tmp_path):
     good = json.loads(SOLUTION.read_text())["strategies"][0]
     plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
@@ -78,7 +79,6 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     assert f"{far['design']}, panda: {far['reason']}" in lines
 
 
-@pytest.mark.slow
 def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp_path):
     words = [f"designs={SOLUTION}", SIMS, "seeds=[1,2]"]
     results = [transfer(settings([*words, f"executor.workers={n}"])) for n in (1, 2)]
@@ -88,7 +88,6 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
     assert results[0]["designs"][0]["engines"]["pybullet"]["nominal"] == plain["reward"]
 
 
-@pytest.mark.slow
 def test_no_spread_no_difference():
     words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
     (design,) = transfer(settings([*words, *(f"perturbation.{k}=0" for k in ("position", "yaw", "mass", "friction"))]))[
@@ -149,7 +148,6 @@ def test_no_arm_that_can_do_it_is_an_error(arms):
         on(arms, "{name: panda, base: [3, 0, 0, 0]},{name: panda, base: [4, 0, 0, 0]}")
 
 
-@pytest.mark.slow
 def test_an_arm_that_stands_elsewhere(tmp_path):
     words = ["sims=[pybullet]", "seeds=[1]", "output=out.json"]
     robots = "robots=[panda,{name: panda, base: [0.05, 0, 0, 0]}]"
@@ -164,7 +162,6 @@ def test_an_arm_that_stands_elsewhere(tmp_path):
 # --- a run's folder ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     folder, result = ran
     tried = result.ranking
@@ -175,7 +172,6 @@ def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     assert [design["engines"]["pybullet"]["nominal"] for design in found] == [e.reward for e in tried[:3]]
 
 
-@pytest.mark.slow
 def test_all_that_was_tried_can_be_read_back(ran):
     folder, result = ran
     task = installed().create("task", "OneBook")
@@ -194,7 +190,7 @@ def test_all_that_was_tried_can_be_read_back(ran):
     assert stored_config(folder)["seed"] == 3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
     words = ["task=BringCube", "tool=none", "film=false", "listener=[]", "executor.workers=1"]
     words += ["budget.n_agent=1", "budget.n_action=2", "budget.n_iteration=0"]

@@ -12,7 +12,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.simulation.rollout import evaluate_batch, prepare
 from tasks.bring_cube import SIDE
-from tests.engines import every_simulator, simulator
+from tests.engines import every_simulator, mujoco_first, simulator
 
 SHAPES = Path(__file__).parent / "solutions" / "shapes"
 TOOLS = {"ladle": ("GatherSpheres", "solids"), "tongs": ("BringCube", "boxes"), "scraper": ("CleanTable", "boxes")}
@@ -37,7 +37,7 @@ def play(name, engine, candidate):
     return evaluation
 
 
-@every_simulator
+@mujoco_first
 @pytest.mark.parametrize("name", ["tongs", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ladle", "scraper"))])
 def test_it_solves_its_task_without_a_penetration(name, engine):
     evaluation = play(name, engine, candidate_of(name))

@@ -73,7 +73,7 @@ def test_cookies_lie_in_the_jar_and_in_nothing_else(seed: int) -> None:
     assert clear[~np.eye(COOKIES, dtype=bool)].all()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_columns_stand_still() -> None:
     """Contact solvers are at their worst with stacks."""
     still = JointTrajectory(np.zeros(1), ARM.home_for(TASK.home)[None], np.array([FINGER_OPEN]))

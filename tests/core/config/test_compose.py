@@ -8,6 +8,8 @@ from core.errors import UsageError, UserError
 from core.plugins import Offer, installed
 from core.run import main
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("words", "reason"),

@@ -9,6 +9,8 @@ from core.config.compose import load
 from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.errors import UsageError, UserError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def began():

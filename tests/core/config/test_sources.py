@@ -15,6 +15,8 @@ from core.plugins import KINDS, installed
 from tests.core.plugins.offering import Engine, Offering
 from tests.panda import PANDA
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 BUILT_IN = sorted(part for part in installed().offers if part[0] != "command")  # a command has no settings
 ROBOTS = {"panda": lambda: PANDA}

@@ -17,6 +17,8 @@ from core.store.recorder import RunStore
 from plugins.results.pages.runs import LeftOutRun, read_run
 from tests.commands import python_m
 
+pytestmark = pytest.mark.slow
+
 KEY = "sk-planted-0123456789"
 ROOT = Path(__file__).parents[3]
 WORDS = [
@@ -70,7 +72,6 @@ def test_a_key_in_a_configuration_is_refused():
     refuse_keys(OmegaConf.create({"vlm": {"api_key": None, "token": "???", "n": 5}, "hydra": {"token": "x"}}))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("words", [["+vlm.api_key=anything"], ["-m", "+vlm.api_key=anything,other", "seed=1,2"]])
 def test_nothing_is_written_when_a_key_is_on_the_command_line(words, tmp_path):
     done = command(tmp_path, "core.run", *words)
@@ -79,7 +80,6 @@ def test_nothing_is_written_when_a_key_is_on_the_command_line(words, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("many", [[], ["-m", "seed=1,2"]])
 def test_nothing_is_written_when_a_key_is_in_a_persons_own_config(many, tmp_path):
     (tmp_path / "mine" / "vlm").mkdir(parents=True)

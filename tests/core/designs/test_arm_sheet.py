@@ -10,6 +10,8 @@ from core.plugins import installed
 from core.scene import Scene
 from tests.panda import ARM, PANDA
 
+pytestmark = pytest.mark.slow
+
 UR5 = installed().create("robot", "ur5")
 
 

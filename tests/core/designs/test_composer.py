@@ -33,6 +33,8 @@ from plugins.actions.waypoints import WaypointActions
 from plugins.tools.urdf.representation import UrdfTools
 from tests.panda import ARM, PANDA, on_panda
 
+pytestmark = pytest.mark.slow
+
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
 

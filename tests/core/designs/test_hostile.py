@@ -17,6 +17,8 @@ from tests.conftest import FUZZ_CASES
 from tests.hostile import REPLIES, ROD, TOOLS, boxes, frames, reply, reply_of, sound, spawn_rules, tool_reply
 from tests.soundness import check_candidate
 
+pytestmark = pytest.mark.slow
+
 URDF = installed().create("tool", "urdf")
 LIMITS = {"workers": 1, "timeout_s": 60.0, "memory_mb": 1024}
 HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them is dropped, what is left is sound

@@ -17,6 +17,8 @@ from core.scene import Body, Scene, table
 from core.support.text import clean
 from tests.panda import on_panda
 
+pytestmark = pytest.mark.slow
+
 
 class CubeOnTable(Task):
     name = "CubeOnTable"

@@ -8,6 +8,8 @@ from core.geometry import Pose
 from core.robot.trajectory import plan_motion
 from tests.panda import ARM, FINGER_OPEN, PANDA
 
+pytestmark = pytest.mark.slow
+
 HOME = Pose.xyz_rpy((0.5, 0, 0.5))
 PLAN = np.array(
     [

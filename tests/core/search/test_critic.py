@@ -107,6 +107,7 @@ def test_without_a_critic_or_anything_tried_nothing_is_asked(feedback):
     assert not any(request.critique for request in vlm.requests)
 
 
+@pytest.mark.thorough
 @settings(max_examples=10)
 @given(
     st.text(max_size=50).map(lambda text: text * 100)

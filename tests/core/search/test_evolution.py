@@ -416,6 +416,7 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     assert strategy.asked == 2
 
 
+@pytest.mark.thorough
 def test_processes_come_to_the_same_as_this_one():
     """Candidates are read in another thread then, while results come: identical and rejected ones, and a limit."""
     asked = [

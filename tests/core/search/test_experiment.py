@@ -9,6 +9,8 @@ from core.plugins import installed
 from core.support.text import hydra_word
 from tests import toys
 
+pytestmark = pytest.mark.slow
+
 SIZES = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
 
 

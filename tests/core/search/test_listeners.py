@@ -13,6 +13,8 @@ from core.plugins import installed
 from core.search.orchestration import run
 from tests import toys
 
+pytestmark = pytest.mark.slow
+
 EVENTS = [name for name in vars(Events) if not name.startswith("_")]
 
 MODULE = '''

@@ -97,7 +97,7 @@ def test_rollouts_that_mean_nothing(rollouts):
         search(rollouts)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("action", ["waypoints", pytest.param("anchored", marks=pytest.mark.thorough)])
 def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(tmp_path, action):
     """With one worker, and with two."""

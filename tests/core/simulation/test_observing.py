@@ -176,7 +176,7 @@ def test_states_that_are_not_finite_are_not_observed(monkeypatch):
     assert (evaluation.status, evaluation.observation) == ("ok", None)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("engine", ["pybullet", "sapien"])
 def test_other_engines_name_the_same_failures(engine):
     """Those that hang on no friction."""

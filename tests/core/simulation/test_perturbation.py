@@ -21,6 +21,8 @@ from core.scene import Body, Geom, Joint, Scene, table
 from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
 from tests.panda import ARM, FINGER_OPEN
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 GREY = (0.5, 0.5, 0.5, 1.0)
 

@@ -15,7 +15,7 @@ from core.search.orchestration import resume, run
 from core.simulation.pictures import APART_S, FILM_HZ, FRAMES, moments, png, save_film
 from plugins.conformance.worlds import Bodies, cube, stick
 from tests import toys
-from tests.engines import every_simulator, mujoco_first, simulator
+from tests.engines import mujoco_first, simulator
 
 
 def test_a_png_holds_the_picture_as_it_is():
@@ -43,7 +43,7 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
 
 
 @pytest.mark.slow
-@every_simulator
+@mujoco_first
 def test_every_thread_draws_the_same(engine):
     task, pictures = Bodies(table(), cube(at=(0.6, 0.0, 0.05))), []
 
@@ -112,7 +112,7 @@ def open_picture(file):
         return np.asarray(picture.convert("L")).astype(int)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @mujoco_first
 def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_path):
     """The scene is drawn in the main thread, elites in the one that reads candidates."""

@@ -86,7 +86,7 @@ def tools():
     return st.sampled_from([Tool(), Tool(gripper=True)]) | boxes
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @settings(max_examples=25, deadline=None)
 @given(tools(), st.lists(st.tuples(*[st.floats(0, 1)] * 8), min_size=2, max_size=3))
 def test_it_finds_what_dense_samples_find(tool, shares):

@@ -13,6 +13,8 @@ from core.store.rows import TABLES
 from plugins.results.pages.runs import FinishedRun, read_run
 from tests.core.run_folders import edit, write_run
 
+pytestmark = pytest.mark.slow
+
 DEEP = "[" * 900 + "]" * 900
 
 

@@ -17,6 +17,7 @@ from core.events import Run
 from core.interfaces import Budget
 from core.plugins import installed
 from core.support import cli
+from tests.rare import rare
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(signals, aft
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]], ids=" ".join)
-@pytest.mark.parametrize("buffering", [[], ["-u"]], ids=["buffered", "unbuffered"])
+@pytest.mark.parametrize("buffering", rare([[], ["-u"]], []), ids=["buffered", "unbuffered"])
 def test_output_that_is_closed_at_its_other_end(words, buffering):
     """As with ``| head``."""
     read, write = os.pipe()

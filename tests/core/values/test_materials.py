@@ -24,6 +24,8 @@ from plugins.results.pages.tools import winners
 from plugins.transfer import configured
 from tests.panda import on_panda
 
+pytestmark = pytest.mark.slow
+
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 NAMES = sorted(file.stem for file in (Path(__file__).parents[3] / "conf" / "material").glob("*.yaml"))
 PLA = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6)

@@ -11,10 +11,11 @@ from plugins.conformance import exactness
 from plugins.conformance.exactness import measure
 from plugins.conformance.worlds import GREY, Bodies, motion
 from tests.panda import PANDA
+from tests.rare import rare
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["mujoco", "sapien"])
+@pytest.mark.parametrize("engine", rare(["mujoco", "sapien"], "mujoco"))
 def test_the_stored_figures_are_those_of_the_engine(engine):
     pytest.importorskip(engine)
     measured = measure(part("sim", load("evaluate", [f"sim={engine}"]).sim).create(), PANDA)
@@ -25,7 +26,7 @@ def test_the_stored_figures_are_those_of_the_engine(engine):
         assert measured[name] == pytest.approx(figure, rel=0.1, abs=least), name
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_slower_servo_is_less_exact_and_presses_less():
     lazy = measure(part("sim", load("evaluate", ["sim=mujoco", "sim.tracking_rate=25"]).sim).create(), PANDA)
     usual = PANDA.measured["mujoco"]

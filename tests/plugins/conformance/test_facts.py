@@ -41,7 +41,7 @@ def test_without_engines_the_command_shows_the_stored_figures(tmp_path):
     assert done.stdout == sheet(PANDA, PANDA.measured)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_command_writes_the_figures_of_the_engines_named(tmp_path):
     done = call(tmp_path, "facts", "sims=[mujoco]", "output=figures.json")
     assert done.returncode == 0, done.stderr

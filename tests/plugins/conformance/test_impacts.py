@@ -11,6 +11,8 @@ from plugins.conformance.worlds import Bodies
 from tests.engines import SIMULATORS, simulator
 from tests.panda import PANDA
 
+pytestmark = pytest.mark.slow
+
 
 class Otherwise(Simulator):
     """Simulates another scene or robot than the one it is given."""

@@ -8,6 +8,8 @@ from core.plugins import installed
 from core.values.robots import Robot
 from plugins.conformance.suites import SUITES, examine
 
+pytestmark = pytest.mark.slow
+
 
 def ur5(**changes: object) -> Robot:
     return replace(installed().create("robot", "ur5"), **changes)

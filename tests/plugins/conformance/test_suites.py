@@ -20,6 +20,8 @@ from plugins.conformance.suites import SUITES, examine, subject
 from plugins.conformance.worlds import GREY
 from tests.panda import on_panda
 
+pytestmark = pytest.mark.slow
+
 PARTS = [("task", name) for name in installed().ready("task")]
 PARTS += [("tool", name) for name in installed().names("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
@@ -282,7 +284,6 @@ def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, caps
     assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_listeners_are_checked_by_name(monkeypatch, capsys):
     conformance.main(["listener=[summary,progress]", "listener.summary.top=1"])
     out = capsys.readouterr().out

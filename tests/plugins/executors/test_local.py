@@ -13,6 +13,8 @@ from core.plugins import installed
 from core.search.dispatch import CHUNK
 from core.support.scratch import scratch
 
+pytestmark = pytest.mark.slow
+
 
 def executor(**settings):
     return installed().create("executor", "local", settings)
@@ -95,7 +97,6 @@ def test_each_chunk_comes_with_its_result(workers):
     assert all(any(chunk is own for own in chunks) for chunk, _ in found)  # the very chunk, not a copy that travelled
 
 
-@pytest.mark.slow
 def test_what_befalls_a_chunk_befalls_no_other():
     chunks = [["a"], ["raise"], ["b"], ["exit"], ["c"], ["kill"], ["d"], ["hang"], ["e"]]
     with executor(workers=2, timeout_s=3.0) as pool:
@@ -135,7 +136,6 @@ def test_a_worker_that_dies_while_it_has_no_work_breaks_nothing():
         assert sorted(pool.map(double, [[1], [2], [3]])) == [([1], [2]), ([2], [4]), ([3], [6])]
 
 
-@pytest.mark.slow
 def test_processes_that_cannot_be_used_end_the_run(monkeypatch):
     monkeypatch.setattr("plugins.executors.local._work", refuse)
     with executor(workers=2) as pool, pytest.raises(UserError, match="exit code 7"):
@@ -156,7 +156,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
 def test_workers_do_not_outlive_a_process_that_was_killed(tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)
     parent = subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True)
@@ -225,7 +224,7 @@ def test_a_worker_gets_no_more_memory_than_is_allowed():
         assert [result for _, result in pool.map(hoard, [[200]])] == [200]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_others_left_in_a_worker_is_no_chunks_fault():
     """Each takes less than is allowed; together they take more."""
     with executor(workers=1, memory_mb=600) as pool:
@@ -234,7 +233,7 @@ def test_what_others_left_in_a_worker_is_no_chunks_fault():
     assert max(results) < 600
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_candidates_of_a_chunk_have_as_long_as_one():
     with executor(workers=1, timeout_s=2.0) as pool:
         hangs, more = [5.0] + [0.0] * (CHUNK - 1), [0.25] * (CHUNK + 1)

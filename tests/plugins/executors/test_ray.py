@@ -94,6 +94,7 @@ def cluster():
         cluster.shutdown()
 
 
+@pytest.mark.thorough
 def test_what_befalls_a_chunk_befalls_no_other():
     before, here = signal.getsignal(signal.SIGTERM), offspring(os.getpid())
     chunks = [["a"], ["raise"], ["b"], ["exit"], ["c"], ["hang"], ["d"]]
@@ -200,6 +201,7 @@ def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     assert there == here
 
 
+@pytest.mark.thorough
 def test_ctrl_c_leaves_nothing_behind(tmp_path):
     words = ["executor=ray", "executor.workers=1", "evolution=sampling", "budget.n_agent=1", "budget.n_tool=1"]
     words += ["budget.n_action=1", "budget.n_iteration=1000", "film=false", "~listener.rerun"]

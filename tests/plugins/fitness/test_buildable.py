@@ -23,6 +23,8 @@ from core.prompt import compose
 from core.simulation.rollout import Evaluator, PluginPart
 from core.values.materials import Material
 
+pytestmark = pytest.mark.slow
+
 PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
 PLATE = [500.0, 500.0, 500.0]
 

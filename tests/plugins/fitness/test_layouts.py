@@ -25,6 +25,7 @@ from core.search.orchestration import resume, run
 from core.simulation.rollout import Evaluator, PluginPart
 from plugins.fitness.layouts import UNSEEN, worst_quarter
 from plugins.results.pages.runs import read_run
+from tests.rare import rare
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
 WIDE = Evaluator(PluginPart("task", "BringCube", (("variation", "wide"),)), PluginPart("sim", "mujoco"), 3, QUICK)
@@ -154,7 +155,12 @@ def _unseen(words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("named", [{"name": "layouts", "layouts": 3}, {"name": "robust", "sims": ["mujoco"]}])
+@pytest.mark.parametrize(
+    "named",
+    rare(
+        [{"name": "layouts", "layouts": 3}, {"name": "robust", "sims": ["mujoco"]}], {"name": "layouts", "layouts": 3}
+    ),
+)
 def test_a_race_ends_the_same_way_with_one_worker_and_with_two(named):
     near = Evaluator(
         PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", load("config", ["sim=mujoco"]).sim)

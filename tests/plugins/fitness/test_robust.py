@@ -87,7 +87,7 @@ def test_a_wrong_key_is_reported():
         load("config", ["fitness=robust", "fitness.perturbation.weight=1"])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_robust_tries_every_change_in_every_engine():
     config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
     earns = fitness(config, EVALUATOR)
@@ -110,7 +110,7 @@ def test_robust_tries_every_change_in_every_engine():
     assert rewards.min() > 0.9
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
     words = ["task=BringCube", "film=false", "listener=[]", "executor.workers=1", "sim.solver_iterations=30"]
     words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"]

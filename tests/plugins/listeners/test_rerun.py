@@ -27,6 +27,8 @@ from plugins.listeners.rerun.writer import replay
 from tests.benchmarks import layouts
 from tests.panda import ARM
 
+pytestmark = pytest.mark.slow
+
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 TASK = installed().create("task", "BringCube")
 URDF = installed().create("tool", "urdf")
@@ -307,7 +309,7 @@ print("the run goes on")
 """
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_full_disk(tmp_path):
     words = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
     quiet = os.environ | {"RUST_LOG": "off"}

@@ -15,6 +15,8 @@ from tests.commands import python_m
 from tests.core.browser import complaints, opened, requests, screenshot
 from tests.core.run_folders import edit, hook, write_run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
@@ -39,7 +41,6 @@ def test_the_best_of_each_task_are_chosen_each_once(made):
     assert [run.status for run in left_out] == ["unfinished"]
 
 
-@pytest.mark.slow
 def test_a_tool_that_is_hardly_another_takes_no_place(tmp_path):
     tools = [hook(0.3, "best"), hook(0.304, "its copy"), hook(0.35, "longer"), hook(0.2, "shorter")]
     write_run(tmp_path / "run", rewards=[[0.9, 0.8, 0.7, 0.6]], tools=tools)
@@ -62,7 +63,6 @@ def test_files_for_the_printer(made):
     assert 0.01 < (picture[..., 3] > 0).mean() < 0.9
 
 
-@pytest.mark.slow
 def test_a_tools_design_can_be_tried_again(made, tmp_path):
     design = made[0] / "OneBook" / "1_short" / "design.json"
     words = ["task=OneBook", f"designs={design}", "output=again.json", "executor.workers=1"]
@@ -96,7 +96,6 @@ def test_nothing_to_show(tmp_path):
         gallery([tmp_path / "runs"], tmp_path / "out", 3, Printer())
 
 
-@pytest.mark.slow
 def test_the_page(made):
     out, _, _ = made
     text = (out / "index.html").read_text()
@@ -117,7 +116,6 @@ def test_the_page(made):
             assert (np.abs(pixels - pixels[5, 5]).sum(axis=-1) > 30).mean() > 0.01
 
 
-@pytest.mark.slow
 def test_the_command(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.25]], tools=[hook(0.1, "[bold]rod[/]")])
     done = python_m(tmp_path, "core", "gallery", "run", "output=out", "plate_mm=[20,20,20]")

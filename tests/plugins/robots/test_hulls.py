@@ -123,6 +123,7 @@ def test_a_cache_that_cant_be_written_is_named(write, cache):
         hull_file(write("a.stl"))
 
 
+@pytest.mark.thorough
 def test_doubled_nodes_of_collada_end_with_their_process(write, monkeypatch):
     """Each of 40 nodes holds the one before it twice: 5 kB that unfold to 1e12 shapes."""
     monkeypatch.setattr(hulls, "isolated", isolated)

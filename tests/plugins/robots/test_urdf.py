@@ -13,6 +13,7 @@ from plugins import render
 from plugins.conformance.suites import SUITES
 from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.plugins.robots.test_reading import gripped
+from tests.rare import rare
 
 ROOT = Path(__file__).parents[3]
 GRIPPER = "robot.gripper={link:hand_base,joints:[left,right],force_n:30}"
@@ -31,7 +32,7 @@ def test_an_outside_arm_conforms(check, words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sim", ["mujoco", "pybullet", "sapien"])
+@pytest.mark.parametrize("sim", rare(["mujoco", "pybullet", "sapien"], "mujoco"))
 def test_it_performs_the_reference_solution(words, sim):
     designs = f"designs={ROOT}/tests/tasks/solutions/BringCube.json"
     (evaluation,) = evaluate.evaluate(load("evaluate", [*words, "task=BringCube", f"sim={sim}", designs]))

@@ -11,6 +11,8 @@ from plugins.conformance.repeat import digest
 from plugins.conformance.suites import SUITES
 from tests.engines import every_simulator, simulator
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 
 
@@ -20,7 +22,6 @@ def test_simulator(engine, check):
     check(simulator(engine))
 
 
-@pytest.mark.slow
 @every_simulator
 def test_same_bits_in_every_process_and_simulator(engine):
     first = digest(simulator(engine))

@@ -316,7 +316,7 @@ def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
     assert "MUJOCO_GL=nonsense does not work here" in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_render_says_who_drew(tmp_path, own_renderer):
     arguments = ["core", "render", "sim=mujoco", "width=32", "height=24"]
     done = without(["pybullet"], arguments, tmp_path)

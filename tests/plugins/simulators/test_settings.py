@@ -112,7 +112,9 @@ def test_mujocos_renderer_sees_what_pybullets_sees():
     ("engine", "missing", "refusal"),
     [
         ("sapien", ["pybullet"], "the engine draws nothing itself, and pybullet's can't stand in"),
-        ("mujoco", ["pybullet", "OpenGL"], "MuJoCo's own renderer needs OpenGL"),
+        pytest.param(
+            "mujoco", ["pybullet", "OpenGL"], "MuJoCo's own renderer needs OpenGL", marks=pytest.mark.thorough
+        ),
     ],
 )
 def test_without_pybullet_and_a_display_it_runs_without_pictures(engine, missing, refusal, tmp_path):

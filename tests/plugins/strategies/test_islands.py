@@ -90,6 +90,7 @@ def test_wrong_settings(settings, message):
         search(**settings)
 
 
+@pytest.mark.thorough
 def test_each_island_may_have_a_model_of_its_own(toy, tmp_path):  # noqa: F811
     cfg = toys.several(toy.file, "evolution=islands", "evolution.members=[a toy,'a toy (2)']", "prompt.critic=0")
     run(cfg, tmp_path / "run")

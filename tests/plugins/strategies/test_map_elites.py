@@ -140,6 +140,7 @@ def config(toy, fails_at=None):  # noqa: F811
     return cfg
 
 
+@pytest.mark.thorough
 def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F811
     whole = run(config(toy), tmp_path / "whole")
     tried = len(toy.lines("tried"))
@@ -153,7 +154,7 @@ def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F
     assert len(toy.lines("tried")) == 4 * tried
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_run_in_an_engine_is_the_same_with_one_worker_and_with_two(tmp_path):
     words = ["task=BringCube", "sim=mujoco", "evolution=map_elites", "evolution.varied=4", "listener=[]", "film=false"]
     words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]

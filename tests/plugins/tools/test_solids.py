@@ -17,6 +17,8 @@ from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools
 from tests.panda import PANDA
 
+pytestmark = pytest.mark.slow
+
 TOOLS = SolidTools()
 TOOLS.robot = PANDA
 

@@ -28,6 +28,8 @@ from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Say, Send, request, serving
 from tests.plugins.vlms.test_litellm_runs import secrets_in
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 SOLUTION = (ROOT / "tests/tasks/solutions/BringCube.json").read_text()
 
@@ -309,7 +311,7 @@ def outcome(folder):
     return tables, {key: value for key, value in result.items() if key not in ("wall_time_s", "rollouts_per_s")}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("planted", "warm")
 def test_a_run_with_a_critic_that_a_limit_stops_comes_to_the_same_result_and_asks_nothing_twice(tmp_path):
     with serving(design) as open_ai, serving(design) as google:

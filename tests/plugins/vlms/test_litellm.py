@@ -20,10 +20,11 @@ from plugins.vlms.litellm.model import LanguageModel
 from tests.commands import python_m
 from tests.plugins.vlms.asking import KEYS, PAID, PROTOCOLS, VARIABLES, agent_of, ask, in_turn, model_at
 from tests.plugins.vlms.servers import PNG, SCHEMA, Reset, Say, Send, Stall, request, serving
+from tests.rare import rare
 
 ROOT = Path(__file__).parents[3]
 
-pytestmark = pytest.mark.usefixtures("planted", "warm")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 
 
 # --- what is sent, what comes back ------------------------------------------------------------------------------
@@ -205,7 +206,7 @@ def cases(protocol):
 UNANSWERED = [False] * 5 + [True] * 5 + [False] * 8
 
 
-@pytest.mark.parametrize("protocol", PAID)
+@pytest.mark.parametrize("protocol", rare(PAID, "anthropic"))
 def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplog):
     wanted = cases(protocol)
     scripts = [in_turn(*acts) for acts, *_ in wanted]
@@ -228,7 +229,7 @@ def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplo
     assert "cut off the reply" in caplog.text
 
 
-@pytest.mark.parametrize("protocol", PAID)
+@pytest.mark.parametrize("protocol", rare(PAID, "openai"))
 def test_a_server_that_stalls_meets_the_time_limit(protocol):
     """So does one that sends a byte at times; each costs its own reply only."""
     scripts = [in_turn(Stall()), in_turn(Stall(drip=True), FINE), in_turn(FINE)]
@@ -359,8 +360,7 @@ NO_MODEL = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("command", NO_MODEL)
+@pytest.mark.parametrize("command", rare(NO_MODEL, "core.run"))
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     """In no process: a LiteLLM that fails on import precedes the real one."""
     (tmp_path / "litellm.py").write_text("raise SystemExit('LiteLLM was imported')")
@@ -387,7 +387,6 @@ list(vlm.complete([request(2), request(3)]))
 """
 
 
-@pytest.mark.slow
 def test_only_calls_go_over_the_network_nothing_is_printed_and_an_interrupt_waits_for_no_server():
     with serving(lambda call: FINE if agent_of(call) < 2 else Stall()) as server:
         process = python(CALL_TWICE, "gemini/gemini-2.5-pro", server.url)

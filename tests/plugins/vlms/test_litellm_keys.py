@@ -14,7 +14,7 @@ from plugins.vlms.litellm.transport import OPENAI
 from tests.plugins.vlms.asking import KEYS, ask
 from tests.plugins.vlms.servers import Say, request, serving
 
-pytestmark = pytest.mark.usefixtures("planted")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted")]
 OWNERS = {"anthropic": ["anthropic"], "anthropic_text": ["anthropic"], "gemini": ["google"]}
 OWN = "planted-own-0123456789"
 

@@ -58,6 +58,7 @@ def test_a_served_run_and_its_replay_have_the_result_of_their_answers(tmp_path):
     assert not secrets_in(tmp_path)
 
 
+@pytest.mark.thorough
 def test_the_second_answer_of_a_checked_run_counts_costs_and_is_replayed(tmp_path):
     """First answers reach too far; the second one of agent 1 is refused, so that its first one counts."""
     small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
@@ -100,6 +101,7 @@ FAULTS = [
 ]
 
 
+@pytest.mark.thorough
 def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path, capfd):
     """Each agent meets another fault. Expected counts: two candidates for each answer, one rejection for each missing
     answer, and a candidate and a rejection for the answer that was cut off.
@@ -176,6 +178,7 @@ OUTAGES = [
 REFUSED = [Say("", "SAFETY")]
 
 
+@pytest.mark.thorough
 def test_a_provider_that_is_down_ends_the_run_and_what_it_did_not_answer_is_asked_again(tmp_path):
     """Each agent meets another outage; the answer of the last one is refused, which is an answer."""
     good, down, seeds = Say(json.dumps({"strategies": [SOLUTION]})), True, []
@@ -206,6 +209,7 @@ def test_a_provider_that_is_down_ends_the_run_and_what_it_did_not_answer_is_aske
     assert (generation["n_candidates"], generation["n_rejected"]) == (len(OUTAGES) + 1, 1)
 
 
+@pytest.mark.thorough
 def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path, monkeypatch, capfd):
     """The key ends in a line break; it is repeated in the tool's name, in the model's, in an error and in base64."""
     key = "sk-planted0123456789"

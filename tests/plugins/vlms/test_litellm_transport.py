@@ -14,7 +14,7 @@ from plugins.vlms.litellm.transport import MAX_ITEMS
 from tests.plugins.vlms.asking import KEYS, PROTOCOLS, ask, in_turn
 from tests.plugins.vlms.servers import Call, Say, Send, Stall, document, request, serving
 
-pytestmark = pytest.mark.usefixtures("planted", "warm")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 
 # Other providers of LiteLLM's, with the environment that each needs.
 OTHERS = {
@@ -73,7 +73,6 @@ def test_a_redirect_to_anywhere_is_one_line(location):
     assert reply.error.isprintable()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", OTHERS)
 def test_no_provider_follows_a_redirect(model, monkeypatch):
     for name, value in OTHERS[model].items():
@@ -107,7 +106,6 @@ def packed_answer(protocol, packer):
     return packer(whole.encode())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_an_answer_is_bounded_while_it_arrives(protocol):
     gzipped, deflated = bomb(zlib.MAX_WBITS | 16), bomb(zlib.MAX_WBITS)

@@ -20,6 +20,8 @@ from plugins.vlms.mailbox.model import Mailbox, judge
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())
 GOOD = json.dumps(SOLUTION)
@@ -325,7 +327,6 @@ RUN = [
 ]
 
 
-@pytest.mark.slow
 def test_a_run_answered_by_hand(tmp_path):
     folder = tmp_path / "run"
     box = folder / "mailbox"

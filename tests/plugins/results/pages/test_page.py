@@ -11,6 +11,8 @@ from lxml import etree
 from plugins.results.report.command import report
 from tests.core.run_folders import hook, result, write_run
 
+pytestmark = pytest.mark.slow
+
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'>{{ 7 * 7 }}</title>$\\frac{1}{2}$\x1b[31m\u202e\x00"
 
 

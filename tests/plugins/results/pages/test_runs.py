@@ -16,6 +16,8 @@ from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_
 from plugins.results.pages.tools import given_tool, winners
 from tests.core.run_folders import result, write_run
 
+pytestmark = pytest.mark.slow
+
 
 def folder_state(folder: Path) -> dict[str, tuple[int, int]]:
     return {str(p.relative_to(folder)): (p.stat().st_mtime_ns, p.stat().st_size) for p in sorted(folder.rglob("*"))}

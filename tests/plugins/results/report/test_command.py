@@ -11,6 +11,9 @@ import pytest
 from core.errors import UserError
 from plugins.results.report.command import main
 from tests.core.run_folders import write_run
+from tests.rare import rare
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("folder", ["0_seed=0", "runs=0_seed=0"])  # as it is, with a = as multiruns have, or by key
@@ -35,9 +38,8 @@ def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path, capsys):
     assert line.endswith("1 candidates done, best reward so far 0.500")
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="names are text there")
-@pytest.mark.parametrize("command", ["report", "gallery"])
+@pytest.mark.parametrize("command", rare(["report", "gallery"], "report"))
 def test_a_folder_of_any_name_and_a_terminal_of_few_letters(tmp_path, command):
     """The name is not UTF-8, and has letters that the terminal's encoding lacks."""
     name = os.fsdecode(b"r\xff\xe9") + "\u2717"

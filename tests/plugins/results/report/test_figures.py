@@ -43,7 +43,7 @@ def test_bars_are_as_high_as_their_rewards(made):
     assert ratio == pytest.approx(np.full(len(ratio), ratio[0]), rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_same_runs_give_the_same_report(made, tmp_path):
     root = made[0]
     report([root / "runs"], root / "again")
@@ -61,7 +61,7 @@ def test_one_run_is_enough_for_a_report(tmp_path):
     assert read_csv(tmp_path / "out" / "data" / "methods.csv")[0]["IQM, low"] == ""
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_more_methods_than_colours(tmp_path):
     for n in range(9):
         write_run(tmp_path / str(n), f"budget.n_agent={n + 1}", rewards=[[0.1 * n]])

@@ -185,6 +185,7 @@ def test_pipes_and_large_files_are_not_read(tmp_path):
         read_entry(tmp_path / "large.json")
 
 
+@pytest.mark.thorough
 def test_designs_of_a_results_file_are_tried_again(entry, monkeypatch):
     """A reference solution earns what is claimed; another tool does not, and a run without a design can't."""
     quick = ["fitness.unseen=2", "executor.workers=1"]

@@ -10,6 +10,8 @@ import scipy.stats
 from plugins.results.report.command import report
 from tests.core.run_folders import edit, result, write_run
 
+pytestmark = pytest.mark.slow
+
 
 def read_csv(file):
     with file.open(newline="", encoding="utf-8") as opened:

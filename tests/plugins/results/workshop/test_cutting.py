@@ -9,6 +9,8 @@ from plugins.results.workshop.printing import lay
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Workpiece
 
+pytestmark = pytest.mark.slow
+
 SMALL, FIT = Printer(plate_mm=[180.0, 180.0, 180.0]), Fit()
 NO_MOUNT = np.zeros((0, 3))
 

@@ -21,6 +21,8 @@ from plugins.results.workshop.command import as_good, checklist, configured, exp
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
+pytestmark = pytest.mark.slow
+
 rosbags = pytest.importorskip("rosbags.typesys")
 ANCHORED = "tests/tasks/anchored"
 
@@ -244,7 +246,7 @@ def test_what_fails_half_way_leaves_no_folder(tmp_path):
     assert list((tmp_path / "there").iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_export_that_is_killed_half_way_is_none_and_the_next_one_is_whole(tmp_path, made):
     killed = (
         "import os, sys; from plugins.results.workshop import command as c; "

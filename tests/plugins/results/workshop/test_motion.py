@@ -12,6 +12,8 @@ from plugins.results.workshop.motion import APPROACH, SHARE, STEP_S, approach, c
 from tests.benchmarks.layouts import designs
 from tests.panda import PANDA
 
+pytestmark = pytest.mark.slow
+
 ARM = arm_of(PANDA)
 
 

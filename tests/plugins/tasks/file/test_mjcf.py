@@ -210,6 +210,7 @@ def wild(draw, depth=0):
     return f"<{tag} {' '.join(f'{key}={value!r}' for key, value in given.items())}>{children}</{tag}>"
 
 
+@pytest.mark.thorough
 @given(body=wild(), before=wild())
 @settings(max_examples=100, deadline=None)
 def test_wild_input_is_read_or_refused(tmp_path_factory, body, before):
