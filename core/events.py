@@ -85,7 +85,8 @@ class Result:
 
     ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
     lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are, by engine, the rewards of
-    the best candidate in trials that the search never saw, if the fitness has any.
+    the best candidate in trials that the search never saw, if the fitness has any. ``winner`` was chosen of those that
+    earn alike by more trials, in which finalists earned ``finals``, by their id and engine.
     """
 
     generations: tuple[Generation, ...]
@@ -93,6 +94,8 @@ class Result:
     stopped: str | None = None
     tie: float = TIE
     unseen: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    winner: Evaluation | None = None
+    finals: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
 
     @cached_property
     def ranking(self) -> list[Evaluation]:
@@ -102,7 +105,7 @@ class Result:
     @property
     def best(self) -> Evaluation | None:
         """The best candidate of all generations; None if none could be tried."""
-        return next(iter(self.ranking), None)
+        return self.winner or next(iter(self.ranking), None)
 
     @property
     def n_evaluations(self) -> int:
@@ -113,7 +116,8 @@ class Result:
     def rollouts(self) -> int:
         """How many rollouts there were; equal candidates share theirs."""
         found = {e.candidate.content: e for generation in self.generations for e in generation.evaluations}
-        return sum(e.rollouts for e in found.values())
+        finals = sum(len(rewards) for engines in self.finals.values() for rewards in engines.values())
+        return finals + sum(e.rollouts for e in found.values())
 
     @property
     def saved(self) -> SavedRollouts:

@@ -339,6 +339,10 @@ class Fitness(Evaluate, ABC):
         """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
         return ""
 
+    def final(self) -> Mapping[str, Sequence[Evaluate]]:
+        """Return the trials that decide between candidates that earn alike, by engine, as many in each."""
+        return {}
+
     def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
         """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
         return {}

@@ -9,31 +9,41 @@ from core.design import Candidate, Evaluation
 from core.errors import UserError, fault
 from core.interfaces import Evaluate, Executor, Fitness
 
-_Job = tuple[str, int]  # the engine, and the trial's number
+_Job = tuple[int, str, int]  # the candidate's number, the engine, and the trial's number
 
 
 @dataclass(frozen=True)
 class _Trials:
-    """A picklable function of jobs: each is a trial of the candidate."""
+    """A picklable function of jobs: each is a trial of a candidate."""
 
     trials: Mapping[str, Sequence[Evaluate]]
-    candidate: Candidate
+    candidates: Sequence[Candidate]
 
     def __call__(self, jobs: Sequence[_Job]) -> list[Evaluation]:
-        return [self.trials[engine][number]([self.candidate])[0] for engine, number in jobs]
+        return [self.trials[engine][trial]([self.candidates[number]])[0] for number, engine, trial in jobs]
 
 
-def try_unseen(best: Evaluation, fitness: Fitness, executor: Executor) -> dict[str, tuple[float, ...]]:
-    """Return the rewards of the best candidate in the fitness's unseen trials, by engine. A trial that fails counts 0.
+def try_all(
+    candidates: Sequence[Candidate], trials: Mapping[str, Sequence[Evaluate]], executor: Executor
+) -> list[dict[str, tuple[float, ...]]]:
+    """Return the rewards of each candidate in all trials, by engine. A trial that fails counts 0.
 
     Raises:
         UserError: the machine is at fault for a trial that failed.
     """
-    trials = fitness.unseen()
-    jobs = [[(engine, number)] for engine, of in trials.items() for number in range(len(of))]
+    counts = {engine: range(len(each)) for engine, each in trials.items()}
+    jobs = [[(n, engine, k)] for n in range(len(candidates)) for engine, each in counts.items() for k in each]
     earned: dict[_Job, float] = {}
-    for (job,), result in executor.map(_Trials(trials, best.candidate), jobs):
+    for (job,), result in executor.map(_Trials(trials, candidates), jobs):
         if isinstance(result, Exception) and (machine := fault(result)) is not None:
-            raise UserError(f"the best candidate can't be tried in unseen layouts: {machine}")
+            raise UserError(f"the best candidates can't be tried in more layouts: {machine}")
         earned[job] = 0.0 if isinstance(result, Exception) else float(result[0].reward)
-    return {engine: tuple(earned[engine, number] for number in range(len(of))) for engine, of in trials.items()}
+    return [
+        {engine: tuple(earned[n, engine, k] for k in each) for engine, each in counts.items()}
+        for n in range(len(candidates))
+    ]
+
+
+def try_unseen(best: Evaluation, fitness: Fitness, executor: Executor) -> dict[str, tuple[float, ...]]:
+    """Return the rewards of the best candidate in the fitness's unseen trials, by engine (`try_all`)."""
+    return try_all([best.candidate], fitness.unseen(), executor)[0]

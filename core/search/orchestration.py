@@ -35,6 +35,7 @@ from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
+from core.search.finalists import choose
 from core.search.holdout import try_unseen
 from core.search.listeners import Guard, add_listener
 from core.search.refinement import Refinement
@@ -173,7 +174,9 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
             near_duplicates=search.near_duplicates,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
-            result = replace(result, unseen=try_unseen(result.best, search.fitness, search.executor))
+            winner, finals = choose(result, search.fitness, search.executor)
+            result = replace(result, winner=winner, finals=finals)
+            result = replace(result, unseen=try_unseen(winner, search.fitness, search.executor))
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(this.folder):
         save_best(result, this, search.strategy, film=film)

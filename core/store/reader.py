@@ -247,7 +247,10 @@ def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spaw
     tried = stored_evaluations(path, representation, spawn)
     if not tried:
         raise UserError(f"{path}: no design of this run came to the end of a rollout")
-    return best_first(tried, tie)[: cfg.top]
+    ended = StoredRun(path).result()
+    winner = ended.best.candidate if ended is not None and ended.best is not None else None
+    ranked = sorted(best_first(tried, tie), key=lambda e: e.candidate.id != winner)  # what the run chose is first
+    return ranked[: cfg.top]
 
 
 def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> DictConfig:

@@ -41,6 +41,8 @@ class Layouts(SeveralTrials):
         layouts: how many there are; each costs a rollout in each engine.
         combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards.
         sims: see `core.simulation.robustness.engines`; none: the run's engine.
+        final: how many more layouts of the run's own seeds decide, in each engine of ``unseen_sims``, between
+            candidates that earn alike; 0: the shortest distance decides.
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
         stop_below: see `plugins.fitness.racing.Stops`, as for ``stop_behind``.
@@ -55,18 +57,20 @@ class Layouts(SeveralTrials):
         layouts: int = 5,
         combine: str = "mean",
         sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
+        final: int = 8,
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
         stop_below: float | None = None,
         stop_behind: float | None = None,
     ) -> None:
-        for name, count, least in (("layouts", layouts, 1), ("unseen", unseen, 0)):
+        for name, count, least in (("layouts", layouts, 1), ("final", final, 0), ("unseen", unseen, 0)):
             if count < least:
                 raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
         if stop_behind is not None and combine != "mean":
             raise UsageError(f"fitness.stop_behind compares means; with fitness.combine={combine} it must be null")
-        if evaluator.seed + layouts > _MOST_SEED:
-            raise UsageError(f"seed and fitness.layouts together must be at most {_MOST_SEED}; those after are unseen")
+        if evaluator.seed + layouts + final > _MOST_SEED:
+            what = "seed, fitness.layouts and fitness.final together"
+            raise UsageError(f"{what} must be at most {_MOST_SEED}; those after are unseen")
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
         task = evaluator.task.create()
@@ -74,7 +78,7 @@ class Layouts(SeveralTrials):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
-        self._evaluator, self._unseen = evaluator, unseen
+        self._evaluator, self._final, self._unseen = evaluator, final, unseen
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
@@ -109,6 +113,10 @@ class Layouts(SeveralTrials):
             "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
             f"{self.stops.instructions()}"
         )
+
+    def final(self) -> dict[str, list[Evaluator]]:
+        seeds = range(self._seeds.stop, self._seeds.stop + self._final)
+        return self._in_layouts(seeds, self._unseen_sims) if self._final else {}
 
     def unseen(self) -> dict[str, list[Evaluator]]:
         seeds = range(UNSEEN, UNSEEN + self._unseen)

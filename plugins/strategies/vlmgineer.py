@@ -26,7 +26,8 @@ class VLMgineer(EvolutionStrategy):
     Args:
         designer: asks the model for candidates.
         budget: ``k_top`` and ``reward_save`` are read here.
-        elites_from: choose elites from the last ``generation`` (as the paper does) or from the whole ``run`` so far.
+        elites_from: choose elites from the last generation and the ``best`` candidate so far, from the last
+            ``generation`` alone (as the paper does), or from the whole ``run``.
         tie: see `core.interfaces.EvolutionStrategy`.
     """
 
@@ -34,7 +35,7 @@ class VLMgineer(EvolutionStrategy):
         self,
         designer: Designer,
         budget: Budget,
-        elites_from: Literal["generation", "run"] = "generation",
+        elites_from: Literal["best", "generation", "run"] = "best",
         tie: float = TIE,
     ) -> None:
         super().__init__(designer, budget, tie)
@@ -48,4 +49,5 @@ class VLMgineer(EvolutionStrategy):
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         self._generation += 1
-        self._pool = [*(self._pool if self._elites_from == "run" else ()), *evaluations]
+        kept = {"best": best_first(self._pool, self.tie)[:1], "generation": [], "run": self._pool}[self._elites_from]
+        self._pool = [*kept, *evaluations]

@@ -130,7 +130,8 @@ def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winn
     tried = [e for e in run.store.evaluations() if e.status == "ok" and generation in (None, e.design[0])]
     finished = [e for e in tried if not e.stopped] or tried
     best: dict[Key, StoredEvaluation] = {}
-    for evaluation in ranked(finished, lambda e: (e.reward, e.distance_m), run.figures.tie):
+    order = ranked(finished, lambda e: (e.reward, e.distance_m), run.figures.tie)
+    for evaluation in sorted(order, key=lambda e: e.candidate != run.best.candidate):  # what the run chose is first
         best.setdefault(evaluation.design, evaluation)
     designs = run.store.designs()
     for key, evaluation in best.items():

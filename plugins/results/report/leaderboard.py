@@ -197,9 +197,10 @@ def check(entry: Entry) -> None:
     wanted = dict.fromkeys(rules.engines, rules.layouts)
     if any({engine: len(earned) for engine, earned in run.rewards.items()} != wanted for run in entry.runs):
         raise UserError(f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}")
-    layouts = entry.settings.get("fitness.layouts", "")
+    tried = [entry.settings.get(f"fitness.{name}", "") for name in ("layouts", "final")]
+    layouts = sum(int(count) for count in tried if re.fullmatch(r"\d{1,9}", count))
     for run in entry.runs:
-        if run.seed + (int(layouts) if re.fullmatch(r"\d{1,9}", layouts) else 1) > FIRST_UNSEEN:
+        if run.seed + max(layouts, 1) > FIRST_UNSEEN:
             raise UserError(f"no run has the seed {run.seed}: its layouts reach the unseen ones")
         if any(map(any, run.rewards.values())) and not (run.candidates and run.rollouts and run.requests):
             spent = f"{run.candidates} candidates, {run.rollouts} rollouts and {run.requests} requests"

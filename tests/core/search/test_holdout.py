@@ -53,5 +53,5 @@ def test_no_trials_no_rewards():
 
 
 def test_a_fault_of_the_machine_is_reported():
-    with pytest.raises(UserError, match="unseen layouts: no room"):
+    with pytest.raises(UserError, match="more layouts: no room"):
         earned(one=[0.5, Fault("no room")])

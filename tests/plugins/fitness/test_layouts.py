@@ -25,7 +25,6 @@ from core.search.orchestration import resume, run
 from core.simulation.rollout import Evaluator, PluginPart
 from plugins.fitness.layouts import UNSEEN, worst_quarter
 from plugins.results.pages.runs import read_run
-from tests.rare import rare
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
 WIDE = Evaluator(PluginPart("task", "BringCube", (("variation", "wide"),)), PluginPart("sim", "mujoco"), 3, QUICK)
@@ -60,7 +59,7 @@ def test_a_wrong_setting_is_reported(settings, said):
 
 def test_no_search_may_begin_among_the_unseen_layouts():
     for seed, layouts in ((UNSEEN, 5), (UNSEEN - 4, 5), (0, UNSEEN)):
-        with pytest.raises(UserError, match=r"seed and fitness.layouts together must be at most 999000"):
+        with pytest.raises(UserError, match=r"fitness.layouts and fitness.final together must be at most 999000"):
             fitness(replace(WIDE, seed=seed), layouts=layouts)
 
 
@@ -135,10 +134,13 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
     words = [
         *("task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=2", "fitness.unseen=3"),
         *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"),
-        *("film=false", "listener=[]", "executor.workers=2"),
+        *("film=false", "listener=[]", "executor.workers=2", "evolution.tie=1"),
     ]
     result = run(load("config", words), tmp_path / "run")
-    stored = json.loads((tmp_path / "run/result.json").read_text())["unseen"]
+    found = json.loads((tmp_path / "run/result.json").read_text())
+    assert [*map(len, found["finalists"].values())] == [1, 1]
+    assert found["rollouts"] == sum(len(e["mujoco"]) for e in found["finalists"].values()) + 2 * 2
+    stored = found["unseen"]
     assert stored["engines"] == {"mujoco": list(result.unseen["mujoco"])}
     assert (stored["layouts"], stored["worst"]) == (3, min(result.unseen["mujoco"]))
     again = [evaluate([result.best.candidate])[0].reward for evaluate in _unseen(words)]
@@ -157,9 +159,10 @@ def _unseen(words):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "named",
-    rare(
-        [{"name": "layouts", "layouts": 3}, {"name": "robust", "sims": ["mujoco"]}], {"name": "layouts", "layouts": 3}
-    ),
+    [
+        {"name": "layouts", "layouts": 3},
+        pytest.param({"name": "robust", "sims": ["mujoco"]}, marks=pytest.mark.thorough),
+    ],
 )
 def test_a_race_ends_the_same_way_with_one_worker_and_with_two(named):
     near = Evaluator(

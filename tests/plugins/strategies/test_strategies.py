@@ -114,16 +114,30 @@ def test_a_fresh_sampling_where_nobody_passes():
 
 
 @pytest.mark.parametrize(
-    ("elites_from", "parents"), [("generation", ["g1-a0-s0-p0"]), ("run", ["g0-a0-s0-p0", "g1-a0-s0-p0"])]
+    ("elites_from", "parents"),
+    [
+        ("generation", ["g1-a0-s0-p0"]),
+        ("best", ["g0-a0-s0-p0", "g1-a0-s0-p0"]),
+        ("run", ["g0-a0-s0-p0", "g0-a0-s1-p0", "g1-a0-s0-p0"]),
+    ],
 )
 def test_where_elites_come_from(elites_from, parents):
     search, designer = strategy("vlmgineer", elites_from=elites_from)
     search.ask()
-    search.tell([earned(0.9)])
+    search.tell([earned(0.9), earned(0.8, 1)])
     search.ask()
     search.tell([earned(0.7, generation=1)])
     search.ask()
     assert designer.asked[-1] == (2, parents)
+
+
+def test_the_best_is_shown_again_after_a_generation_that_earns_nothing():
+    search, designer = strategy("vlmgineer")
+    for rewards in ((1.0, 0.9), (0.0, 0.0), (0.0, 0.0)):
+        search.ask()
+        search.tell([earned(reward, number) for number, reward in enumerate(rewards)])
+    search.ask()
+    assert designer.asked[-1] == (3, ["g0-a0-s0-p0"])
 
 
 def test_elites_come_from_two_places_only():

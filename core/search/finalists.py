@@ -1,0 +1,66 @@
+"""Choose the winner among candidates that earn alike, by trials in more layouts.
+
+Successive halving (K. Jamieson and A. Talwalkar, "Non-stochastic best arm identification and hyperparameter
+optimization", AISTATS 2016): all finalists are tried a little, and the better half of them goes on, until one is left
+or the fitness has no more trials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.design import Evaluation
+from core.events import Result
+from core.interfaces import Executor, Fitness
+from core.search.holdout import try_all
+
+MOST = 12  # finalists
+FIRST = 2  # trials in each engine of the first round; each later round doubles what a finalist has had
+
+Rewards = dict[str, tuple[float, ...]]
+
+
+def finalists(result: Result, most: int = MOST) -> list[Evaluation]:
+    """Return those within the tie of the highest reward, the best first, of equal designs one."""
+    highest = max((e.reward for e in result.ranking), default=0.0)
+    alike = {e.candidate.content: e for e in reversed(result.ranking) if e.reward >= highest - result.tie}
+    return [*reversed(alike.values())][:most] if highest > 0 else []
+
+
+def choose(result: Result, fitness: Fitness, executor: Executor) -> tuple[Evaluation, dict[str, Rewards]]:
+    """Return the winner of a run in which something was tried, and what finalists earned, by their ids and engine.
+
+    What counts is the mean in the engine where it is the lowest. Means within the run's tie are equal; then the order
+    of the ranking decides, that is the distance. Without `Fitness.final`, or with one finalist, the winner is the
+    first of the ranking and nothing is tried.
+
+    Raises:
+        UserError: the machine is at fault for a trial that failed.
+    """
+    trials, left = fitness.final(), finalists(result) or result.ranking[:1]
+    count = min(map(len, trials.values()), default=0)
+    earned: dict[str, Rewards] = {e.candidate.id: dict.fromkeys(trials, ()) for e in left}
+    done, until = 0, FIRST
+    while done < count and len(left) > 1:
+        part = {engine: list(each)[done : min(until, count)] for engine, each in trials.items()}
+        rounds = try_all([e.candidate for e in left], part, executor)
+        for finalist, rewards in zip(left, rounds, strict=True):
+            own = earned[finalist.candidate.id]
+            own.update({engine: own[engine] + rewards[engine] for engine in own})
+        left = _better_half(left, [earned[e.candidate.id] for e in left], result.tie)
+        done, until = min(until, count), 2 * until
+    return left[0], {name: own for name, own in earned.items() if any(own.values())}
+
+
+def _better_half(ranked: Sequence[Evaluation], rewards: Sequence[Rewards], tie: float) -> list[Evaluation]:
+    """Return the better half of finalists, rounded up, the best first; ``ranked`` is the order of those alike."""
+    means = [min(float(np.mean(own)) for own in each.values()) for each in rewards]
+    left, order = list(range(len(ranked))), []
+    while left:
+        highest = max(means[n] for n in left)
+        first = next(n for n in left if means[n] >= highest - tie)
+        order.append(first)
+        left.remove(first)
+    return [ranked[n] for n in order[: -(-len(order) // 2)]]

@@ -1,0 +1,100 @@
+"""Of candidates that earn alike, more trials choose the winner."""
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Evaluation
+from core.errors import UserError
+from core.events import Generation, Result
+from core.interfaces import Executor, Fitness
+from core.search.finalists import FIRST, choose, finalists
+
+
+class Trial:
+    """Earn what the candidate's plan says for this trial."""
+
+    def __init__(self, engine, number):
+        self.engine, self.number = engine, number
+
+    def __call__(self, candidates):
+        assert len(candidates) == 1
+        rewards = candidates[0].strategy_description.split(self.engine)[1].split("b")[0].split()
+        reward = rewards[self.number % len(rewards)]
+        if reward == "full":
+            raise OSError(28, "No space left on device")
+        if reward == "raise":
+            raise ValueError
+        return [Evaluation(candidates[0], "ok", float(reward))]
+
+
+class Here(Executor):
+    def map(self, function, chunks):
+        for chunk in chunks:
+            try:
+                yield chunk, function(chunk)
+            except (OSError, ValueError) as error:
+                yield chunk, error
+
+    def close(self):
+        pass
+
+
+class Several(Fitness):
+    def __init__(self, count=8):
+        self.count = count
+
+    def __call__(self, candidates):
+        raise AssertionError
+
+    def final(self):
+        return {engine: [Trial(engine, n) for n in range(self.count)] for engine in ("a", "b")}
+
+
+def result(*designs):
+    """Rewards in the search, distances, and what is earned in the trials of both engines."""
+    evaluations = [
+        Evaluation(
+            Candidate(None, np.full((1, 6), float(n)), 0, n, strategy_description=trials), "ok", reward, distance
+        )
+        for n, (reward, distance, trials) in enumerate(designs)
+    ]
+    return Result((Generation(0, tuple(evaluations)),), 1.0)
+
+
+def winner(*designs, count=8):
+    best, earned = choose(result(*designs), Several(count), Here())
+    return best.candidate.agent, earned
+
+
+def test_the_one_with_room_to_spare_wins_and_the_shorter_way_only_among_those_alike():
+    narrow, wide, long = (1.0, 0.5, "a 1 0 b 1 1"), (1.0, 0.7, "a 1 1 b 1 1"), (1.0, 0.9, "a 1 1 b 1 1")
+    assert winner(narrow, wide, long)[0] == 1
+    assert winner(narrow, long, wide)[0] == 2
+    assert winner(narrow, wide, count=0) == (0, {})
+    assert result(narrow, wide).best.candidate.agent == 0
+
+
+def test_the_engine_counts_where_the_mean_is_the_lowest():
+    assert winner((1.0, 0.5, "a 1 b 0.5"), (1.0, 0.7, "a 0.8 b 0.8"))[0] == 1
+    assert winner((1.0, 0.5, "a raise b 1"), (1.0, 0.7, "a 0.1 b 0.1"))[0] == 1
+
+
+def test_half_goes_on_until_one_is_left():
+    designs = [(1.0, 0.5 + n / 100, f"a {n / 10} b {n / 10}") for n in range(8)]
+    best, earned = winner(*designs)
+    assert best == 7
+    counts = sorted(len(engines["a"]) for engines in earned.values())
+    assert counts == [FIRST] * 4 + [2 * FIRST] * 2 + [4 * FIRST] * 2
+
+
+def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
+    first, second, worse = (1.0, 0.5, "a 0 b 0"), (0.996, 0.7, "a 1 b 1"), (0.9, 0.1, "a 1 b 1")
+    assert winner(first, second, worse)[0] == 1
+    assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [0, 1]
+    assert finalists(result((0.0, 0.5, ""), (0.0, 0.6, ""))) == []
+    assert winner((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")) == (0, {})
+
+
+def test_a_machine_at_fault_is_named():
+    with pytest.raises(UserError, match="can't be tried in more layouts"):
+        winner((1.0, 0.5, "a full b 1"), (1.0, 0.6, "a 1 b 1"))
