@@ -202,6 +202,8 @@ def _result(seen: Observation) -> str:
     what = f"at {seen.what}" if seen.result == "stuck" else seen.what
     when = "" if seen.at_s is None or seen.result == "unreachable" else f"from {_when(seen, seen.at_s)}"
     said, count = " ".join(filter(None, (seen.result, what, when))), len(seen.errors)
+    if seen.result in ("solved", "forbidden"):
+        return said.replace("forbidden", "forbidden:", 1)
     return f"{said}, {count - len(seen.left)} of {count} in place" if 0 < len(seen.left) < count else said
 
 

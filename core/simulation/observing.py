@@ -2,7 +2,9 @@
 
 The goal's bodies are classed by the first rule that applies:
 
-- solved: the reward is `Task.success_reward` or more. Placed: it is less, yet all are where the goal wants them.
+- solved: the reward is `Task.success_reward` or more.
+- forbidden: something happened that a goal forbids (`core.simulation.forbidden`); the first of it.
+- placed: all are where the goal wants them, yet the reward is less.
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
   to its last, or at any time if it touches none.
   - unreachable: the arm misses the way to a waypoint by more than `MISSED_M` or `MISSED_RAD`.
@@ -27,6 +29,7 @@ from core.goals import DONE, progress
 from core.interfaces import Contact, Observation, Outcome, Recording, Task
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
+from core.simulation.forbidden import Cause, find_forbidden
 from core.solids.contacts import Contacts, Flags
 from core.values.observations import Class, Moved, Offset, Point
 
@@ -38,11 +41,10 @@ TIPPED_DEG, FELL_M = 45.0, 0.05
 NUDGED_M = 0.005
 PLACE_M, PLACE_RAD = 0.02, 0.1  # the tolerance of a goal's place, if the goal names a smaller one
 
-INSTANTS, PATHS, MAX_CONTACTS = 6, 2, 40
+INSTANTS, PATHS, MAX_CONTACTS, NAMED = 6, 2, 40, 3
 
 _STILL_M, _STILL_DEG = 0.001, 1.0
 
-Cause = tuple[float, Class, str]  # when, what, and to which body
 Span = tuple[float, float]  # from when to when
 
 
@@ -72,7 +74,7 @@ def observe(
     )
     result, what, at = _Case(task, scene, motion, start, end, names, left, contacts, lags).judge(reward)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
-    shifts = {name: _moved(start, end, name) for name in start.names}
+    shifts = {name: _moved(scene, start, end, name) for name in start.names}
     moved = {name: m for name, m in shifts.items() if name in bodies or _stirred(m)}
     found = sorted(contacts.all, key=lambda contact: contact.kind == "body")
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
@@ -118,6 +120,9 @@ class _Case:
         names, contacts, taken = self.names, self.contacts, self.contacts.taken
         if reward >= self.task.success_reward:
             return "solved", "", None
+        if forbidden := list(find_forbidden(self.task, self.scene, contacts, self.start, self.end)):
+            instant, result, what = min(forbidden, key=lambda cause: cause[0])  # of several at once the touch
+            return result, what, instant
         if names and not self.left:
             return "placed", "", None
         touches = np.flatnonzero(np.logical_or.reduce([contacts.with_robot(name) for name in names]))
@@ -131,7 +136,8 @@ class _Case:
             return result, what, instant
         shifts = [_length(self.end.position(name) - self.start.position(name)) for name in names]
         untouched = not touches.size and all(shift <= NUDGED_M for shift in shifts)
-        return ("never touched" if untouched else "missed"), "", None
+        where = ", ".join(self.left[:NAMED]) if len(self.left) < len(names) and not untouched else ""
+        return ("never touched" if untouched else "missed"), where, None
 
 
 def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:
@@ -165,7 +171,7 @@ def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause 
         top = heights[begin - 1] if begin else rest
         if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
             return float(taken.times[begin - 1]), "dropped", name
-    if all(isinstance(part.shape, Sphere) for part in scene[name].collisions):
+    if _is_ball(scene, name):
         return None
     tilts = _tilts(start.quaternion(name), taken.states.quaternion(name))
     upright = np.flatnonzero(tilts <= TIPPED_DEG)
@@ -173,6 +179,10 @@ def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause 
     if after < len(tilts) and heights[after] >= rest - FELL_M:
         return float(taken.times[after]), "tipped", name
     return None
+
+
+def _is_ball(scene: Scene, name: str) -> bool:
+    return all(isinstance(part.shape, Sphere) for part in scene[name].collisions)
 
 
 def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
@@ -195,8 +205,8 @@ def _tilts(first: Array, quaternions: Array) -> Array:
     return angles
 
 
-def _moved(start: State, end: State, name: str) -> Moved:
-    tilt = float(_tilts(start.quaternion(name), end.quaternion(name)))
+def _moved(scene: Scene, start: State, end: State, name: str) -> Moved:
+    tilt = 0.0 if _is_ball(scene, name) else float(_tilts(start.quaternion(name), end.quaternion(name)))
     return Moved(_point(end.position(name) - start.position(name)), _point(end.position(name)), round(tilt, 1))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
+Class = Literal["solved", "placed", "forbidden", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
 
 Point = tuple[float, float, float]
 Offset = tuple[float | None, float | None, float | None]
@@ -48,7 +48,7 @@ class Observation:
 
     Attributes:
         result: what became of the bodies of the task's goal, see `core.simulation.observing`.
-        what: the body that this happened to, or the thing that the robot was stuck at.
+        what: the body that this happened to, the thing that the robot was stuck at, or what was forbidden.
         at_s: when it happened.
         left: the bodies of the goal that are not in place.
         moved: the free bodies that moved, and those of the goal.

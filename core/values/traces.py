@@ -74,7 +74,16 @@ class Trace:
         return found
 
     def force_n(self, body: str, by: str | None = None) -> Array:
-        """Find the largest mean normal force between a body and one other thing, N, (...); the tool is one thing.
+        """Find the largest of `forces_n`, N, (...).
+
+        Raises:
+            ValueError: nothing measured forces.
+        """
+        largest: Array = self.forces_n(body, by).max(axis=-1)
+        return largest
+
+    def forces_n(self, body: str, by: str | None = None) -> Array:
+        """Find the largest mean normal force between a body and one other thing, N, (..., T); the tool is one thing.
 
         With ``robot`` and ``tool``, what these pass on through free bodies is added, see `passed_on`.
 
@@ -91,8 +100,7 @@ class Trace:
                 found = np.maximum(found, forces if part is None else forces * part)
         if by in ("robot", "tool"):
             found = found + self.passed_on(body, by)
-        force: Array = found.max(axis=-1)
-        return force
+        return found
 
     def passed_on(self, body: str, by: str) -> Array:
         """Bound what ``robot`` or ``tool`` presses a body with through free bodies, N, (..., T).

@@ -62,7 +62,10 @@ class StopCart(Task):
         "track. From 0.06 m before the track to beyond the tray a glass lid leaves 0.055 m of height above the track, "
         "open toward the robot."
     )
-    goals = (Goal(bodies=("cart",), place=(sum(TRAY) / 2, None, None), tolerance=0.07, at="track", rest=True),)
+    goals = (
+        Goal(bodies=("cart",), place=(sum(TRAY) / 2, None, None), tolerance=0.07, at="track", rest=True),
+        Goal(untouched=("red_before", "red_behind")),
+    )
     variations = {
         "near": around("track", PLACE, 0.03, 0.15),
         "wide": {
