@@ -64,8 +64,8 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         what = "budget.n_iteration of a run that goes on can only be raised"
         raise UsageError(f"{what}; it is {before.budget.n_iteration}")
     refined = before.evolution.get("refine", 0)
-    if refined and after.evolution.refine != refined:
-        raise UsageError(f"evolution.refine of a run that goes on can't change any more; it is {refined}")
+    if refined and after.evolution.refine < refined:
+        raise UsageError(f"evolution.refine of a run that goes on can only be raised; it is {refined}")
     if refined and after.budget.n_iteration != before.budget.n_iteration:
         raise UsageError("budget.n_iteration of a run with evolution.refine can't change: refinement comes last")
     return after

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -15,7 +16,7 @@ from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, ToolRe
 
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
-SHARES = (0.25, 0.5, 1.0)  # of the rollouts, after which that is so
+UNTIL = (60, 120)  # rollouts after which that is so; it does not depend on their number, which may be raised later
 MORE = 0.3  # the chance of another move in the same candidate
 TRIES = 20  # draws for a candidate that keeps the rules
 
@@ -45,21 +46,21 @@ class Refinement(EvolutionStrategy):
     The best candidates of different tools start side by side, each with a search of its own: a (1 + 12) evolution
     strategy (H.-G. Beyer and H.-P. Schwefel, "Evolution strategies: a comprehensive introduction", Natural Computing 1,
     2002). Each of twelve variants of the best so far makes a random move, or a few (`Numbers.moved`), some of them
-    toward other candidates that differ in numbers alone. After a quarter of the rollouts the better half of the
-    searches goes on, and after a half of them the best one.
+    toward other candidates that differ in numbers alone. After 60 rollouts the better half of the searches goes on, and
+    after 120 the best one.
 
     Args:
         strategy: gives the first generations.
         designer: varies the candidates.
-        rollouts: the number of candidates that are tried here, at most.
+        rollouts: the number of candidates that are tried here.
 
     Raises:
-        UsageError: ``rollouts`` is no whole number, or too small for one population.
+        UsageError: ``rollouts`` is no whole number above 0.
     """
 
     def __init__(self, strategy: EvolutionStrategy, designer: Varies, rollouts: int) -> None:
-        if type(rollouts) is not int or rollouts < POPULATION:
-            raise UsageError(f"evolution.refine must be 0, or a whole number from {POPULATION} on; got {rollouts!r}")
+        if type(rollouts) is not int or rollouts < 1:
+            raise UsageError(f"evolution.refine must be a whole number from 0 on; got {rollouts!r}")
         super().__init__(designer, strategy.budget, strategy.tie)
         self._strategy, self._varies, self._rollouts = strategy, designer, rollouts
         self._earlier: list[Evaluation] = []
@@ -74,13 +75,14 @@ class Refinement(EvolutionStrategy):
         """Report whether the other strategy goes on, or rollouts are left."""
         if self._searches is None:
             return self._strategy.goes_on(generation, budget)
-        return bool(self._searches) and self._spent + POPULATION * len(self._searches) <= self._rollouts
+        return bool(self._searches) and self._spent < self._rollouts
 
     def ask(self) -> Iterator[Candidate]:
         """Yield the other strategy's candidates, and later the varied ones."""
         if self._searches is None:
             return self._strategy.ask()
-        return (candidate for search in self._searches for candidate in search.ask(self._generation))
+        asked = (candidate for search in self._searches for candidate in search.ask(self._generation))
+        return islice(asked, self._rollouts - self._spent)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         """Pass the evaluations on to where their candidates came from."""
@@ -94,7 +96,7 @@ class Refinement(EvolutionStrategy):
         self._spent += len(evaluations)
         for search in self._searches:
             search.tell([e for e in evaluations if e.candidate.agent == search.number])
-        count = next((n for n, share in zip(STARTS, SHARES, strict=True) if self._spent < share * self._rollouts), 1)
+        count = STARTS[sum(self._spent >= least for least in UNTIL)]
         self._searches = sorted(self._searches, key=lambda search: search.best, reverse=True)[:count]
 
     def _started(self) -> list[_Search]:
@@ -137,8 +139,8 @@ class _Search:
                 return values
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Take the rewards of the whole population, and go on from the best that is not worse."""
-        best = max(evaluations, key=lambda evaluation: evaluation.reward)
-        if best.reward >= self.best:
+        """Take the rewards of a population, and go on from the best that is not worse."""
+        best = max(evaluations, key=lambda evaluation: evaluation.reward, default=None)
+        if best is not None and best.reward >= self.best:
             self.best, self._values = best.reward, self._asked[best.candidate.id]
         self._asked.clear()

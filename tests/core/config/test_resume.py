@@ -49,8 +49,9 @@ def test_the_rest_may_not(began, word, reason):
 def test_refinement_is_added_once_and_stays_last(began):
     refined = OmegaConf.to_container(changed(began, ["evolution.refine=24"]))
     assert refined["evolution"]["refine"] == 24
-    with pytest.raises(UsageError, match=r"evolution\.refine of a run that goes on can't change any more; it is 24"):
-        changed(refined, ["evolution.refine=48"])
+    assert changed(refined, ["evolution.refine=48"]).evolution.refine == 48
+    with pytest.raises(UsageError, match=r"evolution\.refine of a run that goes on can only be raised; it is 24"):
+        changed(refined, ["evolution.refine=12"])
     with pytest.raises(UsageError, match="refinement comes last"):
         changed(refined, ["budget.n_iteration=3"])
 
