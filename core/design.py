@@ -9,6 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from core.values.margins import Margin
 from core.values.observations import Observation
 from core.values.plans import ActionPlan, Waypoints, digest
 from core.values.tools import GRIPPER_MOUNTS as GRIPPER_MOUNTS
@@ -83,6 +84,7 @@ class Trial:
         reason: why, as that of an `Evaluation`.
         touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
         observation: of several trials only the one that is shown has it.
+        margins: how far it stayed from the task's limits, the least first; none: the task says none.
     """
 
     engine: str = ""
@@ -93,6 +95,7 @@ class Trial:
     reason: str = ""
     touch_m: float | None = None
     observation: Observation | None = None
+    margins: tuple[Margin, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +118,7 @@ class Evaluation:
         same_as: the id of the near-duplicate that was tried in its place.
         saved_s: the processor time of the rollouts that were not needed, an estimate.
         figures: further numbers of a fitness, by name.
+        final: its trials as a finalist: of each the engine, its number there, and the reward.
     """
 
     candidate: Candidate
@@ -133,6 +137,13 @@ class Evaluation:
     same_as: str | None = None
     saved_s: float = 0.0
     figures: Mapping[str, float] = field(default_factory=dict)
+    final: tuple[tuple[str, int, float], ...] = ()
+
+    @property
+    def least_margin(self) -> Margin | None:
+        """The least margin of its trials; None: the task says none."""
+        margins = [margin for trial in self.trials for margin in trial.margins]
+        return min(margins, key=lambda margin: margin.margin, default=None)
 
     @property
     def stopped(self) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from core.geometry import Array, Pose, Vector
 from core.values.joints import PlacedJoint, Placement, rotate
+from core.values.margins import Margin
 from core.values.states import State
 from core.values.traces import Trace
 
@@ -244,6 +245,42 @@ class _Judge:
         raise ValueError(f"a goal comes after {which!r}, which is no goal; there are: {names}")
 
 
+def goals_margins(task: Aim, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
+    """Say how far one world stayed from the limits of a task's goals.
+
+    Of a goal's bodies the one with the least margin counts, or with ``any`` the one with the greatest; of goals one of
+    which is enough, that whose least margin is the greatest.
+    """
+    found = [margin for goal in task.goals for margin in _guards(goal, start, end, trace)]
+    reached = [_reached(goal, start, end) for goal in task.goals if goal.moves]
+    reached = [each for each in reached if each]
+    if not task.every and reached:
+        reached = [max(reached, key=lambda margins: min(m.margin for m in margins))]
+    return [*found, *(margin for margins in reached for margin in margins)]
+
+
+def _guards(goal: Goal, start: State, end: State, trace: Trace | None) -> Iterator[Margin]:
+    """Yield the margins of what a goal wants left alone."""
+    for name in goal.keep:
+        moved = float(_length(end.position(name) - start.position(name)))
+        yield Margin.at_most(f"{name} moved", moved, KEPT_M, "m")
+    for name in goal.untouched if trace is not None else ():
+        assert trace is not None
+        if not goal.max_force_n and (gap := trace.clearances.get(name)) is not None:
+            yield Margin.clearance(name, 0.0 if trace.touched(name, "robot") else float(gap))
+        elif goal.max_force_n and trace.forces is not None:
+            yield Margin.at_most(f"force on {name}", float(trace.force_n(name, "robot")), goal.max_force_n, "N")
+
+
+def _reached(goal: Goal, start: State, end: State) -> list[Margin]:
+    """Return the margins of the end of what a goal moves: of each thing that is asked, that of one body."""
+    bodies = goal.bodies or (start.joints[goal.joint or ""].joint.body,)
+    each = [[asked.margin(end) for asked in _asked(goal, n, name, start)] for n, name in enumerate(bodies)]
+    known = [[margin for margin in alike if margin is not None] for alike in zip(*each, strict=True)]
+    one = max if goal.any else min
+    return [one(alike, key=lambda margin: margin.margin) for alike in known if alike]
+
+
 def progress(goal: Goal, start: State, now: State, held: Callable[[str], Array] | None = None) -> Array:
     """Compute how far a goal is fulfilled in states, 0..1, (...), whatever it asks of time and of contacts.
 
@@ -253,10 +290,10 @@ def progress(goal: Goal, start: State, now: State, held: Callable[[str], Array] 
     each = []
     for number, name in enumerate(goal.bodies or (now.joints[goal.joint or ""].joint.body,)):
         left, before = np.zeros(shape), np.zeros(shape)
-        for distance, slip in _distances(goal, number, name, start):
-            first = np.broadcast_to(distance(start), shape)
-            scale = np.maximum(first, slip)
-            left, before = left + distance(now) / scale, before + first / scale
+        for asked in _asked(goal, number, name, start):
+            first = np.broadcast_to(asked.left(start), shape)
+            scale = np.maximum(first, asked.slip)
+            left, before = left + asked.left(now) / scale, before + first / scale
         reached = np.clip(1 - left / np.where(before > 0, before, 1.0), 0.0, 1.0)
         if goal.rest:
             reached = reached / np.maximum(_unrest(goal, name, now), 1.0)
@@ -267,33 +304,59 @@ def progress(goal: Goal, start: State, now: State, held: Callable[[str], Array] 
     return found
 
 
-def _distances(goal: Goal, number: int, name: str, start: State) -> Iterator[tuple[Callable[[State], Array], float]]:
-    """Yield functions that measure what is left of each thing that is asked of a body, and how much of it is a slip."""
+@dataclass(frozen=True)
+class _Asked:
+    """One thing that is asked of a body: that a measure of a state is at most ``most``, in m, or rad.
+
+    ``slip`` is how much beyond counts as lost. A way that must be gone is measured as a negative one.
+    """
+
+    name: str
+    measure: Callable[[State], Array]
+    most: float
+    slip: float
+    unit: str
+
+    def left(self, state: State) -> Array:
+        beyond: Array = np.maximum(self.measure(state) - self.most, 0.0)
+        return beyond
+
+    def margin(self, end: State) -> Margin | None:
+        """Return the margin of one world; None: nothing may be off, so that there is no room."""
+        value = float(self.measure(end))
+        if self.most < 0:
+            return Margin.at_least(self.name, -value, -self.most, self.unit, self.slip)
+        return Margin.at_most(self.name, value, self.most, self.unit) if self.most > 0 else None
+
+
+def _asked(goal: Goal, number: int, name: str, start: State) -> Iterator[_Asked]:
+    """Yield each thing that is asked of the end of a body."""
     place = goal.places[number] if goal.places else goal.place
     if goal.joint is not None:
         joint, to = goal.joint, goal.to or 0.0
-        slip = SLIP_M if start.joints[joint].joint.kind == "slider" else SLIP_RAD
-        yield lambda state: np.maximum(np.abs(state.joint(joint).position - to) - goal.tolerance, 0.0), slip
+        slip, unit = (SLIP_M, "m") if start.joints[joint].joint.kind == "slider" else (SLIP_RAD, "rad")
+        off = f"{joint} off its position"
+        yield _Asked(off, lambda state: np.abs(state.joint(joint).position - to), goal.tolerance, slip, unit)
     elif place is not None:
         there = np.array([0.0 if wanted is None else wanted for wanted in place])
         there = there if goal.at is None else start.position(goal.at) + rotate(start.quaternion(goal.at), there)
         free = np.array([float(wanted is not None) for wanted in place])
-        yield lambda state: np.maximum(_length((state.position(name) - there) * free) - goal.tolerance, 0.0), SLIP_M
+        off = f"{name} off its place"
+        yield _Asked(off, lambda state: _length((state.position(name) - there) * free), goal.tolerance, SLIP_M, "m")
     elif goal.away is not None:
-        away, begin = goal.away, start.position(name)
-        yield lambda state: np.maximum(away - _length(state.position(name) - begin), 0.0), SLIP_M
+        begin = start.position(name)
+        yield _Asked(f"way of {name}", lambda state: -_length(state.position(name) - begin), -goal.away, SLIP_M, "m")
     if goal.axis is not None:
         axis = np.divide(goal.axis, np.linalg.norm(goal.axis))
         points = np.divide(goal.points, np.linalg.norm(goal.points))
         points = points if goal.at is None else rotate(start.quaternion(goal.at), points)
-        most = np.radians(goal.tolerance_deg)
 
         def angle(state: State) -> Array:
             along = (rotate(state.quaternion(name), axis) * points).sum(axis=-1)
-            beyond: Array = np.maximum(np.arccos(np.clip(along, -1.0, 1.0)) - most, 0.0)
-            return beyond
+            between: Array = np.arccos(np.clip(along, -1.0, 1.0))
+            return between
 
-        yield angle, SLIP_RAD
+        yield _Asked(f"angle of {name}", angle, float(np.radians(goal.tolerance_deg)), SLIP_RAD, "rad")
 
 
 def _unrest(goal: Goal, name: str, state: State) -> Array:

@@ -141,6 +141,10 @@ class Events:
         """The strategy has received all evaluations of the generation."""
 
     @hookspec
+    def finalist_tried(self, evaluation: Evaluation) -> None:
+        """A candidate that earns what the best one earns was tried once more (`Evaluation.final`)."""
+
+    @hookspec
     def run_finished(self, run: Run, result: Result) -> None:
         """The loop ended, and the best design is on disk."""
 

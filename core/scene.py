@@ -16,6 +16,7 @@ from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vecto
 from core.geometry import Color as Color
 from core.goals import Goal, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
+from core.values.margins import Margin
 from core.values.states import State
 from core.values.tools import Tool
 from core.values.traces import Trace
@@ -300,5 +301,5 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
 
 __all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "State", "floor", "table"]
 __all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.values.joints; State of core.values.states
-__all__ += ["Trace", "goals_reward", "needs_trace"]  # of core.values.traces and core.goals
+__all__ += ["Margin", "Trace", "goals_reward", "needs_trace"]  # of core.values.margins, its traces, and core.goals
 __all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import ClassVar
 
@@ -13,8 +13,10 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
+from core.goals import goals_margins
 from core.scene import Camera, Goal, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
+from core.values.margins import Margin, least_first
 from core.values.robots import Robot
 
 
@@ -77,6 +79,13 @@ class Task(ABC):
         it gets what happened in between too (`Trace`).
         """
 
+    def margins(self, start: State, end: State, trace: Trace | None = None) -> Sequence[Margin]:
+        """Say how far one world stayed from the limits of the task; by default from those of its goals.
+
+        Arguments are as those of `reward`, of one world; ``trace`` is None where the reward reads none.
+        """
+        return goals_margins(self, start, end, trace)
+
     def reward_in_words(self) -> list[str]:
         """Describe the reward in lines, for a model that can't read it in `source`; none of one in Python."""
         return []
@@ -102,3 +111,17 @@ def reward_of(task: Task, start: State, end: State, trace: Trace | None = None) 
     if not task.reads_trace:
         return task.reward(start, end)
     return task.reward(start, end, trace)  # type: ignore[call-arg]  # the third is optional, see `Task.reward`
+
+
+def margins_of(task: Task, start: State, end: State, trace: Trace | None, reward: float) -> tuple[Margin, ...]:
+    """Return a task's margins in one world, the least first.
+
+    Goals are a hint (`core.scene.Goal`): where the reward says success, what they call failed is no limit of the task.
+    """
+    if type(task).margins is not Task.margins:
+        return least_first(task.margins(start, end, trace))
+    try:
+        margins = least_first(task.margins(start, end, trace))
+    except (AttributeError, KeyError, ValueError):  # goals that don't fit the scene cost the margins, not the rollout
+        return ()
+    return tuple(margin for margin in margins if reward < task.success_reward or margin.margin >= 0)

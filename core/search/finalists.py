@@ -8,13 +8,15 @@ or the fitness has no more trials.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+import pluggy
 
 from core.design import Evaluation
 from core.events import Result
 from core.interfaces import Executor, Fitness
-from core.search.holdout import try_all
+from core.search.holdout import Job, try_all
 
 MOST = 12  # finalists
 FIRST = 2  # trials in each engine of the first round; each later round doubles what a finalist has had
@@ -29,12 +31,15 @@ def finalists(result: Result, most: int = MOST) -> list[Evaluation]:
     return [*reversed(alike.values())][:most] if highest > 0 else []
 
 
-def choose(result: Result, fitness: Fitness, executor: Executor) -> tuple[Evaluation, dict[str, Rewards]]:
+def choose(
+    result: Result, fitness: Fitness, executor: Executor, events: pluggy.PluginManager
+) -> tuple[Evaluation, dict[str, Rewards]]:
     """Return the winner of a run in which something was tried, and what finalists earned, by their ids and engine.
 
     What counts is the mean in the engine where it is the lowest. Means within the run's tie are equal; then the order
     of the ranking decides, that is the distance. Without `Fitness.final`, or with one finalist, the winner is the
-    first of the ranking and nothing is tried.
+    first of the ranking and nothing is tried. What a finalist has in `Evaluation.final` is not tried again, and
+    listeners hear of each trial that was.
 
     Raises:
         UserError: the machine is at fault for a trial that failed.
@@ -42,10 +47,25 @@ def choose(result: Result, fitness: Fitness, executor: Executor) -> tuple[Evalua
     trials, left = fitness.final(), finalists(result) or result.ranking[:1]
     count = min(map(len, trials.values()), default=0)
     earned: dict[str, Rewards] = {e.candidate.id: dict.fromkeys(trials, ()) for e in left}
+    tried = {e.candidate.id: e for e in left}
     done, until = 0, FIRST
     while done < count and len(left) > 1:
         part = {engine: list(each)[done : min(until, count)] for engine, each in trials.items()}
-        rounds = try_all([e.candidate for e in left], part, executor)
+        names, begun = [e.candidate.id for e in left], done
+        known = {
+            (n, engine, number - done): reward
+            for n, name in enumerate(names)
+            for engine, number, reward in tried[name].final
+            if engine in part and 0 <= number - done < len(part[engine])
+        }
+
+        def tell(job: Job, reward: float, names: Sequence[str] = names, begun: int = begun) -> None:
+            n, engine, number = job
+            now = tried[names[n]]
+            tried[names[n]] = replace(now, final=(*now.final, (engine, begun + number, reward)))
+            events.hook.finalist_tried(evaluation=tried[names[n]])
+
+        rounds = try_all([e.candidate for e in left], part, executor, known, tell)
         for finalist, rewards in zip(left, rounds, strict=True):
             own = earned[finalist.candidate.id]
             own.update({engine: own[engine] + rewards[engine] for engine in own})

@@ -174,7 +174,7 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
             near_duplicates=search.near_duplicates,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
-            winner, finals = choose(result, search.fitness, search.executor)
+            winner, finals = choose(result, search.fitness, search.executor, events)
             result = replace(result, winner=winner, finals=finals)
             result = replace(result, unseen=try_unseen(winner, search.fitness, search.executor))
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)

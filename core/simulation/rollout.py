@@ -25,7 +25,7 @@ from core.solids.penetration import Explosion, Finding, findings_of_each
 from core.solids.record_rate import is_finite, sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
-from core.task import reward_of
+from core.task import margins_of, reward_of
 from core.values.traces import TRACE_HZ
 
 _WARNINGS = 10  # findings of a rollout that are listed
@@ -266,7 +266,11 @@ class _Batch:
         contacts = [attempt.contacts for attempt in finished if attempt.contacts is not None]
         trace = make_trace(scene, contacts) if self.task.reads_trace else None
         rewards = _rewards(self.task, starts, ends, trace)
-        for attempt, reward, moved in zip(finished, rewards.tolist(), shifts.tolist(), strict=True):
+        for number, (attempt, reward, moved) in enumerate(
+            zip(finished, rewards.tolist(), shifts.tolist(), strict=True)
+        ):
+            film = trace[number] if trace is not None else None
+            margins = margins_of(self.task, starts[number], ends[number], film, reward)
             motion, outcome = attempt.motion, attempt.outcome
             assert outcome is not None
             evaluation = Evaluation(
@@ -279,7 +283,7 @@ class _Batch:
                 tracking_error_rad=outcome.tracking_error_rad,
                 moved_m=dict(zip(starts.names, moved, strict=True)),
                 warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
-                trials=(self._trial(attempt, reward),),
+                trials=(replace(self._trial(attempt, reward), margins=margins),),
             )
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {self.task.name}: the reward {reward} is not in [0, 1]"

@@ -160,7 +160,8 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
                 flags = touching.setdefault((kind, *pair), np.zeros((len(worlds), len(instants)), dtype=bool))
                 flags[number] |= borne > 0
     measured = forces or not touching  # an engine that measures none has none where things touch
-    return Trace(instants, scene.complete(State.stack(films)), touching, forces if measured else None)
+    clearances = {name: np.array([world.clearances.get(name, 0.0) for world in worlds]) for name in bodies}
+    return Trace(instants, scene.complete(State.stack(films)), touching, forces if measured else None, clearances)
 
 
 def _near(tracks: Tracks, pairs: Indices, struck: Mapping[str, Flags]) -> tuple[Flags, Flags]:

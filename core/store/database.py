@@ -260,9 +260,10 @@ class Database:
         added = self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", _scrubbed(values))
         self._seal(table, added.lastrowid)
 
-    def update(self, table: str, **values: Any) -> None:
-        """Update the last row of a table, if it has one, within a `transaction`."""
-        ((last,),) = self._connection.execute(f"SELECT max(rowid) FROM {table}").fetchall()  # noqa: S608
+    def update(self, table: str, candidate: str | None = None, **values: Any) -> None:
+        """Update a candidate's row, or the last one of a table, if there is one, within a `transaction`."""
+        which, given = (" WHERE candidate = ?", [candidate]) if candidate is not None else ("", [])
+        ((last,),) = self._connection.execute(f"SELECT max(rowid) FROM {table}{which}", given).fetchall()  # noqa: S608
         columns = ", ".join(f"{name} = ?" for name in values)
         self._connection.execute(f"UPDATE {table} SET {columns} WHERE rowid = ?", [*_scrubbed(values), last])  # noqa: S608
         self._seal(table, last)

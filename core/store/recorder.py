@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing, suppress
+from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -222,6 +223,12 @@ class RunStore:
             )
             self._count_time()
 
+    @hookimpl
+    def finalist_tried(self, evaluation: Evaluation) -> None:
+        with self._database.transaction():
+            self._database.update("evaluations", evaluation.candidate.id, details=dump_details(evaluation))
+            self._count_time()
+
     def _insert_strategy(self, candidate: Candidate) -> None:
         """Insert the design, without action plans, once for all of its candidates."""
         key = candidate.key[:3]
@@ -300,6 +307,7 @@ def best_figures(result: Result) -> dict[str, Any] | None:
         "distance_m": best.distance_m,
         "generation": best.candidate.generation,
         "candidate": best.candidate.id,
+        "margin": asdict(least) if (least := best.least_margin) is not None else None,
     }
 
 

@@ -15,7 +15,7 @@ from pydantic import model_validator as check_whole
 
 from core.design import Evaluation, Trial
 from core.support.text import clean
-from core.values.observations import Observation
+from core.values.margins import Margin
 from core.values.plans import ActionPlan, Waypoints
 
 MAX_DEPTH = 50  # of JSON
@@ -113,6 +113,7 @@ class Best:
     distance_m: Distance
     generation: Count
     candidate: Id
+    margin: Margin | None = None  # the least
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,7 @@ class Details:
     same_as: Id | None = None
     saved_s: Amount = 0.0
     figures: dict[str, Number] = field(default_factory=dict)
+    final: tuple[tuple[str, Count, Reward], ...] = ()
 
 
 def dump_details(evaluation: Evaluation) -> str:
@@ -204,7 +206,7 @@ def dump_details(evaluation: Evaluation) -> str:
 
 def _spare(trial: Trial) -> dict[str, Any]:
     return {
-        each.name: asdict(value) if isinstance(value, Observation) else value
+        each.name: asdict(trial)[each.name] if each.name in ("observation", "margins") else value
         for each in fields(Trial)
         if (value := getattr(trial, each.name)) != each.default
     }

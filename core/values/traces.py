@@ -36,6 +36,8 @@ class Trace:
             that ends earlier repeats its last state.
         touching: for two things that ever touched, at which instants (..., T). The first of three names is the kind of
             the second, ``tool``, ``arm`` or ``body``; the third is a body.
+        clearances: the least gap between the robot and a body, m, (...), 0 where it touched it; what is not among them
+            was not measured.
         forces: the mean of two things' normal force since the instant before, N, (..., T), see `Recording.forces`;
             None: nothing measured forces.
     """
@@ -44,6 +46,7 @@ class Trace:
     states: State
     touching: Mapping[tuple[str, str, str], Flags] = field(default_factory=dict)
     forces: Mapping[tuple[str, str], Array] | None = None
+    clearances: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -162,7 +165,8 @@ class Trace:
         """One world of many."""
         forces = None if self.forces is None else {key: of[index] for key, of in self.forces.items()}
         touching = {key: of[index] for key, of in self.touching.items()}
-        return replace(self, states=self.states[index], touching=touching, forces=forces)
+        clearances = {body: of[index] for body, of in self.clearances.items()}
+        return replace(self, states=self.states[index], touching=touching, forces=forces, clearances=clearances)
 
     @classmethod
     def of(cls, *states: State, **given: Any) -> Trace:

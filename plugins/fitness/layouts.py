@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from core.design import Candidate, Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Simulator, Task
 from core.plugins import PluginPart
@@ -16,6 +18,7 @@ from core.simulation.rollout import Evaluator
 from core.values.layouts import NONE, describe_ranges
 from plugins.fitness.racing import SeveralTrials, Stops
 
+MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
 
@@ -25,8 +28,23 @@ def worst_quarter(rewards: Sequence[float]) -> float:
     return float(np.mean(sorted(rewards)[: math.ceil(len(rewards) / 4)]))
 
 
+@dataclass(frozen=True)
+class _Weighed(CheckedEvaluator):
+    """Give a tenth of each reward for the least margin: all of it where that is far from the limit."""
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return [self._weighed(evaluation) for evaluation in super().__call__(candidates)]
+
+    @staticmethod
+    def _weighed(evaluation: Evaluation) -> Evaluation:
+        if (least := evaluation.least_margin) is None:
+            return evaluation
+        return replace(evaluation, reward=evaluation.reward * (1 - MARGIN_SHARE * (1 - max(least.margin, 0.0))))
+
+
 COMBINE: dict[str, tuple[Callable[[Sequence[float]], float], str]] = {
     "mean": (mean, "the mean of its rewards"),
+    "margin": (mean, f"the mean of its rewards, of each of which a share of {MARGIN_SHARE:g} is for the least margin"),
     "worst": (min, "its lowest reward"),
     "worst_quarter": (worst_quarter, "the mean of the lowest quarter of its rewards"),
 }
@@ -39,7 +57,8 @@ class Layouts(SeveralTrials):
     Args:
         evaluator: the task, how plans are executed, and the first layout's seed; the others' seeds follow it.
         layouts: how many there are; each costs a rollout in each engine.
-        combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards.
+        combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards; ``margin``: the mean, of which a share is for
+            the least margin.
         sims: see `core.simulation.robustness.engines`; none: the run's engine.
         final: how many more layouts of the run's own seeds decide, in each engine of ``unseen_sims``, between
             candidates that earn alike; 0: the shortest distance decides.
@@ -83,16 +102,17 @@ class Layouts(SeveralTrials):
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
         how, self._counts = COMBINE[combine]
-        super().__init__(self._in_layouts(self._seeds, self._sims), how, Stops(stop_below, stop_behind), "layout")
+        kind = _Weighed if combine == "margin" else CheckedEvaluator
+        super().__init__(self._in_layouts(self._seeds, self._sims, kind), how, Stops(stop_below, stop_behind), "layout")
 
     def _in_layouts(
-        self, seeds: Sequence[int], sims: Mapping[str, PluginPart[Simulator]]
+        self,
+        seeds: Sequence[int],
+        sims: Mapping[str, PluginPart[Simulator]],
+        kind: type[CheckedEvaluator] = CheckedEvaluator,
     ) -> dict[str, list[Evaluator]]:
         base = self._evaluator
-        return {
-            name: [CheckedEvaluator(base.task, sim, seed, base.settings) for seed in seeds]
-            for name, sim in sims.items()
-        }
+        return {name: [kind(base.task, sim, seed, base.settings) for seed in seeds] for name, sim in sims.items()}
 
     def instructions(self) -> str:
         task, many = self._evaluator.task.create(), len(self._sims) > 1

@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Pose, Scene, State, floor, table
+from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Margin, Pose, Scene, State, Trace, floor, table
 from core.values.joints import rotate
 from core.values.layouts import around
 from tasks.assets import board
@@ -113,3 +113,8 @@ class OpenLatch(Task):
         opened = np.interp(hinge.position, (0.08, OPEN), (0.0, 1.0))
         reward: Array = opened * still * np.interp(moved, (0.01, 0.05), (1.0, 0.0)) * upright
         return reward
+
+    def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
+        moved = float(np.linalg.norm(end.position("glass") - start.position("glass")))
+        opened = float(end.joint("hinge").position)
+        return [Margin.at_most("glass moved", moved, 0.01, "m"), Margin.at_least("door", opened, OPEN, "rad", BEYOND)]

@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, table
+from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Margin, Pose, Scene, State, Trace, floor, table
 from core.values.layouts import around
 from tasks.assets import board, open_box, revolved
 
@@ -110,6 +110,16 @@ class SweepCards(Task):
         shifted = np.linalg.norm(end.position("vase") - start.position("vase"), axis=-1) > 0.01
         reward: Array = np.mean(inside, axis=0) * ~harmed * ~shifted
         return reward
+
+    def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
+        assert trace is not None
+        gap = 0.0 if trace.touched("vase", "robot") else float(trace.clearances["vase"])
+        shift = float(np.linalg.norm(end.position("vase") - start.position("vase")))
+        return [
+            Margin.clearance("vase", gap),
+            Margin.at_most("force on board", float(trace.force_n("board", "robot")), PRESS_N, "N"),
+            Margin.at_most("vase moved", shift, 0.01, "m"),
+        ]
 
     @staticmethod
     def inside(state: State, name: str) -> Array:

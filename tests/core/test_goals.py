@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Pose
-from core.goals import goals_reward, needs_trace
+from core.goals import goals_margins, goals_reward, needs_trace
 from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
 
 RED = (1, 0, 0, 1)
@@ -224,3 +224,47 @@ def test_what_must_not_be_touched():
         assert reward((goal, Goal(untouched=("cube",))), end, touched, every) == 0
         assert reward((goal, Goal(untouched=("cube",), max_force_n=4)), end, touched, every) == 1
         assert reward((goal, Goal(untouched=("cube",), max_force_n=2)), end, touched, every) == 0
+
+
+def margins(*goals, end, trace=None, every=True):
+    found = goals_margins(SimpleNamespace(goals=goals, every=every), START, end, trace)
+    return {margin.name: (round(margin.value, 6), margin.limit, round(margin.margin, 6)) for margin in found}
+
+
+def test_margins_say_how_far_the_end_is_from_the_limits_of_goals():
+    near = Goal(bodies=("cube",), place=(0.5, -0.3, None), tolerance=0.04, keep=("other",))
+    end = at(cube=(0.53, -0.3, 0.05), other=(0.7, -0.31, 0.05))
+    assert margins(near, end=end) == {
+        "other moved": (0.01, 0.02, 0.5),
+        "cube off its place": (0.03, 0.04, 0.25),
+    }
+    assert margins(Goal(joint="drawer", to=0.2, tolerance=0.02), end=turned("drawer", to=0.19)) == {
+        "drawer off its position": (0.01, 0.02, 0.5)
+    }
+    assert margins(Goal(bodies=("cube",), away=0.1), end=at(cube=(0.65, -0.3, 0.05))) == {
+        "way of cube": (0.15, 0.1, 0.5)
+    }
+    upright = Goal(bodies=("cube",), axis=(0, 0, 1), tolerance_deg=10)
+    assert margins(upright, end=START)["angle of cube"][2] == 1
+    assert margins(Goal(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}  # no tolerance, no room
+
+
+def test_margins_of_several_bodies_and_goals():
+    either = {"bodies": ("cube", "other"), "place": (0.5, -0.3, None), "tolerance": 0.04}
+    assert margins(Goal(**either), end=START)["other off its place"][2] == -1
+    assert margins(Goal(**either, any=True), end=START)["cube off its place"][2] == 1
+    goals = [Goal(bodies=(name,), place=(0.5, -0.3, None), tolerance=0.04) for name in ("cube", "other")]
+    assert list(margins(*goals, end=START, every=False)) == ["cube off its place"]
+
+
+def test_margins_of_what_must_not_be_touched_or_pressed():
+    forces = {("tool", "case"): np.array([0.0, 5.0])}
+    gaps = {"other": np.array(0.005)}
+    trace = Trace.of(START, START, forces=forces, clearances=gaps)
+    press, avoid = Goal(untouched=("case",), max_force_n=20.0), Goal(untouched=("other", "cube"))
+    assert margins(press, avoid, end=START, trace=trace) == {
+        "force on case": (5.0, 20.0, 0.75),
+        "clearance to other": (0.005, 0.0, 0.25),
+    }
+    touched = replace(trace, touching={("tool", "blade", "other"): np.array([False, True])})
+    assert margins(avoid, end=START, trace=touched) == {"clearance to other": (0.0, 0.0, -1.0)}

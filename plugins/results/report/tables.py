@@ -251,13 +251,13 @@ def _rollouts(run: FinishedRun) -> int:
 def runs(results: Results) -> Table:
     """All runs that are counted."""
     head = columns(
-        "task|method|seed:0|best reward:3|unseen layouts, mean:3|distance (m):2|generation:0|candidate|rollouts:0"
-        "|wall time (s):0|folder|recordings"
+        "task|method|seed:0|best reward:3|unseen layouts, mean:3|least margin:2|distance (m):2"
+        "|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
     )
     rows = [
         (
             *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
-            *(run.best.distance_m, run.best.generation),
+            *(getattr(run.best.margin, "margin", None), run.best.distance_m, run.best.generation),
             *(run.best.candidate, _rollouts(run), run.figures.wall_time_s),
             *(
                 CellLink(run.folder.name, run.folder),

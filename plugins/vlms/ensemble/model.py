@@ -191,6 +191,10 @@ class Ensemble(VLM):
         self._events.hook.generation_finished(generation=generation)
 
     @hookimpl
+    def finalist_tried(self, evaluation: Evaluation) -> None:
+        self._events.hook.finalist_tried(evaluation=evaluation)
+
+    @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         self._events.hook.run_finished(run=run, result=result)
 

@@ -1,13 +1,21 @@
 """Of candidates that earn alike, more trials choose the winner."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from core.config.compose import load
 from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.events import Generation, Result
+from core.hooks import hookimpl
 from core.interfaces import Executor, Fitness
+from core.plugins import event_hub
 from core.search.finalists import FIRST, choose, finalists
+from core.search.orchestration import resume, run
+from core.store.reader import StoredRun
 
 
 class Trial:
@@ -62,7 +70,7 @@ def result(*designs):
 
 
 def winner(*designs, count=8):
-    best, earned = choose(result(*designs), Several(count), Here())
+    best, earned = choose(result(*designs), Several(count), Here(), event_hub())
     return best.candidate.agent, earned
 
 
@@ -98,3 +106,54 @@ def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
 def test_a_machine_at_fault_is_named():
     with pytest.raises(UserError, match="can't be tried in more layouts"):
         winner((1.0, 0.5, "a full b 1"), (1.0, 0.6, "a 1 b 1"))
+
+
+class Hears:
+    def __init__(self, until=1000):
+        self.heard, self.until = [], until
+
+    @hookimpl(trylast=True)
+    def finalist_tried(self, evaluation):
+        self.heard.append(evaluation)
+        if len(self.heard) == self.until:
+            raise KeyboardInterrupt
+
+
+def listening(until=1000):
+    hub, hears = event_hub(), Hears(until)
+    hub.register(hears)
+    return hub, hears
+
+
+def test_listeners_hear_of_each_trial_and_what_was_tried_is_not_tried_again():
+    designs = [(1, 1, "a 0.5 1 b 1"), (1, 2, "a 1 b 1"), (1, 3, "a 1 b 0.7")]
+    hub, hears = listening()
+    of = result(*designs)
+    winner, finals = choose(of, Several(), Here(), hub)
+    assert len(hears.heard) == sum(len(r) for engines in finals.values() for r in engines.values())
+    paid = {e.candidate.id: e.final for e in hears.heard[:7]}
+    known = [replace(e, final=paid.get(e.candidate.id, ())) for e in of.generations[0].evaluations]
+    hub, again = listening()
+    found = choose(Result((Generation(0, tuple(known)),), 1.0), Several(), Here(), hub)
+    assert (found[0].candidate.id, found[1]) == (winner.candidate.id, finals)
+    assert len(again.heard) == len(hears.heard) - 7
+
+
+WORDS = ["task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=1", "fitness.unseen=0"]
+WORDS += ["fitness.final=2", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=3", "budget.n_iteration=0"]
+WORDS += ["evolution.tie=1", "evolution.near_duplicates=true", "film=false", "listener=[]", "executor.workers=1"]
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_keeps_the_trials_of_its_finalists(tmp_path, monkeypatch):
+    monkeypatch.setattr("core.search.orchestration.event_hub", lambda: listening(3)[0])
+    with pytest.raises(KeyboardInterrupt):
+        run(load("config", WORDS), tmp_path / "run")
+    stored = [e.details.final for e in StoredRun(tmp_path / "run").evaluations()]
+    assert sum(map(len, stored)) == 3
+    monkeypatch.undo()
+    resume(tmp_path / "run")
+    run(load("config", WORDS), tmp_path / "whole")
+    one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("run", "whole"))
+    assert one["finalists"] == other["finalists"] != {}
+    assert (one["best"], one["rollouts"]) == (other["best"], other["rollouts"])

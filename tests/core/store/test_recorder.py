@@ -16,6 +16,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
 from core.store.recorder import RunStore, summary, versions
+from core.values.margins import Margin
 from core.values.observations import Moved, Observation
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
@@ -132,7 +133,7 @@ def test_result_and_generations(opened):
         "material": "paper",
         "budget": "quick",
         "seed": 7,
-        "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0"},
+        "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0", "margin": None},
         "unseen": None,
         "finalists": {},
         "tie": 0.005,
@@ -168,10 +169,11 @@ def test_numbers_come_back_to_the_last_bit(opened):
         "tipped", "cube", left=("cube",), moved={"cube": Moved((0.1, 0.0, 1 / 3), (1.0, 0.0, 0.0), 20.0)}
     )
     trials = (
-        Trial("mujoco", 3, reward=1 / 3, touch_m=1 / 9, observation=seen),
+        Trial("mujoco", 3, reward=1 / 3, touch_m=1 / 9, observation=seen, margins=(Margin("x", 1 / 3, 1, "m", 2 / 3),)),
         Trial("a", 4, 1, "failed", reason="no"),
     )
     more = {"trials": trials, "combined": True, "planned": 5, "saved_s": 1 / 7, "figures": {"x": 1 / 9}}
+    more |= {"final": (("mujoco", 0, 1 / 7),)}
     stored = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), **more)
     events.hook.candidate_evaluated(evaluation=stored)
     events.hook.run_ended()

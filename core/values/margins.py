@@ -1,0 +1,56 @@
+"""Define margins: how far something stayed from its limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+FAR_M = 0.02  # a clearance that counts as far
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far something stayed from its limit.
+
+    Attributes:
+        name: what, such as ``clearance to vase``.
+        value: what it was.
+        limit: what it may be at most, or at least.
+        unit: of both.
+        margin: 1: far from the limit; 0: at it; below 0: beyond it. From -1 to 1.
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    margin: float
+
+    @classmethod
+    def at_most(cls, name: str, value: float, limit: float, unit: str) -> Margin:
+        """Of what must not exceed a limit above 0: 1 where the value is 0."""
+        return cls(name, float(value), float(limit), unit, _cut(1 - float(value) / limit))
+
+    @classmethod
+    def at_least(cls, name: str, value: float, limit: float, unit: str, far: float) -> Margin:
+        """Of what must reach a limit: 1 where the value exceeds it by ``far``."""
+        return cls(name, float(value), float(limit), unit, _cut((float(value) - limit) / far))
+
+    @classmethod
+    def clearance(cls, body: str, gap_m: float) -> Margin:
+        """Of a body that must not be touched; a gap of 0 is a touch."""
+        return cls(f"clearance to {body}", float(gap_m), 0.0, "m", _cut(gap_m / FAR_M) if gap_m > 0 else -1.0)
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.value:.3g} {self.unit}, limit {self.limit:.3g} {self.unit}".replace(" ,", ",")
+
+
+def least_first(margins: Iterable[Margin]) -> tuple[Margin, ...]:
+    """Sort margins, the least first, without those that are no numbers."""
+    known = (m for m in margins if all(map(math.isfinite, (m.value, m.limit, m.margin))))
+    return tuple(sorted(known, key=lambda m: m.margin))
+
+
+def _cut(margin: float) -> float:
+    return float(min(max(margin, -1.0), 1.0))
