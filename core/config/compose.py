@@ -19,7 +19,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandat
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, TaskPart, ToolPart
+from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, TaskPart, ToolPart, installed
 from core.values.materials import Material
 
 T = TypeVar("T")
@@ -157,6 +157,8 @@ def _unknown_key(key: str, name: str, overrides: Sequence[str]) -> UsageError | 
         if not isinstance(node, DictConfig):
             break
         if step not in node.keys():  # noqa: SIM118 - `in node` leaves out missing values
+            if i == 1 and steps[0] in KINDS and step in installed().names(steps[0]):
+                return UsageError(f"{key} is a setting of {steps[0]}={step}; add {steps[0]}={step}")
             return choices("key", step, [str(k) for k in node], ".".join(steps[:i]) or "the configuration")
         node = OmegaConf.select(node, step)
     return None

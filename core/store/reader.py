@@ -239,6 +239,8 @@ def chosen_designs(cfg: DictConfig, representation: ToolRepresentation, spawn: S
 def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
     """Read the same as `chosen_designs`, with what each earned; the designs of a file have earned nothing."""
     path = Path(cfg.designs)
+    if not path.exists() and not path.suffix:
+        raise UserError(f"{path}: there is no such folder of a run, and no designs file")
     if not path.is_dir():
         return [Evaluation(candidate, "ok") for candidate in read_designs(load_designs(path), representation, spawn)]
     if cfg.top < 1:

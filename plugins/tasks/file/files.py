@@ -16,8 +16,8 @@ _log = logging.getLogger(__name__)
 
 
 @cache
-def _warn_once(text: str) -> None:
-    """Report what was left out of a file, once; workers stay silent, since the main process reports it."""
+def warn_once(text: str) -> None:
+    """Report what is to be known of a file, once; workers stay silent, since the main process reports it."""
     if parent_process() is None:
         _log.warning(text)
 
@@ -64,4 +64,4 @@ class Files:
     def _keep(self, key: tuple[object, ...], found: Imported) -> None:
         self._read[key] = found
         for note in found.notes:
-            _warn_once(f"{self.folder / str(key[0])}: {note}")
+            warn_once(f"{self.folder / str(key[0])}: {note}")

@@ -244,7 +244,9 @@ def _explain(where: Where, error: ErrorDetails) -> str:
     message = WORDS.get(kind) or re.sub(r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"])
     message = message.removeprefix("Value error, ").replace(" after validation", "")
     shown = f", got {given!r}" if isinstance(given, str | int | float) and "got" not in message else ""
-    return f"{message}{shown if len(shown) < 100 else ''}"
+    limits = error.get("ctx", {})
+    metres = "; it is in metres" if {limits.get("le"), limits.get("ge")} & {LONGEST_M, -LONGEST_M} else ""
+    return f"{message}{shown if len(shown) < 100 else ''}{metres}"
 
 
 @cache

@@ -16,7 +16,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
-from plugins.tasks.file import building, files, tree, words
+from plugins.tasks.file import building, doubts, files, tree, words
 from plugins.tasks.file import spec as schema
 
 VARYING = ("bodies", "imports", "marks", "joints")
@@ -57,6 +57,8 @@ class FileTask(Task):
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
         self._check_variations()
+        for doubt in doubts.find_doubts(self._scene, self._tree.data):
+            files.warn_once(f"{file}: {doubt}")
 
     def scene(self, seed: int) -> Scene:
         if self.variation == NONE:

@@ -1,0 +1,74 @@
+"""Say what in a scene is possible, and yet seldom meant: mixed up units, bodies in the air, marks out of reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from core.geometry import Array
+from core.scene import Body, Scene
+
+HEAVY_KG, THIN_M, LONG_M, FAR_M = 50.0, 0.0002, 2.0, 1.5
+FALLS_M = 0.002  # more than engines need to settle what rests
+
+Box = tuple[Array, Array]
+
+
+def find_doubts(scene: Scene, written: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line for each thing that is seldom meant; ``written`` is the content of the file."""
+    boxes = {body.name: _box(body) for body in scene.bodies if body.collisions}
+    hanging = {joint.body for joint in scene.joints}
+    for body in scene.bodies:
+        if body.name in boxes and not (body.fixed and body.name in ("table", "floor")):
+            yield from _of_body(body, boxes)
+        if body.fixed and not body.collisions and _away(body) > FAR_M:
+            yield f"mark {body.name} is {_away(body):.2g} m from the robot's base, beyond the reach of most arms"
+    for body in scene.free:
+        if body.name in boxes and body.name not in hanging and not any(body.velocity):
+            gap = _gap_below(body.name, boxes)
+            if gap > FALLS_M:
+                under = "nothing is below it" if np.isinf(gap) else f"it falls by {1000 * gap:.3g} mm"
+                yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
+    joints: Sequence[Mapping[str, Any]] = written.get("joints") or ()
+    for joint in joints:
+        if "axis" not in joint and joint.get("kind") != "ball":
+            yield f"joint {joint.get('name')} has no axis; it turns about, or moves along, z of its body"
+
+
+def _of_body(body: Body, boxes: Mapping[str, Box]) -> Iterator[str]:
+    low, high = boxes[body.name]
+    thin = min(float(np.min(part.shape.bounds[1])) for part in body.collisions)
+    if body.mass > HEAVY_KG:
+        yield f"body {body.name} weighs {body.mass:g} kg, more than any arm here moves; grams?"
+    if thin < THIN_M:
+        yield f"body {body.name} is {1000 * thin:.3g} mm thin, and engines may not hold it; is that in metres?"
+    if float((high - low).max()) > LONG_M:
+        yield f"body {body.name} is {float((high - low).max()):.3g} m long; millimetres?"
+
+
+def _away(body: Body) -> float:
+    return float(np.linalg.norm(body.pose.position[:2]))
+
+
+def _box(body: Body) -> Box:
+    """Bound a body's collision shapes in the world."""
+    ends = []
+    for part in body.collisions:
+        middle, sides = part.shape.bounds
+        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
+        ends.append(body.pose.apply(part.pose.apply(middle + signs * sides)))
+    points = np.vstack(ends)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _gap_below(name: str, boxes: Mapping[str, Box]) -> float:
+    """Compute how far a body's box is above the next one below it, m; 0 where boxes overlap, inf: there is none."""
+    low, high = boxes[name]
+    gaps = [
+        max(0.0, float(low[2] - other[1][2]))
+        for key, other in boxes.items()
+        if key != name and (low[:2] < other[1][:2]).all() and (high[:2] > other[0][:2]).all() and other[0][2] < low[2]
+    ]
+    return min(gaps, default=float("inf"))

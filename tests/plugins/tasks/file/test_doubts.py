@@ -1,0 +1,51 @@
+"""What is possible in a scene file and seldom meant is said once, in a line."""
+
+import pytest
+
+from plugins.new.scenes import write_scene
+from plugins.tasks.file.doubts import find_doubts
+from plugins.tasks.file.task import FileTask
+from tests.plugins.tasks.file.test_task import task_of
+
+BODY = "\n  - {name: tin, cylinder: {radius: 0.03, length: 0.1}, position: [0.7, 0.2, 0.05], mass: 0.2}"
+
+
+@pytest.fixture
+def text(tmp_path):
+    return write_scene("PushBlock", tmp_path / "push.yaml").read_text()
+
+
+def doubts(tmp_path, text, body=""):
+    task = task_of(tmp_path, text.replace("\nbodies:", f"\nbodies:{body}", 1), "none")
+    return list(find_doubts(task.scene(0), task._tree.data))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("mass: 0.2", "mass: 250", "body tin weighs 250 kg, more than any arm here moves; grams?"),
+        ("radius: 0.03", "radius: 0.00001", "body tin is 0.02 mm thin"),
+        ("length: 0.1", "length: 10", "body tin is 10 m long; millimetres?"),
+        ("0.05]", "0.15]", "body tin begins in the air: it falls by 100 mm; a position is that of its middle"),
+        ("[0.7, 0.2", "[7, 0.2", "body tin begins in the air: "),
+    ],
+)
+def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new, said):
+    assert doubts(tmp_path, text, BODY) == doubts(tmp_path, text) == []
+    assert any(line.startswith(said) for line in doubts(tmp_path, text, BODY.replace(old, new, 1)))
+
+
+def test_marks_out_of_reach_and_joints_without_an_axis(tmp_path, text):
+    far = text.replace("position: [0.7, 0.1, 0]", "position: [3, 0.1, 0]")
+    assert [line[:12] for line in doubts(tmp_path, far)] == ["mark mark is"]
+    joint = text.replace("joints: []", "joints: [{name: hinge, kind: hinge, body: can, lower: 0, upper: 1}]")
+    assert doubts(tmp_path, joint) == ["joint hinge has no axis; it turns about, or moves along, z of its body"]
+
+
+def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
+    for _ in range(2):
+        task_of(tmp_path, text.replace("\nbodies:", f"\nbodies:{BODY.replace('mass: 0.2', 'mass: 250')}", 1), "none")
+    assert [record.message.partition(": ")[2] for record in caplog.records] == [
+        "body tin weighs 250 kg, more than any arm here moves; grams?"
+    ]
+    assert isinstance(FileTask(str(tmp_path / "scene.yaml")), FileTask)
