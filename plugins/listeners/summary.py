@@ -45,14 +45,7 @@ class SummaryListener:
         _print_generations(result.generations)
         if result.best is not None:
             _print_tools(result, self.top)
-        remarks = (
-            *_tied(result),
-            *_finals(result),
-            *_margin(result),
-            *_unseen(result),
-            *_saved(result),
-            _spent(self._replies),
-        )
+        remarks = (*_tied(result), *_margin(result), *_unseen(result), *_saved(result), _spent(self._replies))
         say(*remarks, *_commands(run, result), file=sys.stderr)
 
 
@@ -84,7 +77,10 @@ def _print_tools(result: Result, top: int) -> None:
 
 
 def _tied(result: Result) -> Iterable[str]:
-    """Say why the best candidate is not the one with the highest reward, if it is so."""
+    """Say what decided between candidates that earned alike, or why the best has not the highest reward."""
+    if result.finals and result.best is not None:
+        yield f"{len(result.finals)} candidates earned alike; {result.best.candidate.id} held best in more layouts"
+        return
     highest = max(result.ranking, key=lambda evaluation: evaluation.reward, default=None)
     if highest is not None and result.best is not None and number(highest.reward, 3) != number(result.best.reward, 3):
         earned = f"{highest.candidate.id} earned {number(highest.reward, 3)}"
@@ -95,12 +91,6 @@ def _margin(result: Result) -> Iterable[str]:
     """Say how near to a limit the best candidate came, if the task says its margins."""
     if result.best is not None and (least := result.best.least_margin) is not None:
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
-
-
-def _finals(result: Result) -> Iterable[str]:
-    """Say how many candidates earned alike, if more trials decided between them."""
-    if result.finals and result.best is not None:
-        yield f"{len(result.finals)} candidates earned alike; {result.best.candidate.id} held best in more layouts"
 
 
 def _unseen(result: Result) -> Iterable[str]:

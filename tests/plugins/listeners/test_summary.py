@@ -9,6 +9,7 @@ from core.design import Candidate, Evaluation, Trial
 from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
+from core.scene import Margin
 from tests.core.run_folders import hook
 
 
@@ -80,6 +81,12 @@ def test_what_was_saved(capsys):
         capsys, [0.5], more=more | {"same_as": "g0-a0-s0-p0"}
     )
     assert not {"saved", "near-duplicate"} & set(summary(capsys, [0.5]).split())
+
+
+def test_the_least_margin_of_the_best(capsys):
+    margins = (Margin.at_most("force on board", 6, 15, "N"),)
+    said = summary(capsys, [0.5], more={"trials": (Trial(), Trial(margins=margins))})
+    assert "least margin of the best 0.60: force on board 6 N, limit 15 N\n" in said
 
 
 def test_a_models_words_stay_words(capsys):
