@@ -112,6 +112,8 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     guards = [add_listener(events, listener, name) for name, listener in {**made, "vlm": vlm}.items()]
     parts = {kind: config[kind]["name"] for kind in _PARTS}
     parts |= {"robot": task.robot.name, "material": representation.material.name}
+    if task.language != "python":
+        parts["task"] = task.name  # a file's own, so that two scenes are two tasks
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     return _Search(this, designer, strategy, fitness, executor, events, twice, guards)
 

@@ -278,7 +278,7 @@ def _write(file: Path, text: str) -> None:
 def report(run: Run, result: Result) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     return {
-        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution")},
+        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")},
         "material": run.representation.material.name,
         "budget": run.config["budget"]["name"],
         "seed": run.seed,

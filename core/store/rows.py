@@ -168,6 +168,7 @@ class RunFigures:
     material: str = "paper"
     action: str = Waypoints.action
     evolution: str = ""
+    fitness: str = ""
     budget: str = ""
     best: Best | None = None
     tie: Amount = 0.0  # of runs before there was one

@@ -56,7 +56,7 @@ def write_run(
     budget = Budget(**{key: value for key, value in config["budget"].items() if key != "name"})
     parts = {
         kind: config[kind]["name"]
-        for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "executor")
+        for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
     }
     run = Run(folder, config, parts, "a can", task, representation, budget, cfg.seed)
     events = event_hub()

@@ -23,7 +23,8 @@ from core.support.files import read_untrusted
 from core.support.text import clean
 
 RESULT, HYDRA = "result.json", ".hydra"
-CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "budget")  # by name in a result
+# The choices, by name in a result:
+CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "fitness", "budget")
 MAX_DEPTH = 6  # of a run's folder below one that the user names
 
 MAX_BYTES = 20_000_000  # of a result

@@ -1,10 +1,15 @@
 """The same seed asks the same: what a rollout took in time is in no prompt."""
 
+import json
 import re
 
 import pytest
 
 from core import Experiment
+from core.config.compose import load
+from core.search.orchestration import run
+from plugins.new.scenes import write_scene
+from plugins.results.pages.runs import find_runs
 
 SAVING = ["fitness=robust", "fitness.sims=[mujoco]", "fitness.seeds=[1,2]"]
 SAVING += ["fitness.stop_below=0.99", "prompt.feedback=full", "budget.reward_save=-1", "budget.k_top=10"]
@@ -15,10 +20,22 @@ SMALL = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_i
 def test_two_runs_send_the_same_prompts_byte_by_byte(tmp_path):
     sent = []
     for name in ("one", "other"):
-        run = Experiment(*SAVING, *SMALL, task="BringCube", sim="mujoco", listener=[], film=False, seed=4)
-        assert run.run(tmp_path / name).saved.seconds > 0
+        made = Experiment(*SAVING, *SMALL, task="BringCube", sim="mujoco", listener=[], film=False, seed=4)
+        assert made.run(tmp_path / name).saved.seconds > 0
         sent.append({file.name: file.read_bytes() for file in sorted((tmp_path / name / "requests").iterdir())})
     assert sent[0] == sent[1]
     last = sent[0]["g1-a0.md"].decode()
     assert '"engines"' in last
     assert not re.search(r"saved|seconds", re.search(r"## The elites\n.*?```json\n(.*?)```", last, re.DOTALL)[1])
+
+
+def test_the_task_of_a_scene_file_is_called_by_its_name(tmp_path):
+    for name in ("PushBlock", "PullBlock"):
+        file = write_scene(name, tmp_path / f"{name}.yaml")
+        words = ["task=file", f"task.file={file}", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"]
+        words += ["budget.n_iteration=0", "executor.workers=1", "listener=[]", "film=false", "sim=mujoco"]
+        run(load("config", words), tmp_path / name)
+        result = json.loads((tmp_path / name / "result.json").read_text())
+        assert (result["task"], result["fitness"]) == (name, "nominal")
+    runs, _ = find_runs([tmp_path])
+    assert sorted(run.task for run in runs) == ["PullBlock", "PushBlock"]

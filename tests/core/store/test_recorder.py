@@ -46,6 +46,7 @@ def opened(tmp_path):
         "tool": "urdf",
         "action": "waypoints",
         "evolution": "vlmgineer",
+        "fitness": "nominal",
     }
     run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
     events.hook.run_started(run=run)
@@ -130,6 +131,7 @@ def test_result_and_generations(opened):
         "tool": "urdf",
         "action": "waypoints",
         "evolution": "vlmgineer",
+        "fitness": "nominal",
         "material": "paper",
         "budget": "quick",
         "seed": 7,
