@@ -102,6 +102,9 @@ class Buildable(Fitness):
         self._inner.prepare()
         self._evaluator.prepare()
 
+    def final(self) -> Mapping[str, Sequence[Evaluate]]:
+        return self._inner.final()
+
     def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
         return self._inner.unseen()
 

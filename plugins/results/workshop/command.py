@@ -177,6 +177,7 @@ def _export(cfg: DictConfig, output: Path) -> Export:
     verdicts = printable((), checks)
     if solid.parts:
         solid = write_tool(solid, output / "tool")
+        built = solid.printed
         mounted = {name: replay(name, built).reward for name in sims}
         solid = replace(solid, checks=(*checks, as_good("mounted", "with its mount", mounted, rewards), *solid.checks))
         write_lists(solid, output / "tool")

@@ -33,9 +33,9 @@ HOW = "Strength: forces of the rollout where they act, on beams; without notches
 
 def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength]) -> dict[str, Any]:
     """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too."""
-    material, load = made.material, payload(robot, made.mounted)
+    material, load = made.material, payload(robot, made.printed)
     verdicts = [
-        *carried(made.mounted, robot, material),
+        *carried(made.printed, robot, material),
         *printable(made.parts, made.checks),
         *strong(material, strengths),
     ]
@@ -52,7 +52,7 @@ def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Str
         "mass_kg": load["mass_kg"],
         "center_m": load["center_m"],
         "frame": load["frame"],
-        "moment_nm": flange_moment(made.mounted, robot),
+        "moment_nm": flange_moment(made.printed, robot),
         "pieces": [
             {"name": part.name, "size_mm": np.round(part.mesh.extents, 2).tolist(), "mass_g": round(part.mass_g, 2)}
             for part in made.parts

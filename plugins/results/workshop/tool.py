@@ -61,6 +61,15 @@ class PrintedTool:
     step: bool = False
 
     @property
+    def printed(self) -> Tool:
+        """`mounted`, weighing what its parts weigh as printed: what an arm really bears."""
+        volumes = [self.material.volume_of(component.shape) for component in self.mounted.components]
+        share = math.fsum(part.mass_g for part in self.parts) / 1000 / sum(volumes) if self.parts else 0.0
+        pairs = zip(self.mounted.components, volumes, strict=True)
+        own = tuple(replace(component, mass=share * volume) for component, volume in pairs)
+        return replace(self.mounted, components=own) if self.parts else self.mounted
+
+    @property
     def notes(self) -> list[str]:
         """What is not written, and how to get it."""
         return [] if not self.parts or can_write_step() else [NO_STEP]

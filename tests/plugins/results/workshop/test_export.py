@@ -53,7 +53,8 @@ def test_the_motion_earns_what_was_simulated(made):
 def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
     folder, found = made
     assert found.mounted["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
-    assert found.payload["mass_kg"] == pytest.approx(found.printed.mounted.mass, abs=1e-5)
+    assert found.payload["mass_kg"] == pytest.approx(found.printed.printed.mass, abs=1e-5)
+    assert found.printed.printed.mass == pytest.approx(sum(part.mass_g for part in found.printed.parts) / 1000)
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
     assert {"part_1_of_2.stl", "part_2_of_2.stl", "tool.3mf", "print.json", "assembly.md"} <= names
