@@ -62,6 +62,8 @@ def script(folder: Path, text: str = PLAIN, simulator: Simulator | None = None) 
             *(("candidate_evaluated", {"evaluation": evaluation}) for evaluation in evaluations),
             ("generation_finished", {"generation": generations[-1]}),
         ]
+    finalist = replace(generations[0].evaluations[0], final=(("engine", 0, 1.0),))
+    events.append(("finalist_tried", {"evaluation": finalist}))
     return [*events, ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)})]
 
 
