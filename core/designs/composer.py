@@ -189,6 +189,7 @@ class PromptComposer:
             "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
             "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
             "rollout": self.rollout,
+            "hold_s": max(self.rollout.hold_s, task.hold_s),
             "arm": describe_arm(task, self.rollout, self.engine, brief.gripper),
             "max_waypoints": MAX_WAYPOINTS,
             "max_way_m": MAX_KNOTS * KNOT_M,

@@ -125,11 +125,12 @@ class Layouts(SeveralTrials):
             )
         where = f" in each of the engines {', '.join(self._sims)}" if many else ""
         elsewhere = f", in each of {', '.join(self._unseen_sims)}" if self._unseen_sims is not self._sims else ""
+        final = f"of plans that earn alike, up to {self._final} more layouts choose the best; " if self._final else ""
         lowest = ", in the engine where that is the lowest" if many else ""
         return (
             f"A plan is tried with its tool in {len(self._seeds)} layouts{where}. The one that is shown here is the "
-            f"first; at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are in "
-            f"metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
+            f"first; {final}at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are "
+            f"in metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
             "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
             f"{self.stops.instructions()}"
         )
