@@ -207,6 +207,7 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
     [
         ([], "no designs given; usage: "),
         (["designs=missing.json"], "designs file missing.json: there is no such file"),
+        (["designs=runs/missing"], "runs/missing: there is no such folder of a run, and no designs file"),
         ([f"designs={ROOT / 'docs'}"], "holds no run: there is no run.sqlite in it"),
         ([f"designs={SOLUTION}", "sims=[pybullet,bullet]"], r"no sim 'bullet' \(did you mean 'pybullet'\?\)"),
         ([f"designs={SOLUTION}", "robots=[panda,pandas]"], r"no robot 'pandas' \(did you mean 'panda'\?\)"),

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.slow
         (["+arm=ur5"], "no key 'arm' in the configuration"),
         (["+nonsense.key=1"], "no key 'nonsense' in the configuration; possible: action, budget, evolution, "),
         (["++nonsense.key=1"], "no key 'nonsense' in the configuration"),
+        (["task.file=scene.yaml"], "task.file is a setting of task=file; add task=file"),
         (["nonsense.key=1"], "no key 'nonsense' in the configuration"),
         (["+budget.n_agnet=1"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),
         (["+task.paper.n_agnet=1"], "no key 'n_agnet' in task.paper (did you mean 'n_agent'?); possible: "),
