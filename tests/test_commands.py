@@ -161,11 +161,13 @@ def test_the_result(tiny):
             "tool",
             "action",
             "evolution",
+            "fitness",
             "material",
             "budget",
             "seed",
             "best",
             "unseen",
+            "finalists",
             "tie",
             "stopped",
         ),
@@ -174,7 +176,7 @@ def test_the_result(tiny):
     assert [result[key] for key in ("task", "robot", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
         *("BringCube", "panda", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)
     ]
-    assert set(result["best"]) == {"reward", "distance_m", "generation", "candidate"}
+    assert set(result["best"]) == {"reward", "margin", "distance_m", "generation", "candidate"}
     assert 0 <= result["best"]["reward"] <= 1
     assert result["best"]["distance_m"] >= 0
     assert result["best"]["candidate"].startswith(f"g{result['best']['generation']}-a0-s")

@@ -31,6 +31,7 @@ FLUNG_M_S = 5.0  # a body was flung if it is faster than this, and
 FLUNG_TIMES = 2.2  # so many times as fast as the robot ever was: an elastic blow gives twice the speed; and a tenth
 LOST_M = 5.0  # from the arm's base
 EXPLODED_M_S = 100.0
+OVERRUN = {"hinge": 0.1, "slider": 0.003}  # rad and m that a tool's joint may go beyond its range, as stops are soft
 
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
 _AT_ONCE = 12_000  # samples of solids: their arrays stay in the processor's cache
@@ -52,8 +53,9 @@ class Explosion(Exception):
 def findings(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> list[Finding]:
     """Find what is unphysical in a rollout of ``tool`` in ``scene``.
 
-    There is one finding for each two things that passed through each other, at the first time, and one for each body
-    that was flung. The robot's own parts are not compared with each other, nor solids that overlap from the start.
+    There is one finding for each two things that passed through each other, at the first time, one for each joint of
+    the tool that went beyond its range, and one for each body that was flung. The robot's own parts are not compared
+    with each other, nor solids that overlap from the start.
 
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
@@ -78,8 +80,21 @@ def findings_of_each(
     for part in np.unique(parts):
         some = [i for i, number in zip(finite, parts, strict=True) if number == part]
         for i, each in zip(some, _find_together(scene, robot, tool, [recordings[i] for i in some]), strict=True):
-            results[i] = each
+            results[i] = each if isinstance(each, Explosion) else [*each, *_overrun(tool, recordings[i])]
     return results
+
+
+def _overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
+    """Find joints of the tool that stay beyond their range: a light part may be pressed through an engine's stop."""
+    states = recording.fingers[:, recording.fingers.shape[1] - len(tool.bearers) :]
+    for bearer, values in zip(tool.bearers, states.T, strict=True):
+        joint = bearer.joint
+        beyond = np.maximum(joint.lower - values, values - joint.upper)
+        over = (beyond > OVERRUN[joint.kind])[1:]
+        if np.diff(recording.times)[over].sum() > DEEP_S:
+            first, unit = recording.times[1:][over.argmax()], "rad" if joint.kind == "hinge" else "m"
+            text = f"{bearer.name!r} went {beyond.max():.3g} {unit} beyond the range of its joint from {first:.2f} s on"
+            yield Finding(text, penetration=True)
 
 
 def _find_together(

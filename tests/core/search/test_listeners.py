@@ -120,7 +120,10 @@ def come_to(tmp_path, listener=None, vlm=None, evolution=None):
     return run(cfg, tmp_path / "run")
 
 
-@pytest.mark.parametrize("event", EVENTS)
+ONCE = [event for event in EVENTS if event != "finalist_tried"]  # the toy task has one layout, so no finalists
+
+
+@pytest.mark.parametrize("event", ONCE)
 def test_a_listener_that_raises_is_left_out_and_the_run_goes_on(jitter, tmp_path, capfd, event):
     result = come_to(tmp_path, {"jitter": {"event": event}, "calm": {}}, vlm={})
     assert result.stopped is None
@@ -130,7 +133,7 @@ def test_a_listener_that_raises_is_left_out_and_the_run_goes_on(jitter, tmp_path
     assert [line for line in capfd.readouterr().err.splitlines() if "jitter" in line] == [
         said.format(event) + " events"
     ]
-    calm = {name: jitter.received.count(name) for name in EVENTS}  # both listeners' together
+    calm = {name: jitter.received.count(name) for name in ONCE}  # both listeners' together
     assert calm["run_started"] == calm["run_ended"] == 2
     once = {"run_started": 1, "generation_started": 2, "request_composed": 8, "reply_received": 8}
     once |= {"candidate_evaluated": 28, "generation_finished": 2, "run_finished": 1, "run_ended": 1}

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from core.design import Candidate, Component, Tool
+from core.design import Candidate, Component, Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
@@ -376,3 +376,16 @@ def test_a_recording_does_not_change_what_is_recorded():
 
 def _still(task):
     return JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([0.04]))
+
+
+@pytest.mark.parametrize(("over", "instants", "found"), [(0.013, 20, True), (0.013, 2, False), (0.002, 20, False)])
+def test_a_joint_of_the_tool_that_stays_beyond_its_range_is_found(over, instants, found):
+    slider = ToolJoint("slider", (0.0, 0.0, 1.0), 0.0, 0.0065)
+    rod = replace(ROD.components[0], name="slide", parent=ROD.components[0].name, joint=slider)
+    tool, scene = replace(ROD, components=(*ROD.components, rod)), Scene((body("cube", Sphere(0.02), (0.8, 0, 1.0)),))
+    taken = recording(scene, {"cube": straight((0.8, 0, 1.0), (0.8, 0, 1.0), 100)})
+    places = np.zeros((100, 3))
+    places[30 : 30 + instants, 2] = 0.0065 + over
+    taken = replace(taken, times=np.arange(100) / 50, fingers=places)
+    said = [text for text in penetrations(scene, taken, tool) if "joint" in text]
+    assert said == ["'slide' went 0.013 m beyond the range of its joint from 0.60 s on"] * found
