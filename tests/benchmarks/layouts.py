@@ -1,15 +1,14 @@
-"""How well do designs do in other layouts? ``python -m tests.benchmarks.layouts solutions``, ``... cost``.
+"""How well do designs do in other layouts? ``python -m tests.benchmarks.layouts solutions``.
 
-solutions: the anchored solutions in unseen layouts of each engine, and the same tools with literal plans in the last
+Tried are the anchored solutions in unseen layouts of each engine, and the same tools with literal plans in the last
 engine; with noise in what the plans see, if asked. Literal plans are what the anchored ones come to in the task's usual
-layout. cost: the time of a rollout with anchored plans against literal ones, and of several layouts against one.
+layout.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,18 +21,17 @@ from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Evaluate, Perception, RolloutSettings, Task, ToolRepresentation
+from core.interfaces import Perception, RolloutSettings, Task, ToolRepresentation
 from core.plugins import PluginPart, installed
 from core.simulation.robustness import CheckedEvaluator
-from core.simulation.rollout import Evaluator
 from core.support.cli import command
 from plugins.executors.local import LocalExecutor
-from plugins.fitness.layouts import UNSEEN, Layouts
+from plugins.fitness.layouts import UNSEEN
 from tests.benchmarks import measuring
 
 USAGE = (
-    "usage: python -m tests.benchmarks.layouts solutions|cost [tasks=NAME,...] [sims=NAME,...] [layouts=N] "
-    "[position=METRES] [yaw=RADIANS] [material=NAME] [repeats=N] [workers=N] [folder=FOLDER]"
+    "usage: python -m tests.benchmarks.layouts solutions [tasks=NAME,...] [sims=NAME,...] [layouts=N] "
+    "[position=METRES] [yaw=RADIANS] [material=NAME] [workers=N] [folder=FOLDER]"
 )
 TASKS = Path(__file__).parents[1] / "tasks"
 SOLUTIONS = {file.stem: file for place in ("anchored", "hardtoolbench") for file in (TASKS / place).glob("*.json")}
@@ -52,7 +50,6 @@ class Settings:
     position: float = 0.0
     yaw: float = 0.0
     material: str = "paper"
-    repeats: int = 5
     workers: int = 2
     folder: str = "layouts"
 
@@ -61,11 +58,10 @@ def main() -> None:
     match sys.argv[1:]:
         case ["--help" | "-h"]:
             sys.stdout.write(f"{USAGE}\n")
-        case [("solutions" | "cost") as what, *words]:
+        case ["solutions", *words]:
             given = measuring.settings(words, Settings)
             given.tasks = given.tasks or sorted(SOLUTIONS)
-            table = solutions(given) if what == "solutions" else cost(given)
-            sys.stdout.write(table)
+            sys.stdout.write(solutions(given))
         case _:
             raise UsageError(USAGE)
 
@@ -144,38 +140,6 @@ def markdown(found: dict[str, dict[str, dict[str, list[float]]]], sims: Sequence
     mean = ["**mean**", *(f"{mean:.3f}" for mean in means), "", *last]
     rows = [row(name, rewards, sims) for name, rewards in found.items()]
     return "\n".join(["| " + " | ".join(head) + " |", "|---" * len(head) + "|", *rows, f"| {' | '.join(mean)} |", ""])
-
-
-def cost(given: Settings) -> str:
-    """Measure the ratios of processor time, and return a row for each engine: the medians over the tasks."""
-    rows = ["| engine | anchored / literal | five layouts / one, a rollout |", "|---|---|---|"]
-    for sim in given.sims:
-        plans, layouts = [], []
-        for name in given.tasks:
-            both = designs(name, RolloutSettings())
-            usual = Evaluator(PluginPart("task", name), PluginPart("sim", sim))
-            wide = replace(usual, task=PluginPart("task", name, (("variation", "wide"),)))
-            chunk = [replace(both["literal"], action=number) for number in range(5)]
-            anchored, literal = seconds(given.repeats, *((usual, [design]) for design in both.values()))
-            five, one = seconds(given.repeats, (Layouts(wide, layouts=5), chunk), (wide, chunk))
-            plans.append(anchored / literal)
-            layouts.append(five / one / 5)
-            measuring.console.print(f"{sim} {name} {plans[-1]:.3f} {layouts[-1]:.3f}", highlight=False)
-        rows.append(f"| {sim} | {np.median(plans):.3f} | {np.median(layouts):.3f} |")
-    return "\n".join([*rows, ""])
-
-
-def seconds(repeats: int, *trials: tuple[Evaluate, Sequence[Candidate]]) -> list[float]:
-    """Measure the least processor time of each trial, in turns, with a new tool each time."""
-    least = [float("inf")] * len(trials)
-    for repeat in range(repeats + 1):
-        for number, (evaluate, candidates) in enumerate(trials):
-            new = [replace(c, tool=replace(c.tool, name=f"{repeat} {number}")) for c in candidates if c.tool]
-            began = time.process_time()
-            evaluate(new)
-            if repeat:
-                least[number] = min(least[number], time.process_time() - began)
-    return least
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Shared by the measurements: the designs, their rewards in an engine, and a page's table.
+"""Shared by the measurements: the designs, and their rewards in an engine.
 
 All results are kept in a folder, so that an interrupted measurement can go on: ``designs/TASK.json`` is a designs file,
 ``rewards/TASK.json`` has a record per engine.
@@ -10,10 +10,9 @@ import json
 import math
 import os
 import tempfile
-import time
 import typing
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,10 +21,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.progress import track
-from scipy.stats import spearmanr
 
 from core.config.compose import load, part
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError, choices
@@ -41,9 +39,6 @@ T = TypeVar("T")
 SOLUTIONS = Path(__file__).parents[1] / "tasks" / "solutions"
 N_TOOL, N_ACTION, N_ITERATION = 5, 3, 2
 SPARE = 1.2  # designs more than needed in a generation, since some may be rejected
-GOOD, STILL_GOOD = 0.6, 0.4  # a design above the first in one engine is to stay above the second in another
-DIGITS = 2  # rewards are rounded to this before they are ranked
-MANY_TIES = 0.8
 
 console = Console(stderr=True)
 
@@ -107,12 +102,11 @@ def executor(workers: int) -> Executor:
 
 @dataclass(frozen=True)
 class Designs:
-    """A task's candidates of the embedded designer: half are its first samples (``first``), half are offspring."""
+    """A task's candidates of the embedded designer: half are its first samples, half are offspring."""
 
     task: str
     seed: int
     candidates: tuple[Candidate, ...]
-    first: tuple[bool, ...]
 
 
 def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Path) -> Designs:
@@ -135,8 +129,7 @@ def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Pat
         raise UserError(f"{file} has other designs, {stored}; choose another folder=...")
     plugins = installed()
     spawn = SpawnRules(plugins.create("task", task), seed)
-    candidates = read_designs(document, plugins.create("tool", "urdf"), spawn)
-    return Designs(task, seed, tuple(candidates), tuple(name.startswith("g0-") for name in document["ids"]))
+    return Designs(task, seed, tuple(read_designs(document, plugins.create("tool", "urdf"), spawn)))
 
 
 def population(count: int) -> dict[str, int]:
@@ -177,25 +170,9 @@ def evenly(items: Sequence[T], count: int) -> list[T]:
 # --- rewards ----------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Timed:
-    """Evaluate as ``evaluator`` does, and record each candidate's processor time, from its waypoints to its reward."""
-
-    evaluator: Evaluator
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        self.evaluator([])  # its parts are made before the clock runs
-        evaluations = []
-        for candidate in candidates:
-            began = time.process_time()
-            (evaluation,) = self.evaluator([candidate])
-            evaluations.append(replace(evaluation, figures={"cpu_s": time.process_time() - began}))
-        return evaluations
-
-
 def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder: Path) -> dict[str, Any]:
-    """Return a record of each design in an engine: ``rewards``, ``cpu_s``, ``reasons`` of those that broke (their
-    reward is 0), and the engine's settings.
+    """Return a record of each design in an engine: ``rewards``, ``reasons`` of those that broke (their reward is
+    0), and the engine's settings.
 
     Raises:
         UserError: the folder has a record of other designs.
@@ -209,7 +186,7 @@ def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder
             if len(record["rewards"]) != len(plans):
                 raise UserError(f"{file} has rewards of {len(record['rewards'])} designs; choose another folder=...")
             return record
-    evaluator = Timed(Evaluator(PluginPart("task", of.task), sim, of.seed, RolloutSettings()))
+    evaluator = Evaluator(PluginPart("task", of.task), sim, of.seed, RolloutSettings())
     evaluations = list(
         track(
             evaluate_all(of.candidates, evaluator, executor),
@@ -223,66 +200,11 @@ def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder
     record = {
         "engine": engine,
         "rewards": [e.reward for e in evaluations],
-        "cpu_s": [e.figures.get("cpu_s") for e in evaluations],
         "reasons": {e.candidate.id: e.reason for e in evaluations if e.status != "ok"},
     }
     file.parent.mkdir(parents=True, exist_ok=True)
     save(file, [*records, record])
     return record
-
-
-# --- comparing --------------------------------------------------------------------------------------------------
-
-
-def compare(one: Sequence[float], other: Sequence[float], first: Sequence[bool]) -> dict[str, Any]:
-    """Compare the rewards of designs in two engines.
-
-    ``rank_correlation`` is Spearman's, of rewards rounded to `DIGITS`; ties share their mean rank. It is also given for
-    the first samples and for the offspring alone, and is None where an engine gives all the same reward. ``tied`` is
-    the share of designs with the commonest reward, in the engine where it is larger. ``kept`` and ``kept_back`` count
-    the designs above `GOOD` in one engine that stay above `STILL_GOOD` in the other, as [kept, all].
-    """
-    a, b, begun = np.asarray(one), np.asarray(other), np.asarray(first, dtype=bool)
-    ranked = [np.round(x, DIGITS) for x in (a, b)]
-    return {
-        "designs": len(a),
-        "rank_correlation": correlation(*ranked),
-        "of_first_sampling": correlation(*(x[begun] for x in ranked)),
-        "of_offspring": correlation(*(x[~begun] for x in ranked)),
-        "tied": max(float(np.unique(x, return_counts=True)[1].max() / len(x)) for x in ranked),
-        "mean_difference": float(np.abs(a - b).mean()),
-        "kept": [int(((a > GOOD) & (b > STILL_GOOD)).sum()), int((a > GOOD).sum())],
-        "kept_back": [int(((b > GOOD) & (a > STILL_GOOD)).sum()), int((b > GOOD).sum())],
-        "means": [float(a.mean()), float(b.mean())],
-    }
-
-
-def correlation(a: Any, b: Any) -> float | None:
-    """Return Spearman's rank correlation; None where there is nothing to rank."""
-    if len(a) < 2 or np.ptp(a) == 0 or np.ptp(b) == 0:
-        return None
-    return float(spearmanr(a, b).statistic)
-
-
-def mean(values: Sequence[float | None]) -> float | None:
-    """Return the mean of the values that are not None."""
-    there = [value for value in values if value is not None]
-    return float(np.mean(there)) if there else None
-
-
-def number(value: float | None, marked: bool = False) -> str:
-    """Format a number for a table, with a mark where there are `MANY_TIES`."""
-    return "–" if value is None else f"{value:.2f}{'†' if marked else ''}"
-
-
-def share(kept: Sequence[int]) -> str:
-    return f"{kept[0]}/{kept[1]}"
-
-
-def kept_share(counts: Sequence[Sequence[int]]) -> str:
-    """Format the share of all tasks together, never rounded up."""
-    kept, whole = (sum(column) for column in zip(*counts, strict=True))
-    return f"{kept}/{whole} ({100 * kept // whole}%)" if whole else "0/0"
 
 
 # --- files ------------------------------------------------------------------------------------------------------
