@@ -83,6 +83,7 @@ class Trial:
         reward: what it earned; 0 where it was rejected or failed.
         reason: why, as that of an `Evaluation`.
         touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
+        outcome: what became of the goal's bodies, and of which; empty: not observed.
         observation: of several trials only the one that is shown has it.
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
     """
@@ -94,6 +95,7 @@ class Trial:
     reward: float = 0.0
     reason: str = ""
     touch_m: float | None = None
+    outcome: str = ""
     observation: Observation | None = None
     margins: tuple[Margin, ...] = ()
 

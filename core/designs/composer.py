@@ -25,7 +25,7 @@ from core.designs.elites import elites_text
 from core.designs.excerpts import class_source, function_source, helpers, task_source
 from core.designs.feedback import combined_figures, critiques_text, generation_lines, last_generation
 from core.designs.layout import layout_table
-from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
+from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
 from core.robot.extents import outline
@@ -201,6 +201,7 @@ class PromptComposer:
             "observed": any(elite.observation is not None for elite in brief.elites),
             "critiques": critiques_text(brief),
             "candidates": generation_lines(last, self.settings.generation_characters),
+            "near": (NEAR_M, PATH_M, PATH_RAD) if any(e.same_as is not None for e in last) else None,
             "detailed": any(combined_figures(elite, brief.task) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),

@@ -24,13 +24,14 @@ def elites_text(
     *,
     numbers: bool,
 ) -> str:
-    """Write elites as JSON, each list of numbers on one line.
+    """Write elites as JSON, each list of numbers and each innermost object on one line.
 
     With ``numbers`` each has its plan, and what was observed of its rollout.
     """
     entries = [_entry(elite, representation, task, numbers) for elite in elites]
     text = json.dumps(entries, indent=1, ensure_ascii=False)
-    return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+    text = re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+    return re.sub(r"\{\n([^{}]*)\n *\}", lambda found: "{" + re.sub(r"\n *", " ", found[1].strip()) + "}", text)
 
 
 def _entry(elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool) -> dict[str, Any]:

@@ -18,7 +18,8 @@ from core.support.text import clean, short_numbers
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
 _BODIES, _CONTACTS, _LAYOUTS = 2, 6, 3
-_REASON, _NAME = 300, 120  # characters
+_REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
+_OUTCOMES, _DRAWN = 6, 8  # kinds of trials, and drawn numbers of a layout
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
@@ -106,6 +107,7 @@ def combined_figures(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took."""
     figures: dict[str, Any] = {}
     if evaluation.combined:
+        figures["trials"] = trial_lines(evaluation)
         figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
         if poor := poor_layouts(evaluation, task):
             figures["poor_layouts"] = poor
@@ -122,7 +124,7 @@ def statistics(rewards: Sequence[float]) -> dict[str, Any]:
 
 
 def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
-    """List the layouts in which a plan failed, the worst first, with the numbers that were drawn for each."""
+    """List the layouts in which a plan failed, the worst first, each with the numbers farthest from the usual ones."""
     if not evaluation.combined or evaluation.status == "rejected":
         return []
     engines = len(evaluation.by_engine)
@@ -130,13 +132,14 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     shown: list[dict[str, Any]] = []
     for trial in sorted(poor, key=lambda trial: trial.reward)[:_LAYOUTS]:
         draw = task.draw(trial.layout)
+        drawn = {name: draw(name, math.nan) for name in draw.ranges}
+        far = sorted(drawn, key=lambda name: -abs(drawn[name] - np.mean(draw.ranges[name])) / np.ptp(draw.ranges[name]))
         shown.append(
             {  # JSON
                 "layout": trial.layout,
                 **({"engine": trial.engine} if engines > 1 else {}),
                 "reward": round(trial.reward, 3),
-                **({"reason": trial.reason[:200]} if trial.reason else {}),
-                **{name: round(draw(name, math.nan), 3) for name in draw.ranges},
+                **{name: round(drawn[name], 3) for name in drawn if name in far[:_DRAWN]},
             }
         )
     return shown
@@ -149,6 +152,7 @@ def elite_feedback(trial: Trial, seen: Observation) -> dict[str, Any]:
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
     described["error_m"] = {name: list(wrong[name]) for name in worst[: 2 * _BODIES]}
+    described["arrivals_s"] = list(seen.arrivals)
     if seen.paths:
         described["times_s"] = list(seen.instants)
         described["path_m"] = {name: " ".join(_point(point) for point in path) for name, path in seen.paths.items()}
@@ -172,8 +176,11 @@ def describe(evaluation: Evaluation) -> str:
     if seen is None:
         moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
         return "; ".join([*parts, *(f"{name} moved {way:.3f} m" for name, way in moved if way > _MOVED_M)])
+    if evaluation.same_as is not None:
+        parts[0] += f" (not tried, as it hardly differs from {evaluation.same_as})"
     if evaluation.combined and evaluation.shown is not None:
-        parts[0] += f" of all trials; in the worst ({_where(evaluation.shown)})"
+        shown = f"{_where(evaluation.shown)}{_margin(evaluation.shown)}"
+        parts[0] += f" ({'; '.join(trial_lines(evaluation))}); in {shown}:"
     if not evaluation.reason:
         parts[0] += f" {_result(seen)}"
     moves = _moves(seen, _BODIES)
@@ -189,6 +196,35 @@ def describe(evaluation: Evaluation) -> str:
         nearest = min(missed, key=lambda name: missed[name])
         parts.append(f"nearest to {nearest} {1000 * missed[nearest]:.0f} mm")
     return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
+
+
+def trial_lines(evaluation: Evaluation) -> list[str]:
+    """Say what became of each trial: those that are alike in one line, the worst first."""
+    groups: dict[tuple[float, str], list[Trial]] = {}
+    for trial in evaluation.trials:
+        what = trial.outcome if trial.status == "ok" and not trial.reason else f"{trial.status}: {trial.reason}"
+        groups.setdefault((round(trial.reward, 3), clean(what, _OUTCOME)), []).append(trial)
+    lines = [
+        f"{reward:.3f} {what}".strip() + f" in {_wheres(trials, evaluation.trials)}"
+        for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0])
+    ]
+    return lines[:_OUTCOMES] + ([f"{len(lines) - _OUTCOMES} others"] if len(lines) > _OUTCOMES else [])
+
+
+def _wheres(trials: Sequence[Trial], among: Sequence[Trial]) -> str:
+    """Name the trials of a group; where there are several engines or perturbations by these as well."""
+    if len(trials) == len(among):
+        return f"all {len(trials)} trials"
+    many, changed = len({trial.engine for trial in among}) > 1, any(trial.change is not None for trial in among)
+    names = [
+        " ".join(filter(None, (f"{t.layout}{f'/{t.change}' if changed else ''}", t.engine if many else "")))
+        for t in trials
+    ]
+    return f"layout{'s' * (len(names) > 1)} {', '.join(names)}"
+
+
+def _margin(trial: Trial) -> str:
+    return f", least margin: {trial.margins[0]}" if trial.margins else ""
 
 
 def _where(trial: Trial) -> str:

@@ -9,13 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Candidate, Tool
+from core.designs.rules import NEAR_M, PATH_M, PATH_RAD
 from core.errors import RAISED
 from core.geometry import Array, Mesh, Pose
 from core.values.plans import ActionPlan, Seen, content_of
 
-NEAR_M = 0.001  # between the corners of two tools
 NEAR_MASS = 0.05  # between the masses of two components, as a share
-PATH_M, PATH_RAD = 0.01, 0.05  # between the waypoints of two plans
 
 _CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 _AXES = 0.1 * np.vstack([np.zeros(3), np.eye(3)])  # points that show how a frame is turned

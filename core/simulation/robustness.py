@@ -112,16 +112,16 @@ def worst(
 ) -> Evaluation:
     """Combine a candidate's evaluations in each engine into one, by the worst engine.
 
-    The reward is the lowest of the engines' combined rewards; a rejected or failed trial counts 0.
-    All else is taken from the trial with the lowest reward that succeeded, in the worst engine if there is one there;
-    if none succeeded, from the first. It alone keeps its observation. Failures become warnings; ``trial`` is what they
-    call a trial.
+    The reward is the lowest of the engines' combined rewards; a rejected or failed trial counts 0. The distance is the
+    mean of the trials that succeeded. All else is taken from the one of these with the lowest reward, of equal ones
+    from that with the least margin, in the worst engine if there is one there; if none succeeded, from the first. It
+    alone keeps its observation. Failures become warnings; ``trial`` is what they call a trial.
     """
     rewards = {engine: combine([e.reward for e in evaluations]) for engine, evaluations in tried.items()}
     lowest = min(rewards, key=lambda engine: rewards[engine])
     others = [e for engine, evaluations in tried.items() if engine != lowest for e in evaluations]
     succeeded = [[e for e in trials if e.status == "ok"] for trials in (tried[lowest], others)]
-    shown = min(succeeded[0] or succeeded[1] or tried[lowest][:1], key=lambda e: e.reward)
+    shown = min(succeeded[0] or succeeded[1] or tried[lowest][:1], key=_worst_first)
     failures = [
         f"{engine}, {trial} {i} of {len(evaluations)}: {e.status}: {e.reason}"
         for engine, evaluations in tried.items()
@@ -137,10 +137,16 @@ def worst(
         shown,
         candidate=candidate,
         reward=rewards[lowest],
+        distance_m=mean([e.distance_m for e in (*succeeded[0], *succeeded[1])] or [shown.distance_m]),
         warnings=(*shown.warnings, *failures),
         trials=tuple(made),
         combined=True,
     )
+
+
+def _worst_first(evaluation: Evaluation) -> tuple[float, float]:
+    least = evaluation.least_margin
+    return evaluation.reward, np.inf if least is None else least.margin
 
 
 def _trial(evaluation: Evaluation) -> Trial:

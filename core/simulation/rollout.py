@@ -295,7 +295,7 @@ class _Batch:
             return Trial()
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
-        return Trial(touch_m=seen.touch_m, observation=seen)
+        return Trial(touch_m=seen.touch_m, outcome=f"{seen.result} {seen.what}".strip(), observation=seen)
 
 
 def findings(

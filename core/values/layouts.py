@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -49,4 +50,9 @@ def around(name: str, position: Sequence[float], metres: float, radians: float =
 
 def describe_ranges(ranges: Ranges) -> str:
     """List the ranges in words, for a model: metres, radians, kilograms."""
-    return ", ".join(f"{name} from {low:.4g} to {high:.4g}" for name, (low, high) in ranges.items())
+    groups: dict[tuple[str, str], list[str]] = {}  # card_1.x, card_2.x, ... in one, if they share a range
+    for name, (low, high) in ranges.items():
+        groups.setdefault((re.sub(r"\d+", "", name), f"from {low:.4g} to {high:.4g}"), []).append(name)
+    return ", ".join(
+        f"{names[0]}{f' to {names[-1]}' if len(names) > 1 else ''} {span}" for (_, span), names in groups.items()
+    )

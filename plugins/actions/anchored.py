@@ -34,10 +34,11 @@ _INSTRUCTIONS = """\
   - `axes`: those of the `world` (the default), or of the `anchor`, which turn with it. Offset and rpy are along them.
   - `toward`: the name of a second anchor. Then the axes are the world's, turned about z until x points from `anchor` to
     it, as for a push towards a goal. Toward `world` is toward the world's origin.
-  - `share`: 0 to 1, how far the offset's origin lies on the way from `anchor` to `toward`; default 0. For what is
-    pushed or carried to a goal. With a share the axes may be those of the `anchor`, too.
-  - `speed` (m/s) or `seconds` of the way there, from 0.001; without them the rule about segments below holds. What the
-    arm's limits do not allow is slowed, and reported.
+  - `share`: 0 to 1, how far the offset's origin lies on the way from `anchor` to `toward`; default 0;
+    in x, y and z. For what is pushed or carried to a goal. With a share the axes may be those of the `anchor`, too:
+    `share` 1, `toward` a goal and `axes` of the anchor keep a tool turned as what it carries, at the goal's place.
+  - `speed` (m/s) or `seconds` of the way there, from 0.001, shorter than a segment below too; without them the rule
+    about segments holds. What the arm's limits do not allow is slowed, and reported.
   - `through`: true passes the waypoint without a stop, unlike the rule below. `wait`: seconds to stay there.
 {grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
 """

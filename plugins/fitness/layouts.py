@@ -121,7 +121,7 @@ class Layouts(SeveralTrials):
         if noise.position or noise.yaw:
             drawn += (
                 " What a plan sees of a body's pose differs from the truth by normal noise: the standard deviations "
-                f"are {noise.position:g} in x and in y, and {noise.yaw:g} of yaw."
+                f"are {noise.position:g} in x and in y, and {noise.yaw:g} of yaw, drawn for each body and layout."
             )
         where = f" in each of the engines {', '.join(self._sims)}" if many else ""
         elsewhere = f", in each of {', '.join(self._unseen_sims)}" if self._unseen_sims is not self._sims else ""
@@ -131,7 +131,8 @@ class Layouts(SeveralTrials):
             f"A plan is tried with its tool in {len(self._seeds)} layouts{where}. The one that is shown here is the "
             f"first; {final}at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are "
             f"in metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
-            "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
+            "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as "
+            "that, and the tool must be clear of each at the start."
             f"{self.stops.instructions()}"
         )
 

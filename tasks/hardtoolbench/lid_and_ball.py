@@ -71,7 +71,7 @@ class LidAndBall(Task):
     description = (
         "A pot is fixed on the table, 0.19 m wide inside, too narrow for the hand, and 0.16 m high, with a loose "
         "flat lid on it, 0.216 m across. The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and "
-        "8 mm square along the lid's y axis, on two posts, with 32 mm of room below it. Inside the pot a ball of 52 "
+        "8 mm square along the lid's y axis, on two posts, with 32 mm of room below it. Inside the pot a ball of 44 "
         "mm diameter stands on a post 18 mm thick, whose top is 46 mm above the table. Take the lid off and put it "
         f"down flat on the table, clear of the pot; it must not fall faster than {GENTLE[0]:g} m/s. Then take the ball "
         "out and leave it in the clay bowl, 90 mm wide and 35 mm high."

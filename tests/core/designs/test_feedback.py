@@ -9,9 +9,17 @@ import pytest
 from core.config.settings import PromptSettings
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
-from core.designs.feedback import elite_feedback, generation_lines, last_generation, most_instructive, outcome_of
+from core.designs.feedback import (
+    elite_feedback,
+    generation_lines,
+    last_generation,
+    most_instructive,
+    outcome_of,
+    trial_lines,
+)
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
+from core.values.margins import Margin
 from core.values.observations import Moved
 from tests.core.designs.test_composer import make_brief
 
@@ -48,9 +56,25 @@ def lines(*evaluations, budget=10_000):
     return generation_lines(tuple(evaluations), budget).splitlines()
 
 
-def test_a_line_of_several_trials_is_about_the_worst():
-    (line,) = lines(tried(trials=(Trial("mujoco", 3), Trial("mujoco", 4, observation=SEEN)), combined=True))
-    assert line.startswith("- g0-a0-s0-p0: 0.500 of all trials; in the worst (engine mujoco, layout 4) missed; cube by")
+def test_a_line_of_several_trials_says_what_became_of_each_and_is_about_the_worst():
+    near = Margin.clearance("vase", 0.004)
+    poor = Trial("mujoco", 4, reward=0.2, outcome="forbidden fin touched vase", observation=SEEN, margins=(near,))
+    good = [Trial("mujoco", layout, reward=1.0, outcome="solved") for layout in (3, 5)]
+    failed = Trial("mujoco", 6, status="failed", reason="it blew up")
+    (line,) = lines(tried(trials=(*good, poor, failed), combined=True))
+    assert line.startswith(
+        "- g0-a0-s0-p0: 0.500 (0.000 failed: it blew up in layout 6; 0.200 forbidden fin touched vase in layout 4; "
+        "1.000 solved in layouts 3, 5); in engine mujoco, layout 4, least margin: clearance to vase 0.004 m, limit "
+        "0 m: missed; cube by"
+    )
+    both = [replace(poor, engine=engine) for engine in ("mujoco", "sapien")]
+    assert trial_lines(tried(trials=tuple(both))) == ["0.200 forbidden fin touched vase in all 2 trials"]
+    assert trial_lines(tried(trials=(*both, *good)))[1] == "1.000 solved in layouts 3 mujoco, 5 mujoco"
+
+
+def test_what_was_not_tried_names_what_it_hardly_differs_from():
+    (line,) = lines(tried(same_as="g0-a1-s0-p0"))
+    assert line.startswith("- g0-a0-s0-p0: 0.500 (not tried, as it hardly differs from g0-a1-s0-p0) missed; cube by")
 
 
 def test_a_line_says_what_happened():
@@ -143,6 +167,7 @@ def test_what_is_said_of_an_elite():
         "result": "missed",
         "moved": {"cube": "by (-0.3, 0.012, 0) to (0.7, 0.012, 0.035), tilted 2 deg"},
         "error_m": {"cube": [0.1, 0.012, None]},
+        "arrivals_s": [1.0, 2.0, 3.0],
         "times_s": [0.0, 3.4],
         "path_m": {"cube": "(1, 0, 0.035) (0.7, 0.012, 0.035)"},
         "contacts": ["tip with cube 1.20-3.40 s, 1.2 mm deep", "stem with cube 1.50-1.60 s"],

@@ -14,6 +14,7 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.simulation.robustness import engines, perturbed, worst
 from core.simulation.rollout import Evaluator, PluginPart
+from core.values.margins import Margin
 from core.values.observations import Observation
 
 COARSE = {"name": "pybullet", "time_step": 0.004}
@@ -54,15 +55,22 @@ def earned(reward, status="ok", reason="", **more):
 
 
 def test_the_worst_engines_mean_counts():
-    good, bad = [earned(1.0), earned(0.8)], [earned(0.2, distance_m=3.0), earned(0.6)]
+    good = [earned(1.0, distance_m=3.0), earned(0.8, distance_m=4.0)]
+    bad = [earned(0.2, distance_m=3.0, ik_error_m=0.5), earned(0.6, distance_m=6.0)]
     evaluation = worst(CANDIDATE, {"one": good, "other": bad})
     assert evaluation.candidate is CANDIDATE
     assert evaluation.status == "ok"
     assert evaluation.reward == pytest.approx(0.4)
-    assert evaluation.distance_m == 3.0
+    assert (evaluation.distance_m, evaluation.ik_error_m) == (4.0, 0.5)  # the mean, and the worst trial's
     assert not evaluation.warnings
     assert evaluation.combined
     assert evaluation.by_engine == {"one": [1.0, 0.8], "other": [0.2, 0.6]}
+
+
+def test_of_equal_trials_the_one_with_the_least_margin_is_shown():
+    near, far = (Trial(margins=(Margin.clearance("vase", gap),)) for gap in (0.004, 0.01))
+    trials = [earned(1.0, trials=(trial,), ik_error_m=number) for number, trial in enumerate((far, near, far))]
+    assert worst(CANDIDATE, {"one": trials}).ik_error_m == 1
 
 
 def test_a_trial_that_fails_counts_nothing_and_is_reported():
