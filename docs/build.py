@@ -44,7 +44,7 @@ from docs import prompt_page
 from docs.diagrams import DRAWINGS
 from plugins.conformance import facts
 from plugins.fitness.layouts import UNSEEN
-from tests.benchmarks import layouts
+from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing
 from tests.plugins.actions.test_throw import Throw, throw
@@ -237,8 +237,8 @@ def strips(names: list[str]) -> None:
     """Draw the reference solutions of HardToolBench in a layout of the test."""
     simulator, settings = installed().create("sim", "mujoco"), RolloutSettings(perception=Perception(0.002, 0.01))
     for name in names:
-        task, candidate = installed().create("task", name, variation="wide"), layouts.designs(name, settings, "pla")
-        strip = draw_strip(task, simulator, candidate["anchored"], UNSEEN, settings)
+        task = installed().create("task", name, variation="wide")
+        strip = draw_strip(task, simulator, solutions.anchored(name, "pla"), UNSEEN, settings)
         Image.fromarray(strip).quantize(128).save(IMAGES / f"{name}.png", optimize=True)
         print(name, flush=True)
 

@@ -28,9 +28,9 @@ from core.scene import State
 from core.simulation.rollout import evaluate_batch
 from core.values.layouts import Draw
 from plugins.fitness.layouts import UNSEEN
-from tests.benchmarks import layouts
 from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN
+from tests.solutions import anchored
 
 pytestmark = pytest.mark.slow
 
@@ -320,11 +320,11 @@ def test_the_reference_solution_solves_it(name, engine):
 @pytest.mark.parametrize("count", [1, pytest.param(4, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize(("name", "engine"), [*cases(())])
 def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine, count):
-    """A few of those that the docs have figures of: `python -m tests.benchmarks.layouts solutions`."""
+    """A few of those that the docs have figures of."""
     protocol, material = (PROTOCOL, "pla") if name in HARD else (RolloutSettings(), "paper")
-    anchored, task = layouts.designs(name, protocol, material)["anchored"], task_of(name, "wide")
+    solution, task = anchored(name, material), task_of(name, "wide")
     seeds = range(UNSEEN, UNSEEN + count)
-    trials = [evaluate_batch(task, simulator(engine), [anchored], seed, protocol)[0] for seed in seeds]
+    trials = [evaluate_batch(task, simulator(engine), [solution], seed, protocol)[0] for seed in seeds]
     assert not [trial.reason for trial in trials if trial.status != "ok"]
     assert np.mean([trial.reward for trial in trials]) >= 0.7
 

@@ -19,7 +19,7 @@ from core.scene import Body, Box, Goal, Joint, Pose, Scene, State, table
 from core.simulation.rollout import evaluate_batch
 from core.store.rows import dump_details, load_details
 from tasks.bring_cube import BringCube
-from tests.benchmarks import layouts
+from tests import solutions
 from tests.engines import simulator
 from tests.faults import Faulty, candidate
 from tests.panda import PANDA, on_panda
@@ -85,7 +85,7 @@ HARD = {  # reference solutions that are shifted, m, and what is said first
 def test_of_twelve_failures_on_hard_tasks_the_first_words_name_the_cause(engine):
     said = {}
     for (name, shift), wanted in HARD.items():
-        solution = layouts.designs(name, OBSERVED, "paper")["anchored"]
+        solution = solutions.anchored(name)
         steps = [
             replace(s, offset=tuple(float(a + b) for a, b in zip(s.offset, shift, strict=True)))
             for s in solution.plan.steps

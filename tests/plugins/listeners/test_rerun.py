@@ -24,7 +24,7 @@ from core.plugins import event_hub, installed
 from core.simulation.rollout import evaluate_batch
 from plugins.listeners.rerun.words import MAX_TEXT
 from plugins.listeners.rerun.writer import replay
-from tests.benchmarks import layouts
+from tests import solutions
 from tests.panda import ARM
 
 pytestmark = pytest.mark.slow
@@ -345,7 +345,7 @@ def test_wrong_settings():
 @pytest.mark.parametrize("name", ["HangRing", "BringCube"])
 def test_the_reward_rises_to_what_the_rollout_earns_whether_or_not_it_reads_a_trace(name, tmp_path):
     engine, task = installed().create("sim", "mujoco"), installed().create("task", name)
-    candidate = layouts.designs(name, RolloutSettings())["anchored"]
+    candidate = solutions.anchored(name)
     (evaluation,) = evaluate_batch(task, engine, [candidate], 0, RolloutSettings())
     run = replace(run_in(tmp_path, engine), task=task, settings=RolloutSettings())
     _, recording, rewards = replay(run, candidate, 30)

@@ -9,8 +9,8 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from plugins.results.workshop.motion import APPROACH, SHARE, STEP_S, approach, cut, sample, to_csv, to_json
-from tests.benchmarks.layouts import designs
 from tests.panda import PANDA
+from tests.solutions import literal
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +19,7 @@ ARM = arm_of(PANDA)
 
 def planned(name):
     task = installed().create("task", name)
-    return plan_task_motion(designs(name, RolloutSettings())["literal"].plan, task, RolloutSettings())
+    return plan_task_motion(literal(name).plan, task, RolloutSettings())
 
 
 @pytest.mark.parametrize("name", ["OneBook", "OpenLatch", "StopCart", "SweepCards", "TurnDisc", "SnatchCookie"])

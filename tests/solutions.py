@@ -1,0 +1,37 @@
+"""Read the anchored reference solutions of both benchmarks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from core.config.compose import load, tool_part
+from core.design import Candidate
+from core.designs.planning import resolve
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.interfaces import RolloutSettings, ToolRepresentation
+from core.plugins import installed
+
+TASKS = Path(__file__).parent / "tasks"
+FILES = {file.stem: file for place in ("anchored", "hardtoolbench") for file in (TASKS / place).glob("*.json")}
+
+
+def anchored(name: str, material: str = "paper") -> Candidate:
+    """Read the anchored solution of a task."""
+    file, task = FILES[name], installed().create("task", name)
+    return read_designs(load_designs(file), representation(file, material), SpawnRules(task, 0))[0]
+
+
+def literal(name: str) -> Candidate:
+    """Read the same tool with the plan's waypoints of the nominal layout."""
+    solution, task = anchored(name), installed().create("task", name)
+    return replace(solution, plan=resolve(solution.plan, task, 0, RolloutSettings()))
+
+
+def representation(file: Path, material: str = "paper") -> ToolRepresentation:
+    """Make the representation that a designs file was written for, by its fields."""
+    written = load_designs(file)["strategies"][0]
+    words = [[f"tool={name}", f"material={material}"] for name in ("urdf", "boxes", "solids")]
+    tools = [tool_part(load("evaluate", of)).create() for of in words]
+    return next(tool for tool in tools if {*tool.schema()} <= {*written})
