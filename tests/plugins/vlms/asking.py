@@ -2,6 +2,9 @@
 
 import re
 
+import pytest
+
+from core.errors import LimitReached
 from plugins.vlms.litellm.model import LanguageModel
 from tests.plugins.vlms.servers import request
 
@@ -48,3 +51,11 @@ def in_turn(*acts):
         return acts[min(tries[agent], len(acts)) - 1]
 
     return script
+
+
+def until_limit(vlm, requests):
+    """The replies, and the message at the end."""
+    replies = []
+    with pytest.raises(LimitReached) as error:
+        replies.extend(vlm.complete(requests))  # extend keeps those before the error
+    return replies, str(error.value)

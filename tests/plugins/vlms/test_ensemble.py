@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.config.trust import refuse_keys
 from core.design import Candidate, Evaluation
-from core.errors import LimitReached, UsageError, UserError
+from core.errors import UsageError, UserError
 from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Waypoints
@@ -24,7 +24,7 @@ from core.search.orchestration import resume, run
 from plugins.conformance.suites import SUITES
 from plugins.vlms.ensemble.dealing import Dealer
 from plugins.vlms.ensemble.model import Ensemble
-from tests.plugins.vlms.asking import KEYS
+from tests.plugins.vlms.asking import KEYS, until_limit
 from tests.plugins.vlms.servers import Say, Send, request, serving
 from tests.plugins.vlms.test_litellm_runs import secrets_in
 
@@ -219,13 +219,6 @@ def two(open_ai, google, **more):
         {"name": "openai", "model": "openai/gpt-4.1", "api_base": f"{open_ai.url}/v1", "concurrency": 1, **more},
         {"name": "gemini", "api_base": google.url, "concurrency": 1, **more},
     ]
-
-
-def until_limit(vlm, requests):
-    replies = []
-    with pytest.raises(LimitReached) as error:
-        replies.extend(vlm.complete(requests))
-    return replies, str(error.value)
 
 
 @pytest.mark.usefixtures("planted", "warm")

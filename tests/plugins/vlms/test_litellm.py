@@ -278,6 +278,14 @@ def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
         list(model.complete([request(agent) for agent in range(agents)]))
 
 
+def test_an_expired_key_leaves_the_request_unanswered():
+    expired = {"code": 400, "message": "API key expired. Renew it.", "status": "INVALID_ARGUMENT"}
+    with serving(lambda call: Send(json.dumps({"error": expired}), 400)) as server:
+        reply = ask(server, "google")[0]
+    assert "API key expired" in reply.error
+    assert reply.unanswered
+
+
 def test_no_server():
     (reply,) = LanguageModel("openai/gpt-4.1", "http://127.0.0.1:9/v1", retries=1).complete([request(0)])
     assert reply.error.endswith("(after 2 tries)")

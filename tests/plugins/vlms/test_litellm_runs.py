@@ -12,7 +12,7 @@ from core.config.compose import load
 from core.errors import UserError
 from core.search.orchestration import resume, run
 from tests.plugins.vlms.asking import KEYS
-from tests.plugins.vlms.servers import Reset, Say, Send, Stall, document, serving
+from tests.plugins.vlms.servers import Say, Send, document, serving
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())["strategies"][0]
@@ -83,64 +83,6 @@ def test_the_second_answer_of_a_checked_run_counts_costs_and_is_replayed(tmp_pat
     assert result(tmp_path / "replayed") == result(tmp_path / "served")
 
 
-ECHO = " ".join(KEYS.values())
-GOOD = json.dumps({"strategies": [SOLUTION, SOLUTION]})
-FAULTS = [
-    [Say(GOOD)],
-    [Send(json.dumps({"error": {"message": f"slow down, {ECHO}"}}), 429, (("Retry-After", "0.5"),)), Say(GOOD)],
-    [Send('{"error": {"message": "oops"}}', 500), Say(GOOD)],
-    [Reset(), Say(GOOD)],
-    [Stall()],
-    [Say("", "SAFETY")],
-    [Say("")],
-    [Send(f"<html>log in, {ECHO}</html>", type="text/html")],
-    [Say(GOOD[: len(GOOD) * 3 // 4], "MAX_TOKENS")],
-    [Say("x" * 20_000_000)],
-    [Send(json.dumps({"error": {"message": f"bad key {ECHO}"}}), 401)],
-    [Say("I would rather not.")],
-]
-
-
-@pytest.mark.thorough
-def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path, capfd):
-    """Each agent meets another fault. Expected counts: two candidates for each answer, one rejection for each missing
-    answer, and a candidate and a rejection for the answer that was cut off.
-    """
-    seeds, tries = [], {}
-
-    def script(call):
-        seed = call.body["generationConfig"]["seed"]
-        if seed not in seeds:
-            seeds.append(seed)
-        tries[seed] = tries.get(seed, 0) + 1
-        acts = FAULTS[seeds.index(seed)]
-        return acts[min(tries[seed], len(acts)) - 1]
-
-    small = [*COMMON, "budget.n_tool=2", f"budget.n_agent={len(FAULTS)}", "budget.n_action=1", "budget.n_iteration=0"]
-    with serving(script) as server:
-        model = ["vlm=gemini", "vlm.timeout_s=2", "vlm.retries=1", f"vlm.api_base={server.url}"]
-        run(load("config", [*model, *small, "listener=[progress,summary]"]), tmp_path / "run")
-    shown = "".join(capfd.readouterr())
-    assert "Traceback" not in shown
-    assert "planted" not in shown
-    assert not secrets_in(tmp_path)
-    assert len(seeds) == len(FAULTS)
-    (generation,) = result(tmp_path / "run")["generations"]
-    lost = 7
-    counts = generation["n_candidates"], generation["n_rejected"], generation["n_failed"]
-    assert counts == (4 * 2 + 2 + lost, lost + 1, 0)
-    assert generation["best_reward"] > 0.95
-    with closing(sqlite3.connect(tmp_path / "run" / "run.sqlite")) as database:
-        reasons = [row[0] for row in database.execute("SELECT reason FROM evaluations WHERE status = 'rejected'")]
-    for reason in (
-        *("no answer within 2 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
-        *("no JSON object", "the strategy is cut off or malformed"),
-    ):
-        assert any(reason in shown for shown in reasons), (reason, reasons)
-    run(load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *small]), tmp_path / "replayed")
-    assert result(tmp_path / "replayed") == result(tmp_path / "run")
-
-
 def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
     folder = tmp_path / "run"
     words = [*COMMON, "budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
@@ -163,50 +105,6 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
     assert len({call.body["generationConfig"]["seed"] for call in server.calls}) == len(server.calls) == 4
     (generation,) = result(tmp_path / "run")["generations"]
     assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
-
-
-OUTAGES = [
-    [Send('{"error": {"message": "overloaded"}}', 503)],
-    [Send('{"error": {"message": "slow down"}}', 429)],
-    [Send('{"error": {"message": "revoked"}}', 401)],
-    [Send('{"error": {"code": 400, "message": "API key expired. Renew it.", "status": "INVALID_ARGUMENT"}}', 400)],
-    [Send('{"error": {"message": "no such model"}}', 404)],
-    [Send("", 302, (("Location", "https://example.com/"),))],
-    [Reset()],
-    [Stall()],
-]
-REFUSED = [Say("", "SAFETY")]
-
-
-@pytest.mark.thorough
-def test_a_provider_that_is_down_ends_the_run_and_what_it_did_not_answer_is_asked_again(tmp_path):
-    """Each agent meets another outage; the answer of the last one is refused, which is an answer."""
-    good, down, seeds = Say(json.dumps({"strategies": [SOLUTION]})), True, []
-
-    def script(call):
-        seed = call.body["generationConfig"]["seed"]
-        if seed not in seeds:
-            seeds.append(seed)
-        acts = [*OUTAGES, REFUSED][seeds.index(seed)] if down else [good]
-        return acts[0]
-
-    words = [*COMMON, f"budget.n_agent={len(OUTAGES) + 1}", "budget.n_tool=1", "budget.n_action=1"]
-    words += ["budget.n_iteration=0", "vlm.retries=0"]
-    folder, ended = tmp_path / "run", "the model answered no request of generation 0: .*core.run resume=.*run$"
-    with serving(script) as server:
-        again = f"vlm.api_base={server.url}"
-        with pytest.raises(UserError, match=ended):
-            run(load("config", ["vlm=gemini", "vlm.api_base=http://127.0.0.1:9", *words]), folder)
-        with pytest.raises(UserError, match=ended):
-            resume(folder, ["vlm.timeout_s=2", again])
-        asked = len(server.calls)
-        down = False
-        for _ in range(2):
-            resume(folder, [again])
-            assert len(server.calls) - asked == len(OUTAGES)
-    assert asked == len(OUTAGES) + 1
-    (generation,) = result(folder)["generations"]
-    assert (generation["n_candidates"], generation["n_rejected"]) == (len(OUTAGES) + 1, 1)
 
 
 @pytest.mark.thorough

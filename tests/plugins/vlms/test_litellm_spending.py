@@ -7,20 +7,12 @@ import pytest
 
 from core.errors import LimitReached, UsageError, UserError
 from plugins.vlms.litellm.model import LanguageModel
-from tests.plugins.vlms.asking import PAID, agent_of, ask, model_at
+from tests.plugins.vlms.asking import PAID, agent_of, ask, model_at, until_limit
 from tests.plugins.vlms.servers import Say, Send, request, serving
 
 FINE = Say('{"fine": true}')  # 1007 tokens
 
 pytestmark = pytest.mark.usefixtures("planted", "warm")
-
-
-def until_limit(vlm, requests):
-    """The replies, and the message at the end."""
-    replies = []
-    with pytest.raises(LimitReached) as error:
-        replies.extend(vlm.complete(requests))  # extend keeps those before the error
-    return replies, str(error.value)
 
 
 @pytest.mark.parametrize("protocol", PAID)

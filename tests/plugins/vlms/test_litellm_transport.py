@@ -55,6 +55,7 @@ def test_no_redirect_is_followed(protocol, status):
             reply = ask(server, protocol)[0]
     assert other.calls == []
     assert len(server.calls) == 1
+    assert reply.unanswered
     assert reply.error == (
         f"127.0.0.1 redirects to localhost (status {status}), which is not followed: the key would go there; "
         "set vlm.api_base to the right address"

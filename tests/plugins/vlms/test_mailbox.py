@@ -65,6 +65,14 @@ def wait_for(condition, seconds=60.0):
         time.sleep(0.01)
 
 
+def answered(folder, *acts, poll_s=0.02):
+    """Complete a request while a person acts; return the reply."""
+    person = Person(*acts)
+    (reply,) = Mailbox(str(folder), poll_s=poll_s).complete([request()])
+    person.done()
+    return reply
+
+
 def writes(file, text):
     return lambda: file.write_text(text)
 
@@ -82,9 +90,7 @@ def says(file, text):
 
 def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
     box = tmp_path / "g0-a0"
-    person = Person((exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
+    reply = answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
     assert (reply.request_id, reply.text, reply.error) == ("g0-a0", GOOD, None)
     assert (reply.prompt_tokens, reply.cost_usd) == (None, None)
     prompt = (box / "prompt.md").read_text()
@@ -138,11 +144,11 @@ def test_a_reply_without_a_usable_design_is_refused(tmp_path, bad, reason, capsy
         problems.append((box / "problem.md").read_text())
         (box / "reply.json").write_text(GOOD)
 
-    person = Person(
-        (exists(box / "prompt.md"), lambda: (box / "reply.json").write_bytes(bad)), (exists(box / "problem.md"), mend)
+    reply = answered(
+        tmp_path,
+        (exists(box / "prompt.md"), lambda: (box / "reply.json").write_bytes(bad)),
+        (exists(box / "problem.md"), mend),
     )
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
     assert reply.text == GOOD
     assert problems[0].startswith("reply.json can't be used:\n\n- ")
     assert reason in problems[0]
@@ -157,9 +163,7 @@ def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
     strategy = SOLUTION["strategies"][0]
     text = json.dumps({"strategies": [strategy, strategy | {"tool_urdf": "<link/>"}]})
     box = tmp_path / "g0-a0"
-    person = Person((exists(box / "prompt.md"), writes(box / "reply.json", text)))
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
+    reply = answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", text)))
     assert reply.text == text
     listed = (box / "problem.md").read_text()
     assert listed.startswith("reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: ")
@@ -187,9 +191,7 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
                 file.flush()
                 time.sleep(0.05)
 
-    person = Person((exists(box / "prompt.md"), slowly))
-    (reply,) = Mailbox(str(tmp_path), poll_s=0.05).complete([request()])
-    person.done()
+    reply = answered(tmp_path, (exists(box / "prompt.md"), slowly), poll_s=0.05)
     assert reply.text == text
     assert not (box / "problem.md").exists()
 
@@ -197,9 +199,7 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
 def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path):
     text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})[:-30]
     box = tmp_path / "g0-a0"
-    person = Person((exists(box / "prompt.md"), writes(box / "reply.md", text)))
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
+    reply = answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.md", text)))
     assert reply.text == text
     assert "strategy 2: the strategy is cut off" in (box / "problem.md").read_text()
 
@@ -208,14 +208,13 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("plugins.vlms.mailbox.model.MAX_BYTES", 100_000)
     large = GOOD + " " * 100_000
     box = tmp_path / "g0-a0"
-    person = Person(
+    answered(
+        tmp_path,
         (exists(box / "prompt.md"), writes(box / "reply.json", large)),
         (exists(box / "problem.md"), lambda: (box / "problem.md").rename(box / "first.md")),
         (lambda: True, lambda: (box / "reply.md").mkdir()),
         (exists(box / "problem.md"), writes(box / "skip", "")),
     )
-    list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
-    person.done()
     assert "reply.json has 0.1 MB; at most 0.1 MB are read" in (box / "first.md").read_text()
     assert "reply.md can't be read: Is a directory" in (box / "problem.md").read_text()
 
@@ -229,12 +228,9 @@ def test_a_reply_whose_date_lies_in_the_future_is_judged(wrong, tmp_path):
         (box / "reply.json").write_text(text)
         os.utime(box / "reply.json", (4e9, 4e9))
 
-    person = Person(
-        (exists(box / "prompt.md"), lambda: write(wrong)),
-        (exists(box / "problem.md"), lambda: write(GOOD)),
+    reply = answered(
+        tmp_path, (exists(box / "prompt.md"), lambda: write(wrong)), (exists(box / "problem.md"), lambda: write(GOOD))
     )
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
     assert reply.text == GOOD
 
 
@@ -247,12 +243,11 @@ def test_nothing_is_written_through_a_link(name, tmp_path):
     private.write_text("mine")
     box.mkdir(parents=True)
     (box / name).symlink_to(private)
-    person = Person(
+    answered(
+        tmp_path / "mailbox",
         (says(box / "prompt.md", "Design."), writes(box / "reply.json", "Here you are.")),
         (says(box / "problem.md", "can't be used"), writes(box / "skip", "")),
     )
-    list(Mailbox(str(tmp_path / "mailbox"), **QUICK).complete([request()]))
-    person.done()
     assert private.read_text() == "mine"
     assert not (box / name).is_symlink() or name == "prompt.partial"
 
@@ -269,13 +264,12 @@ def test_a_folder_that_is_a_link_is_not_written_to(tmp_path):
 def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_path):
     box = tmp_path / "g0-a0"
     (tmp_path / "private.json").write_text(GOOD)
-    person = Person(
+    reply = answered(
+        tmp_path,
         (exists(box / "prompt.md"), lambda: os.mkfifo(box / "reply.md")),
         (lambda: True, lambda: (box / "reply.json").symlink_to(tmp_path / "private.json")),
         (exists(box / "problem.md"), writes(box / "skip", "")),
     )
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
     assert reply.text == ""
     assert "it is a link; put the file itself there" in (box / "problem.md").read_text()
 
@@ -285,9 +279,7 @@ def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_pat
 
 def test_replies_that_are_already_there_are_read_at_once(tmp_path, capsys):
     box = tmp_path / "g0-a0"
-    person = Person((exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
-    list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
-    person.done()
+    answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
     os.utime(box / "reply.json", (0, 0))
     prompt = (box / "prompt.md").stat().st_mtime_ns
     capsys.readouterr()
@@ -301,9 +293,9 @@ def test_a_reply_to_another_request_is_refused(tmp_path):
     box = tmp_path / "g0-a0"
     box.mkdir()
     (box / "prompt.md").write_text("another")
-    person = Person((lambda: "Design." in (box / "prompt.md").read_text(), writes(box / "reply.json", GOOD)))
-    list(Mailbox(str(tmp_path), **QUICK).complete([request()]))  # unanswered: written anew
-    person.done()
+    answered(
+        tmp_path, (lambda: "Design." in (box / "prompt.md").read_text(), writes(box / "reply.json", GOOD))
+    )  # unanswered: written anew
     with pytest.raises(UserError, match=r"g0-a0 has a reply to a different request; move it away"):
         list(Mailbox(str(tmp_path)).complete([request(text="Invent.")]))
 
