@@ -116,11 +116,7 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "xacro": '<xacro:property xmlns:xacro="x" name="a" value="${__import__(\'os\').system(\'id\')}"/>',
     "plugin of Gazebo": '<gazebo><plugin filename="libc.so.6" name="x"/></gazebo>' + ROD,
     "name is Python": named("__import__('os').system('id')"),
-    "name is shell": named("$(touch hacked)"),
-    "name is a template": named("{{ 7 * 7 }}"),
-    "name climbs": named("../../../hacked"),
     "name has NUL": named("a\x00b"),
-    "name is HTML": named("&lt;script&gt;alert(1)&lt;/script&gt;"),
     "name is an escape sequence": named("\x1b[2J\x1b]0;owned\x07"),
     "name turns the line": named("rod\u202egnp"),
     "name of a million letters": named("a" * 990_000),
@@ -128,9 +124,7 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "ten thousand components": many(9_000)[:999_000],
     "box of 1e-300 m": sized("1e-300"),
     "box with a million numbers": sized("0.1 " * 200_000),
-    "mass of 1e-320": weighing("1e-320"),
     "mass of nothing": weighing("5e-324"),
-    "mass that rounds to zero": weighing("1e-400000"),
     "wire of 1e-12 kg": weighing("1e-12").replace("0.02 0.02 0.1", "0.0005 0.0005 0.1"),
     "wire in pieces": "".join(
         f'<link name="w{i}"><collision><geometry><box size=".001 .001 .005"/></geometry></collision></link>'

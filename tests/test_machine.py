@@ -1,11 +1,8 @@
 """Real runs whose machine fails them: no verdict on a design comes of it, and nothing is left behind."""
 
 import contextlib
-import os
 import shutil
-import signal
 import sqlite3
-import subprocess
 import time
 
 import numpy as np
@@ -19,7 +16,7 @@ from core.simulation.rollout import evaluate_batch
 from core.support.scratch import scratch
 from tests.disks import mount
 from tests.engines import every_simulator, simulator
-from tests.processes import SMALL, family, finished, go_on, left_in, start, stored, temporary_in, wait_until
+from tests.processes import SMALL, finished, go_on, left_in, start, stored, temporary_in, wait_until
 from tests.test_resume import assert_same_run
 
 pytestmark = pytest.mark.slow
@@ -93,25 +90,3 @@ def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(undisturbed, disk):
 def statuses(folder):
     file = folder / "run.sqlite"
     return [status for (status,) in sqlite3.connect(file).execute("SELECT status FROM evaluations")]
-
-
-@pytest.mark.thorough
-def test_a_worker_that_is_killed_changes_nothing(undisturbed, tmp_path):
-    folder = tmp_path / "run"
-    run = begin(folder, tmp_path / "temporary")
-    wait_until(lambda: stored(folder) > 0, run)
-    for pid in workers(run):
-        os.kill(pid, signal.SIGKILL)
-    code, _, err = finished(run)
-    if code != 0:  # killed at every start
-        assert "something else sent it SIGKILL" in err
-        go_on(folder)
-    assert_same_run(folder, undisturbed)
-    assert not left_in(tmp_path / "temporary")
-
-
-def workers(run):
-    done = subprocess.run(["ps", "-A", "-o", "pid=,args="], capture_output=True, text=True, check=True)
-    ours = set(family(run))
-    rows = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
-    return [int(pid) for pid, words in rows if int(pid) in ours and "spawn_main" in words]

@@ -24,7 +24,6 @@ from core.geometry import Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings, Waypoints
 from core.plugins import installed
 from core.robot.solids import Obstacles, body_solids
-from core.scene import State
 from core.simulation.rollout import evaluate_batch
 from core.values.layouts import Draw
 from plugins.fitness.layouts import UNSEEN
@@ -256,29 +255,6 @@ def test_the_reward_rises_from_0_to_1_on_the_way_to_the_goal(name, data):
         assert reward(1) >= 0.95
         assert 0 <= reward(less) <= reward(more) + 1e-9 <= 1 + 1e-9
         assert any(0.02 < reward(share) < 0.98 for share in np.linspace(0, 1, 50))  # progress counts
-
-
-@every_task
-@settings(max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_a_batch_gets_the_rewards_of_single_worlds_between_0_and_1(name, seed):
-    task, rng = task_of(name), np.random.default_rng(seed)
-    start = task.scene(0).state()
-    ends = []
-    for _ in range(4):
-        positions = start.positions + rng.normal(scale=rng.choice([0.01, 0.3, 3.0]), size=start.positions.shape)
-        quaternions = rng.normal(size=start.quaternions.shape)
-        quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
-        velocities = rng.normal(scale=rng.choice([0.0, 1.0, 10.0]), size=start.positions.shape)
-        ends.append(State(start.names, positions, quaternions, velocities, velocities, places=start.places))
-    starts = State.stack([start] * 4)
-    together = np.asarray(task.reward(starts, State.stack(ends)))
-    assert together.shape == (4,)
-    assert ((together >= 0) & (together <= 1)).all()
-    np.testing.assert_allclose(together, [task.reward(start, end) for end in ends], atol=1e-12)
-    films = State.stack([State.stack(ends[:2]), State.stack(ends[2:])])
-    twice = State.stack([State.stack([start] * 2)] * 2)
-    np.testing.assert_allclose(task.reward(twice, films), together.reshape(2, 2), atol=1e-12)
 
 
 @every_task

@@ -6,20 +6,11 @@ import pytest
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.scene import Body, Geom, Scene, table
+from plugins.conformance.repeat import bits
 from plugins.conformance.worlds import BARE, Bodies, cube, move, stick
 from tests.panda import PANDA
 
 pytest.importorskip("pybullet")
-
-
-def bits(outcome):
-    """All numbers of an outcome."""
-    states = [outcome.start, outcome.end, outcome.recording.states]
-    arrays = [
-        array for s in states for array in (s.positions, s.quaternions, s.linear_velocities, s.angular_velocities)
-    ]
-    arrays += [outcome.recording.arm, outcome.recording.fingers, np.array(outcome.tracking_error_rad)]
-    return b"".join(array.tobytes() for array in arrays)
 
 
 def hammer(name, at, side=0.05):

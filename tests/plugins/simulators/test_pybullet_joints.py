@@ -10,8 +10,9 @@ from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
+from plugins.conformance.repeat import bits
 from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, move, stick, still
-from tests.plugins.simulators.test_pybullet import PLAN, THINGS, bits, hammer
+from tests.plugins.simulators.test_pybullet import PLAN, THINGS, hammer
 
 pytest.importorskip("pybullet")
 

@@ -17,7 +17,8 @@ TOOLS.robot = PANDA
 
 lengths = st.floats(0.0005, 2.0)
 numbers = st.floats(-1.5, 1.5)
-angles = st.one_of(st.floats(-7, 7), st.sampled_from([k * math.pi / 4 for k in range(-8, 9)]))
+near = st.builds(lambda k, d: k * math.pi / 4 + d, st.integers(-8, 8), st.just(0.0) | st.floats(-3e-5, 3e-5))
+angles = st.floats(-7, 7) | near
 shapes = st.one_of(
     st.builds(Box, st.tuples(lengths, lengths, lengths)),
     st.builds(Cylinder, lengths, lengths),

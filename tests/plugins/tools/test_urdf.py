@@ -170,9 +170,7 @@ def test_a_missing_field():
         URDF.parse({}, gripper=False)
 
 
-LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
 HOSTILE = {
-    "billion laughs": (f'<!DOCTYPE r [<!ENTITY l0 "ha">{LAUGHS}]><robot>&l9;</robot>', "DOCTYPE"),
     "external entity": ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot>&x;</robot>', "DOCTYPE"),
     "external DTD": ('<!DOCTYPE r SYSTEM "http://example.com/r.dtd"><robot/>', "DOCTYPE"),
     "DOCTYPE after a declaration": ("<?xml version='1.0'?><!DOCTYPE r><robot/>", "DOCTYPE"),

@@ -10,26 +10,6 @@ from plugins.vlms.offline.workspace import workspace_of
 from tests.panda import PANDA
 
 
-def test_the_workspace_is_the_reach_less_a_margin():
-    space = workspace_of(PANDA)
-    assert (space.inner, space.outer, space.stretch) == (0.3, 0.68, 0.75)
-    assert space.shoulder.tolist() == [0, 0, 0.33]
-    assert space.farthest == 1.3
-    assert workspace_of(PANDA) is space
-
-
-@pytest.mark.parametrize(
-    ("point", "strain"),
-    [
-        *(((0.5, 0, 0.3), 0), ((0.3, -0.3, 0.1), 0), ((0, 0.6, 0.5), 0)),
-        *(((0.2, 0, 0.2), 0.1), ((0.78, 0, 0.33), 0.13), ((0, 0.5, 0.05), 0.05), ((0.5, 0, 0.98), 0.07)),
-    ],
-)
-def test_beyond_the_workspace_there_is_strain(point, strain):
-    near = np.array([0.5, 0.0, 0.3])
-    assert workspace_of(PANDA).strain(np.array([near, point])) == pytest.approx(strain, abs=0.005)
-
-
 def test_it_moves_with_the_base():
     base = Pose.xyz_rpy((1.0, 0.5, 0.2), (0.0, 0.0, np.pi))
     here, there = workspace_of(PANDA), workspace_of(replace(PANDA, base=base))
