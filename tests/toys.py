@@ -20,9 +20,10 @@ from core.design import Component, Tool
 from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
-from core.interfaces import VLM, Executor, Outcome, Reply, Simulator
+from core.interfaces import VLM, Outcome, Reply, Simulator
 from core.plugins import Offer, Plugins
 from core.scene import State
+from tests.executors import Inline
 
 
 class Notes:
@@ -121,29 +122,24 @@ def vars_of(state: State) -> tuple[Any, ...]:
     return state.quaternions, state.linear_velocities, state.angular_velocities
 
 
-class Here(Executor):
-    """Evaluate in this process. An interrupt comes with chunk number ``fails_at``, counted from 1."""
+class Here(Inline):
+    """Note what is tried. An interrupt comes with chunk number ``fails_at``, counted from 1."""
 
     def __init__(self, notes: str, fails_at: int | None = None) -> None:
+        super().__init__()
         self.notes = Notes(notes)
         self.fails_at = fails_at
-        self.chunks = 0
 
     def map(self, function, chunks):
+        return super().map(function, self.noted(chunks))
+
+    def noted(self, chunks):
         for chunk in chunks:
-            self.chunks += 1
-            if self.chunks == self.fails_at:
+            if len(self.chunks) + 1 == self.fails_at:
                 raise KeyboardInterrupt
             for candidate in chunk:
                 self.notes.add(f"tried {candidate.content}")
-            try:
-                result = function(chunk)
-            except Exception as error:
-                result = error
-            yield chunk, result
-
-    def close(self):
-        pass
+            yield chunk
 
 
 OFFERED = {("vlm", "toy"): ToyModel, ("sim", "toy"): ToyEngine, ("executor", "here"): Here}

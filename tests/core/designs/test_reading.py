@@ -12,25 +12,12 @@ from core.designs.reading import MAX_SAVED, dump_design, load_designs, parse_rep
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import Task, ToolRepresentation
-from core.scene import Body, Scene, table
+from core.interfaces import ToolRepresentation
 from core.support.text import clean
+from tests.core.designs.test_rules import CubeOnTable
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
-
-
-class CubeOnTable(Task):
-    name = "CubeOnTable"
-    description = "A cube on a table."
-    goals = ()
-
-    def scene(self, seed):
-        cube = Body.of("cube", Box((0.07, 0.07, 0.07)), (0.8, 0, 0.035), mass=1, color=(1, 0, 0, 1))
-        return Scene((table(), cube))
-
-    def reward(self, start, end):
-        return np.zeros(start.positions.shape[:-2])
 
 
 class Rod(ToolRepresentation):

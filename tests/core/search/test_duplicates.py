@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from core.design import Candidate, Component, Evaluation, Tool, ToolJoint
 from core.geometry import Box, Cylinder, Pose
-from core.interfaces import Executor, Tempo, Waypoints
+from core.interfaces import Tempo, Waypoints
 from core.search.duplicates import NearDuplicates
 from core.search.evolution import Trials
 from plugins.actions.anchored import AnchoredActions
+from tests.executors import Inline
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0], [0.6, 0.1, 0.4, 0.0, 0.0, 1.0]])
 
@@ -125,15 +126,6 @@ def test_the_order_of_replies_makes_no_difference(order, shifts):
     assert all(first is not None for key, first in firsts.items() if key.startswith("g1"))
 
 
-class Here(Executor):
-    def map(self, function, chunks):
-        for chunk in chunks:
-            yield chunk, function(chunk)
-
-    def close(self):
-        pass
-
-
 def test_a_near_duplicate_gets_the_evaluation_of_the_first_and_says_so():
     tried = []
 
@@ -144,7 +136,7 @@ def test_a_near_duplicate_gets_the_evaluation_of_the_first_and_says_so():
     same = replace(A, action=1)
     close = candidate(plan=moved(1, 0, 0.005), action=2)
     later = candidate(plan=moved(1, 0, 0.004), generation=1, agent=3, action=3)
-    trials = Trials(evaluate, Here(), near=NearDuplicates())
+    trials = Trials(evaluate, Inline(), near=NearDuplicates())
     first = {e.candidate.id: e for e in trials([A, same, close])}
     second = {e.candidate.id: e for e in trials([later])}
     assert tried == [A.id]
@@ -152,7 +144,7 @@ def test_a_near_duplicate_gets_the_evaluation_of_the_first_and_says_so():
     for evaluation in (first[close.id], second[later.id]):
         assert (evaluation.reward, evaluation.same_as) == (0.5, A.id)
         assert evaluation.warnings[-1] == f"not tried: it hardly differs from {A.id}, whose evaluation it gets"
-    assert {e.candidate.id for e in Trials(evaluate, Here())([A, close])} == {A.id, close.id}
+    assert {e.candidate.id for e in Trials(evaluate, Inline())([A, close])} == {A.id, close.id}
     assert tried == [A.id, A.id, close.id]
 
 
@@ -164,7 +156,7 @@ def test_a_resumed_search_comes_to_the_same():
         return [Evaluation(c, "ok", 0.1 * (1 + c.action)) for c in candidates]
 
     def rewards(known):
-        trials = Trials(evaluate, Here(), lambda c: known.get(c.id), NearDuplicates())
+        trials = Trials(evaluate, Inline(), lambda c: known.get(c.id), NearDuplicates())
         return {e.candidate.id: e for e in trials([A, close, closer])}
 
     whole = rewards({})

@@ -9,10 +9,11 @@ from core.errors import Fault, LimitReached, UserError
 from core.events import INTERRUPTED
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
-from core.interfaces import Budget, EvolutionStrategy, Executor
+from core.interfaces import Budget, EvolutionStrategy
 from core.plugins import event_hub, installed
 from core.search.dispatch import CHUNK
 from core.search.evolution import evaluate_all, evolve
+from tests.executors import Inline
 
 
 def tool(name="rod"):
@@ -26,33 +27,6 @@ def population(generation, *plans_per_tool, problem=None):
         for own in [tool(f"rod_{strategy}")]
         for action in range(plans)
     ]
-
-
-class Here(Executor):
-    """In this process; ``order`` shuffles the results' arrival."""
-
-    def __init__(self, order=None):
-        self.order = order
-        self.chunks = []
-        self.read = 0
-
-    def map(self, function, chunks):
-        results = []
-        for chunk in chunks:
-            self.chunks.append(list(chunk))
-            try:
-                result = function(chunk)
-            except Exception as error:
-                result = error
-            if self.order is None:
-                yield chunk, result
-            results.append((chunk, result))
-        if self.order is not None:
-            for i in self.order.permutation(len(results)):
-                yield results[i]
-
-    def close(self):
-        pass
 
 
 class Scripted(EvolutionStrategy):
@@ -108,7 +82,7 @@ def run(generations, evaluate=earn, executor=None, known=None, tie=TIE, **budget
     events.register(diary)
     limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
     spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
-    found = evolve(strategy, evaluate, executor or Here(), spent, events, known, near_duplicates=True)
+    found = evolve(strategy, evaluate, executor or Inline(), spent, events, known, near_duplicates=True)
     return found, strategy, diary.entries
 
 
@@ -125,7 +99,7 @@ def test_events_come_in_order():
 def test_the_strategy_gets_results_in_order_however_they_arrive(seed):
     order = np.random.default_rng(seed)
     generations = [population(0, 12, 1, 9), population(1, 3, 3)]
-    result, strategy, _ = run(generations, executor=Here(order))
+    result, strategy, _ = run(generations, executor=Inline(order))
     for evaluated, generation in zip(strategy.evaluated, generations, strict=True):
         assert [e.candidate for e in evaluated] == generation
     for generation, evaluated in zip(result.generations, strategy.evaluated, strict=True):
@@ -183,7 +157,7 @@ def test_the_strategy_gets_an_empty_generation_too():
 def test_what_breaks_a_rule_is_never_tried():
     good, bad = population(0, 2, 2), population(0, 0, 0, 2, problem="it has no boxes")
     mixed = [bad[0], good[0], good[1], bad[1], good[2], good[3]]
-    executor = Here()
+    executor = Inline()
     result, strategy, diary = run([mixed], executor=executor)
     assert [c for chunk in executor.chunks for c in chunk] == good
     (evaluated,) = strategy.evaluated
@@ -230,7 +204,7 @@ def test_a_fault_of_the_machine_is_no_verdict(error):
 
     evaluations = []
     with pytest.raises(UserError, match=r"candidate g0-a0-s0-p1 can't be tried: .*fault of the machine"):
-        evaluations.extend(evaluate_all(population(0, 3), fail, Here()))
+        evaluations.extend(evaluate_all(population(0, 3), fail, Inline()))
     assert faults == [error]
     _, strategy, _ = run([population(0, 3)], burst)  # it has passed when the candidates are tried again
     assert [e.status for e in strategy.evaluated[0]] == ["ok"] * 3
@@ -240,7 +214,7 @@ def test_a_fault_of_the_machine_is_no_verdict(error):
 
 
 def test_chunks_never_mix_tools_and_are_not_too_long():
-    executor = Here()
+    executor = Inline()
     candidates = population(0, 3, CHUNK, 1, 2 * CHUNK + 1, 1)
     assert len(list(evaluate_all(candidates, earn, executor))) == len(candidates)
     for chunk in executor.chunks:
@@ -263,7 +237,7 @@ class ManyAtOnce:
 
 
 def test_an_engine_that_batches_is_given_all_that_has_come_whatever_the_tools():
-    executor = Here()
+    executor = Inline()
     candidates = population(0, 3, 1, 4)
     assert {e.candidate for e in evaluate_all(candidates, ManyAtOnce(6), executor)} == set(candidates)
     assert [len(chunk) for chunk in executor.chunks] == [6, 2]
@@ -278,7 +252,7 @@ def test_what_has_come_is_tried_while_an_engine_that_batches_waits_for_more():
         assert later.wait(60)
         yield from population(0, 3, 2)[3:]
 
-    executor = Here()
+    executor = Inline()
     evaluations = evaluate_all(two_replies(), ManyAtOnce(100), executor)
     first = [next(evaluations) for _ in range(3)]
     later.set()
@@ -287,7 +261,7 @@ def test_what_has_come_is_tried_while_an_engine_that_batches_waits_for_more():
 
 
 def test_a_batch_that_breaks_is_tried_in_smaller_ones_and_at_last_one_by_one():
-    executor = Here()
+    executor = Inline()
     candidates = population(0, CHUNK + 4, CHUNK)
     bad = candidates[CHUNK + 5]
     evaluations = list(evaluate_all(candidates, ManyAtOnce(100, lambda chunk: bad in chunk), executor))
@@ -302,7 +276,7 @@ def test_what_candidates_raise_while_they_are_gathered_is_raised():
         raise RuntimeError("no more ideas")
 
     with pytest.raises(RuntimeError, match="no more ideas"):
-        list(evaluate_all(broken(), ManyAtOnce(100), Here()))
+        list(evaluate_all(broken(), ManyAtOnce(100), Inline()))
 
 
 # --- identical candidates ---------------------------------------------------------------------------------------
@@ -321,7 +295,7 @@ def tried(executor):
 def test_identical_candidates_are_tried_once_and_earn_the_same():
     first = [*alike((0, 0, 0, 0), (0, 1, 0, 0)), *alike((0, 1, 0, 1), plan=0.5), *alike((0, 2, 0, 0))]
     later = [*alike((1, 0, 0, 0)), *alike((1, 0, 0, 1), plan=0.25)]
-    executor = Here()
+    executor = Inline()
     result, strategy, diary = run([first, later], executor=executor)
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a1-s0-p1", "g1-a0-s0-p1"]
     evaluated = {e.candidate.id: e.reward for e in [*strategy.evaluated[0], *strategy.evaluated[1]]}
@@ -350,7 +324,7 @@ def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():
 
 def test_what_is_known_is_not_tried():
     known = {"g0-a0-s0-p1": Evaluation(population(0, 2)[1], "ok", reward=0.75, distance_m=3.0)}
-    executor = Here()
+    executor = Inline()
     result, strategy, diary = run([population(0, 3)], executor=executor, known=lambda c: known.get(c.id))
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p2"]
     assert [e.reward for e in strategy.evaluated[0]] == [0.0, 0.75, 0.02]
@@ -380,7 +354,7 @@ def test_a_limit_ends_the_run_with_what_there_is(last):
     diary = Diary(strategy)
     events = event_hub()
     events.register(diary)
-    result = evolve(strategy, earn, Here(np.random.default_rng(1)), Budget(1, 1, 3, 5, 5, 0.5), events)
+    result = evolve(strategy, earn, Inline(np.random.default_rng(1)), Budget(1, 1, 3, 5, 5, 0.5), events)
     assert result.stopped == "3 dollars are spent"
     assert [len(generation.evaluations) for generation in result.generations] == [2, 3][: 1 + bool(last)]
     assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
@@ -409,7 +383,7 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
     events = event_hub()
     events.register(Impatient(strategy))
-    result = evolve(strategy, interrupted, Here(), Budget(1, 1, 1, 2, 5, 0.5), events, near_duplicates=True)
+    result = evolve(strategy, interrupted, Inline(), Budget(1, 1, 1, 2, 5, 0.5), events, near_duplicates=True)
     assert result.stopped == INTERRUPTED
     arrived = {"while one is tried": 2, "while one is reported": 1, "while a generation ends": 4}[when]
     assert [len(generation.evaluations) for generation in result.generations] == [4, arrived]
@@ -425,7 +399,7 @@ def test_processes_come_to_the_same_as_this_one():
         *population(0, 0, 0, 0, 2, problem="a rule"),
     ]
     found = []
-    for executor in (Here(), installed().create("executor", "local", {"workers": 2})):
+    for executor in (Inline(), installed().create("executor", "local", {"workers": 2})):
         strategy = Limited([asked, asked], 5)
         with executor:
             result = evolve(strategy, earn, executor, Budget(1, 1, 1, 1, 5, 0.5), event_hub())

@@ -11,11 +11,12 @@ from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.events import Generation, Result
 from core.hooks import hookimpl
-from core.interfaces import Executor, Fitness
+from core.interfaces import Fitness
 from core.plugins import event_hub
 from core.search.finalists import FIRST, choose, finalists
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
+from tests.executors import Inline
 
 
 class Trial:
@@ -33,18 +34,6 @@ class Trial:
         if reward == "raise":
             raise ValueError
         return [Evaluation(candidates[0], "ok", float(reward))]
-
-
-class Here(Executor):
-    def map(self, function, chunks):
-        for chunk in chunks:
-            try:
-                yield chunk, function(chunk)
-            except (OSError, ValueError) as error:
-                yield chunk, error
-
-    def close(self):
-        pass
 
 
 class Several(Fitness):
@@ -70,7 +59,7 @@ def result(*designs):
 
 
 def winner(*designs, count=8):
-    best, earned = choose(result(*designs), Several(count), Here(), event_hub())
+    best, earned = choose(result(*designs), Several(count), Inline(), event_hub())
     return best.candidate.agent, earned
 
 
@@ -129,12 +118,12 @@ def test_listeners_hear_of_each_trial_and_what_was_tried_is_not_tried_again():
     designs = [(1, 1, "a 0.5 1 b 1"), (1, 2, "a 1 b 1"), (1, 3, "a 1 b 0.7")]
     hub, hears = listening()
     of = result(*designs)
-    winner, finals = choose(of, Several(), Here(), hub)
+    winner, finals = choose(of, Several(), Inline(), hub)
     assert len(hears.heard) == sum(len(r) for engines in finals.values() for r in engines.values())
     paid = {e.candidate.id: e.final for e in hears.heard[:7]}
     known = [replace(e, final=paid.get(e.candidate.id, ())) for e in of.generations[0].evaluations]
     hub, again = listening()
-    found = choose(Result((Generation(0, tuple(known)),), 1.0), Several(), Here(), hub)
+    found = choose(Result((Generation(0, tuple(known)),), 1.0), Several(), Inline(), hub)
     assert (found[0].candidate.id, found[1]) == (winner.candidate.id, finals)
     assert len(again.heard) == len(hears.heard) - 7
 

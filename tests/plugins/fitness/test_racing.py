@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from core.design import Candidate, Evaluation, Tool, Trial, best_first
 from core.errors import UsageError
-from core.interfaces import Executor
 from plugins.fitness.layouts import COMBINE
 from plugins.fitness.racing import SeveralTrials, Stops, lead
+from tests.executors import Inline
 
 
 def candidates(count):
@@ -87,7 +87,7 @@ def raced(rewards, chunks, combine="mean", earlier=(), order=None, calls=None, *
     many = candidates(sum(map(len, chunks)))
     fitness, found = SeveralTrials(table(rewards, calls), COMBINE[combine][0], Stops(**stops), "layout"), {}
     numbered = [[many[number] for number in chunk] for chunk in chunks]
-    executor = Arriving(order)
+    executor = Inline(order)
     for chunk, result in fitness.race(numbered, executor, lambda: earlier) or executor.map(fitness, numbered):
         if isinstance(result, Exception):
             found |= {c.action: result for c in chunk}
@@ -95,26 +95,6 @@ def raced(rewards, chunks, combine="mean", earlier=(), order=None, calls=None, *
             assert [e.candidate for e in result] == chunk
             found |= {e.candidate.action: e for e in result}
     return [found[number] for number in range(len(many))]
-
-
-class Arriving(Executor):
-    """In this process; ``order`` shuffles the results' arrival."""
-
-    def __init__(self, order=None):
-        self.order = order
-
-    def map(self, function, chunks):
-        results = []
-        for chunk in chunks:
-            try:
-                results.append((chunk, function(chunk)))
-            except ValueError as error:
-                results.append((chunk, error))
-        order = range(len(results)) if self.order is None else self.order.permutation(len(results))
-        yield from (results[number] for number in order)
-
-    def close(self):
-        pass
 
 
 def test_in_a_race_it_stops_as_soon_as_it_is_clearly_behind():
@@ -187,7 +167,7 @@ def test_a_chunk_that_fails_leaves_the_race_alone():
     first = table({"a": [[0.9, 0.9, 0.1]]})["a"][0]
     evaluators = {"a": [first, lambda chunk: broken(chunk) if many[1] in chunk else first(chunk)]}
     fitness = SeveralTrials(evaluators, np.mean, Stops(behind=0.5), "layout")
-    found = list(fitness.race([[many[0]], many[1:]], Arriving(), tuple))
+    found = list(fitness.race([[many[0]], many[1:]], Inline(), tuple))
     assert [(chunk, str(result)) for chunk, result in found if isinstance(result, Exception)] == [([many[1]], "lost 1")]
     assert [chunk for chunk, result in found if not isinstance(result, Exception)] == [[many[2]], [many[0]]]
 
@@ -200,7 +180,7 @@ def test_what_was_rejected_goes_on_since_it_may_fit_another_layout():
     evaluators["a"].insert(0, rejected)
     better = replace(raced({"a": [[0.9], [0.9], [0.9]]}, [[0]])[0], candidate=replace(candidates(1)[0], agent=1))
     fitness = SeveralTrials(evaluators, np.mean, Stops(behind=0.25), "change")
-    ((_, evaluations),) = fitness.race([candidates(2)], Arriving(), lambda: [better])
+    ((_, evaluations),) = fitness.race([candidates(2)], Inline(), lambda: [better])
     assert [(len(e.trials), e.planned) for e in evaluations] == [(2, 3)] * 2
 
 
