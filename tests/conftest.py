@@ -13,6 +13,7 @@ from hypothesis import settings
 
 from core.errors import UserError
 from tests.disks import disk, sealed  # noqa: F401  # fixtures
+from tests.executors import inline  # noqa: F401  # a fixture
 from tests.processes import undisturbed  # noqa: F401  # a fixture
 
 # In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.

@@ -1,6 +1,9 @@
 """An executor without processes."""
 
+import pytest
+
 from core.interfaces import Executor
+from plugins.executors.local import LocalExecutor
 
 
 class Inline(Executor):
@@ -27,3 +30,9 @@ class Inline(Executor):
 
     def close(self):
         pass
+
+
+@pytest.fixture
+def inline(monkeypatch):
+    """Let ``executor=local`` evaluate in this process, which starts none."""
+    monkeypatch.setattr(LocalExecutor, "map", lambda self, function, chunks: Inline().map(function, chunks))

@@ -20,14 +20,13 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 from core import evaluate, prompt, run
 from core.errors import UserError
-from core.plugins import Offer, installed
 from core.store import rows
 from plugins import transfer
 from plugins.executors.local import LocalExecutor
@@ -35,6 +34,7 @@ from plugins.listeners.rerun import view
 from plugins.results import gallery
 from plugins.results.report import command as report
 from tests.core.run_folders import write_run
+from tests.executors import Inline
 
 SMALL = ("budget.n_agent=2", "budget.n_tool=2", "budget.n_action=1", "budget.k_top=2", "budget.n_iteration=1")
 QUICK = ("task=BringCube", "sim=mujoco")
@@ -57,14 +57,6 @@ VALUES: list[Any] = [
 VALUES += [10**400, [], {}, [[]], {"name": "x"}, [1, "2", None], {"a": {"b": 1}}, "${oc.env:HOME}", "${", "x" * 100_000]
 PLAIN: list[Any] = [None, 0, -1, 3, 2**63 - 1, 1e308, float("inf"), "", "x", "[", "{}", "[1]", "null", b"\xff\xfe", b""]
 PLAIN += ["9" * 5000, "[" * 5000, "\x00", '{"name": "\\ud800"}', "x" * 50_000_000]
-
-
-class Here(LocalExecutor):
-    """Evaluates in this process, which starts sooner."""
-
-    def map(self, function: Callable[[Any], Any], chunks: Iterable[Any]) -> Iterator[Any]:
-        for chunk in chunks:
-            yield chunk, function(chunk)
 
 
 def make_runs(folder: Path) -> list[Path]:
@@ -218,8 +210,8 @@ def main() -> None:
     flags = dict(word.lstrip("-").split("=") for word in sys.argv[1:] if word.startswith("-"))
     mode = next((word for word in sys.argv[1:] if not word.startswith("-")), "both")
     seed, counts = int(flags.get("seed", "0")), Counter[str]()
-    here = {("executor", "local"): Offer("executor", "local", "vlmgineer", "tests", Here)}
-    with mock.patch.dict(installed().offers, here), tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+    here = mock.patch.object(LocalExecutor, "map", lambda _, function, chunks: Inline().map(function, chunks))
+    with here, tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         runs, good = make_runs(Path(scratch)), {}
         for folder in runs:
             outcome(report.main, (str(folder), f"output={folder.name}_good"), Counter())

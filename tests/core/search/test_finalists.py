@@ -130,17 +130,18 @@ def test_listeners_hear_of_each_trial_and_what_was_tried_is_not_tried_again():
 
 WORDS = ["task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=1", "fitness.unseen=0"]
 WORDS += ["fitness.final=2", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=3", "budget.n_iteration=0"]
-WORDS += ["evolution.tie=1", "evolution.near_duplicates=true", "film=false", "listener=[]", "executor.workers=1"]
+WORDS += ["evolution.tie=1", "evolution.near_duplicates=true", "film=false", "listener=[]", "prompt.views=[]"]
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("inline")
 def test_an_interrupted_run_keeps_the_trials_of_its_finalists(tmp_path, monkeypatch):
-    monkeypatch.setattr("core.search.orchestration.event_hub", lambda: listening(3)[0])
-    with pytest.raises(KeyboardInterrupt):
-        run(load("config", WORDS), tmp_path / "run")
+    with monkeypatch.context() as patched:
+        patched.setattr("core.search.orchestration.event_hub", lambda: listening(3)[0])
+        with pytest.raises(KeyboardInterrupt):
+            run(load("config", WORDS), tmp_path / "run")
     stored = [e.details.final for e in StoredRun(tmp_path / "run").evaluations()]
     assert sum(map(len, stored)) == 3
-    monkeypatch.undo()
     resume(tmp_path / "run")
     run(load("config", WORDS), tmp_path / "whole")
     one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("run", "whole"))

@@ -117,15 +117,9 @@ def open_picture(file):
 def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_path):
     """The scene is drawn in the main thread, elites in the one that reads candidates."""
     simulator(engine)
-    words = [
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=1",
-        "budget.reward_save=-1",
-    ]
-    settings = ["prompt.feedback=full", "executor.workers=1", "listener=[]", "film=false"]
-    Experiment(*words, *settings, task="BringCube", sim=engine).run(tmp_path)
+    words = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"]
+    words += ["budget.reward_save=-1", "prompt.feedback=full", "executor.workers=1", "listener=[]", "film=false"]
+    Experiment(*words, task="BringCube", sim=engine).run(tmp_path)
     resume(tmp_path, ["budget.n_iteration=2"])
     scene = open_picture(tmp_path / "scene.png")
     elites = sorted((tmp_path / "requests").glob("strip_*.png"))

@@ -305,7 +305,7 @@ def outcome(folder):
 
 
 @pytest.mark.thorough
-@pytest.mark.usefixtures("planted", "warm")
+@pytest.mark.usefixtures("planted", "warm", "inline")
 def test_a_run_with_a_critic_that_a_limit_stops_comes_to_the_same_result_and_asks_nothing_twice(tmp_path):
     with serving(design) as open_ai, serving(design) as google:
         one = f"{{name:openai,model:openai/gpt-4.1,api_base:'{open_ai.url}/v1',concurrency:1}}"

@@ -314,11 +314,12 @@ def test_invalid_settings():
 # --- a run ------------------------------------------------------------------------------------------------------
 
 RUN = [
-    *("vlm=mailbox", "vlm.poll_s=0.05", "executor.workers=1", "budget.n_agent=2", "budget.n_tool=1"),
+    *("vlm=mailbox", "vlm.poll_s=0.05", "budget.n_agent=2", "budget.n_tool=1"),
     *("budget.n_action=1", "budget.n_iteration=0", "film=false"),
 ]
 
 
+@pytest.mark.usefixtures("inline")
 def test_a_run_answered_by_hand(tmp_path):
     folder = tmp_path / "run"
     box = folder / "mailbox"

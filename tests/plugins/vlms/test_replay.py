@@ -11,7 +11,7 @@ from core.plugins import installed
 from core.search.orchestration import run
 
 SMALL = [
-    *("sim=mujoco", "executor.workers=1", "film=false", "listener={}"),
+    *("sim=mujoco", "film=false", "listener={}", "prompt.views=[]"),
     *("budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"),
 ]
 
@@ -23,6 +23,7 @@ def result(folder, *overrides):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("inline")
 def test_the_same_result_as_the_past_run_and_requests_that_it_lacks(tmp_path):
     past = result(tmp_path / "past", "vlm=offline")
     assert past["best"]["reward"] > 0
