@@ -15,7 +15,7 @@ from core.geometry import Array, Compound, Mesh
 from core.values.materials import PAPER, Material
 from core.values.shapes import resized
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.solid import Placed, Workpiece, manifold, to_mesh, union
+from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
 
 if TYPE_CHECKING:
     import trimesh
@@ -92,12 +92,12 @@ def print_part(
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
     mesh, plate = solid.mesh, printer.plate_mm
     lying, fits, back = lay(mesh, plate)
-    wall, closed = thinnest(mesh) - 2 * weld_mm, bool(mesh.is_volume)
+    wall, whole_skin = thinnest(mesh) - 2 * weld_mm, closed(lying)
     size = " × ".join(f"{side:.0f}" for side in lying.extents)
     room = " × ".join(f"{side:g}" for side in plate)
     walls = f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"
     checks = (
-        Check("watertight", closed, "closed" if closed else "the surface is not closed"),
+        Check("watertight", whole_skin, "closed" if whole_skin else "the surface is not closed"),
         whole,
         Check("walls", wall >= printer.min_wall_mm, walls),
         Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm"),
@@ -133,11 +133,11 @@ def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, print
         shared = solids[a] ^ solids[b]
         if not shared.is_empty() and sorted(to_mesh(shared).bounding_box_oriented.extents)[1] >= printer.min_wall_mm:
             joints.add_edge(a, b)
-    closed = f", gaps closed by {weld_mm:g} mm on each side" if weld_mm > WELDS_MM[0] else ""
+    gaps = f", gaps closed by {weld_mm:g} mm on each side" if weld_mm > WELDS_MM[0] else ""
     loose = [name for i, name in enumerate(names) if not networkx.has_path(joints, 0, i)]
     if not loose:
-        return Check("one piece", True, f"{len(solids)} component{'s' if len(solids) > 1 else ''}{closed}")
-    thin = f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{closed}"
+        return Check("one piece", True, f"{len(solids)} component{'s' if len(solids) > 1 else ''}{gaps}")
+    thin = f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{gaps}"
     return Check("one piece", False, thin)
 
 

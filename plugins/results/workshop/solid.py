@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import trimesh
 
 Placed = tuple[Shape | Compound, Pose]
+SHORTEST_MM = 1e-3  # of a mesh's edges: STL files have single precision, in which shorter ones vanish and leave holes
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ class Workpiece:
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
-        return to_mesh(self.body)
+        return to_mesh(self.body.simplify(SHORTEST_MM))
 
 
 def union(shapes: Sequence[Placed]) -> Any:
@@ -107,6 +108,13 @@ def to_mesh(whole: Any) -> trimesh.Trimesh:
 
     data = whole.to_mesh64()
     return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=False)
+
+
+def closed(mesh: trimesh.Trimesh) -> bool:
+    """Report whether a mesh is closed as STL files hold it: in single precision, corners at one place being one."""
+    import trimesh
+
+    return bool(trimesh.Trimesh(mesh.vertices.astype(np.float32), mesh.faces).is_volume)
 
 
 def hull(points: Array) -> Mesh:

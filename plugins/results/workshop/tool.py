@@ -33,7 +33,7 @@ from plugins.results.workshop.printing import (
     widened,
 )
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import Placed, Workpiece, manifold, to_mesh, union
+from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
 from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import printable
@@ -132,10 +132,10 @@ def _links(tool: Tool) -> dict[str, list[Component]]:
 
 
 def _welded(components: Sequence[Component], tool: Tool, fix: Callable[[Workpiece], Mount]) -> tuple[Mount, float]:
-    """Weld components by as little as makes them and their mount one body."""
+    """Weld components by as little as makes them and their mount one body with a closed surface."""
     for weld in WELDS_MM:
         mount = fix(Workpiece("add", tuple(grown(components, tool, weld))))
-        if len(mount.solid.bodies) == 1:
+        if len(mount.solid.bodies) == 1 and closed(mount.solid.mesh):
             break
     return mount, weld
 

@@ -10,7 +10,7 @@ from core.design import Component, Tool
 from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from plugins.conformance.shapes import bowl, prism
-from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf
+from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf, to_stl
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.tool import pieces
 from tests.core.run_folders import hook
@@ -51,6 +51,15 @@ def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, 
     assert piece.ready
     assert (piece.mesh.body_count, piece.weld_mm) == (1, weld)
     assert ("gaps closed" in found(piece, "one piece")) == (weld > 0.01)
+
+
+@pytest.mark.parametrize("off", [1e-12, 1e-10])
+def test_faces_that_all_but_meet_make_a_closed_file(off):
+    one = box("one", "tool_mount", (0, 0, 0), (0.05, 0.05, 0.2), (0, 0, 0.3))
+    other = box("other", "one", (0, 0.03 + off, 0.08 + off), (0.05 + off, 0.01, 0.04))
+    (piece,) = pieces(tool(one, other), WIDE)
+    assert piece.ready
+    assert trimesh.load(io.BytesIO(to_stl(piece)), file_type="stl").is_volume
 
 
 def test_a_gap_too_wide_is_said():
