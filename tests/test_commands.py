@@ -18,15 +18,8 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
-TINY = [
-    "task=BringCube",
-    "budget.n_agent=1",
-    "budget.n_tool=2",
-    "budget.n_action=2",
-    "budget.n_iteration=1",
-    "film=false",
-    "seed=5",
-]
+TINY = ["task=BringCube", "budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1"]
+TINY += ["film=false", "seed=5"]
 
 
 def call(folder, command, *words):
@@ -37,18 +30,14 @@ def call(folder, command, *words):
 
 MISTAKES = [
     ("run", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?); possible: AroundCorner, "),
-    ("run", ["sim=bullet"], "no sim 'bullet' (did you mean 'pybullet'?); possible: "),
     ("run", ["task.tool_kinds=[rigd]"], "no tool kind 'rigd' in task.tool_kinds (did you mean 'rigid'?); possible: "),
-    ("run", ["vlm=oracle"], "no vlm 'oracle'; possible: anthropic, "),
     ("run", ["budget.n_agnet=3"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),
     ("run", ["budget.n_agent=two"], "Value 'two' of type 'str' could not be converted to Integer"),
     ("run", ["budget.n_agent=0"], "budget.n_agent must be at least 1, got 0"),
     ("run", ["sim.time_step=a"], "sim=pybullet: setting 'time_step' can't be 'a': "),
-    ("run", ["sim.timestep=1"], "no key 'timestep' in sim (did you mean 'time_step'?); possible: "),
     ("run", ["+robto=ur5"], "no key 'robto' in the configuration (did you mean 'robot'?); possible: action, "),
     ("run", ["robot=ur15"], "no robot 'ur15' (did you mean 'ur5'?); possible: fr3, "),
     ("run", ["robot.base=[9,0,0,0]"], "robot panda can't reach the task's home (0.5, 0, 0.5), by "),
-    ("run", ["executor.workers=0"], "executor.workers must be at least 1, got 0"),
     ("run", ["seed=-1"], "seed"),
     ("run", ["prompt.dir=no_such_folder"], "no_such_folder"),
     ("run", ["hydra.run.dir=/proc/run"], "can't write /proc/run: "),
@@ -59,22 +48,17 @@ MISTAKES = [
     ("evaluate", ["--designs", "x"], "can't read '--designs'; usage: "),
     ("evaluate", ["designs=missing.json"], "designs file missing.json: there is no such file"),
     ("evaluate", ["designs=malformed.json"], "malformed.json is malformed JSON at line 2, column 3"),
-    ("evaluate", ["designs=empty.json"], "empty.json: 'strategies' is empty"),
     ("evaluate", [f"designs={SOLUTION}", "output=."], "can't write"),
-    ("evaluate", [f"designs={SOLUTION}", "sim.time_step=0"], "time_step"),
     ("evaluate", [f"designs={SOLUTION}", "rollout.segment_s=0"], "segment_s"),
     ("evaluate", [f"designs={SOLUTION}", "rollout.hold_s=-1"], "hold_s"),
     ("render", [f"designs={SOLUTION}", "strategy=1"], "has 1 strategies; there is no strategy=1"),
-    ("render", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?)"),
     ("render", ["width=0"], "width"),
-    ("prompt", ["prompt=evolve"], "this prompt evolves elites, and there are none"),
 ]
 
 
 @pytest.mark.parametrize(("command", "words", "said"), MISTAKES, ids=[" ".join([c, *w[-1:]]) for c, w, _ in MISTAKES])
 def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words, said):
     (tmp_path / "malformed.json").write_text('{"strategies": [\n  oh no]}')
-    (tmp_path / "empty.json").write_text('{"strategies": []}')
     done = call(tmp_path, command, *words)
     assert done.returncode in (1, 2)
     assert "Traceback" not in done.stderr
@@ -84,34 +68,7 @@ def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words,
     assert not done.stdout
 
 
-# --- python -m core.evaluate, plugins.render -----------------------------------------------------------------------
-
-
-def test_evaluate_writes_what_each_plan_earned(tmp_path):
-    good = json.loads(SOLUTION.read_text())["strategies"][0]
-    off = good | {"tool_urdf": good["tool_urdf"].replace('type="fixed"', 'type="revolute"')}
-    plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
-    document = {"strategies": [good | {"action_sets": plans}, off]}
-    (tmp_path / "designs.json").write_text(json.dumps(document))
-    done = call(tmp_path, "evaluate", "task=BringCube", "designs=designs.json", "output=out/rewards.json")
-    assert done.returncode == 0, done.stderr
-    assert not done.stderr
-    records = json.loads((tmp_path / "out" / "rewards.json").read_text())
-    assert all({"strategy", "plan", "reward", "distance_m", "status", "reason"} <= set(record) for record in records)
-    assert [(r["strategy"], r["plan"]) for r in records] == [(0, 0), (0, 1), (0, 2), (1, 0)]
-    assert [r["status"] for r in records] == ["ok", "ok", "rejected", "rejected"]
-    solved, idle, far, loose = records
-    assert solved["reward"] >= 0.95
-    assert 0.3 < solved["distance_m"] < 1.0
-    assert solved["reason"] == ""
-    assert idle["reward"] < 0.02
-    assert idle["distance_m"] < 1e-4
-    assert "waypoint 1" in far["reason"]
-    assert "revolute" in loose["reason"]
-    assert far["reward"] == loose["reward"] == 0
-    assert far["distance_m"] is None
-    for word in ("strategy", "reward", "ok", "rejected"):
-        assert word in done.stdout
+# --- vlmgineer render -------------------------------------------------------------------------------------------
 
 
 def test_render_writes_a_picture_of_the_size_asked_for(tmp_path):

@@ -13,22 +13,39 @@ SOLUTION = Path(__file__).parents[1] / "tasks" / "solutions" / "BringCube.json"
 
 @pytest.fixture(scope="module")
 def evaluated(tmp_path_factory):
-    """Records and lines of a plan that works, one that presses the tool into the table, and one out of reach."""
+    """Records and lines of a plan that works, of one that presses the tool into the table, stays, or is out of reach,
+    and of a tool that breaks a rule.
+    """
     folder = tmp_path_factory.mktemp("evaluated")
     good = json.loads(SOLUTION.read_text())["strategies"][0]
     pressed = [*good["action_sets"][0], [0.255, 0.0, 0.2, 0.0, 0.0, 0.0]]
-    plans = [*good["action_sets"], pressed, [[9, 0, 0, 0, 0, 0]]]
-    (folder / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
-    words = ["task=BringCube", "sim=mujoco", "designs=designs.json", "output=rewards.json", "executor.workers=1"]
+    plans = [*good["action_sets"], pressed, [[9, 0, 0, 0, 0, 0]], [[0.5, 0, 0.5, 0, 0, 0]]]
+    off = good | {"tool_urdf": good["tool_urdf"].replace('type="fixed"', 'type="revolute"')}
+    (folder / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}, off]}))
+    words = ["task=BringCube", "sim=mujoco", "designs=designs.json", "output=out/rewards.json", "executor.workers=1"]
     done = python_m(folder, "core.evaluate", *words)
-    assert done.returncode == 0, done.stderr
-    return json.loads((folder / "rewards.json").read_text()), done.stdout.splitlines()
+    assert (done.returncode, done.stderr) == (0, "")
+    return json.loads((folder / "out/rewards.json").read_text()), done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_each_plan_has_a_record_of_what_it_earned(evaluated):
+    records, lines = evaluated
+    assert [(r["strategy"], r["plan"]) for r in records] == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0)]
+    assert [r["status"] for r in records] == ["ok", "ok", "rejected", "ok", "rejected"]
+    solved, _, far, idle, loose = records
+    assert (solved["reward"] >= 0.95, solved["reason"], 0.3 < solved["distance_m"] < 1.0) == (True, "", True)
+    assert (idle["reward"] < 0.02, idle["distance_m"] < 1e-4) == (True, True)
+    assert (far["reward"], loose["reward"], far["distance_m"]) == (0, 0, None)
+    assert "waypoint 1" in far["reason"]
+    assert "revolute" in loose["reason"]
+    assert {"strategy", "reward", "status"} <= set(lines[0].split())
 
 
 @pytest.mark.slow
 def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
     records, lines = evaluated
-    free, pressed, far = records
+    free, pressed, far, *_ = records
     assert 0 < free["tracking_error_rad"] < STOPPED_RAD < pressed["tracking_error_rad"]
     assert far["tracking_error_rad"] is None
     assert free["warnings"] == []

@@ -16,7 +16,7 @@ from core.geometry import Box, Pose
 from core.plugins import installed
 from core.prompt import compose
 from core.robot.kinematics import arm_of
-from core.values.materials import PAPER, STEEL_PA, Material
+from core.values.materials import PAPER, Material
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 
@@ -130,11 +130,6 @@ def test_a_joint_in_one_point_with_the_parents_is_no_beam():
     joints = {"plate": np.zeros(3), "rod": np.zeros(3)}
     alone = Beams(rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID).bending()["rod"]
     assert Beams(rigid(plate, rod), joints, SOLID).bending()["rod"] == pytest.approx(alone)
-
-
-def test_paper_bends_as_steel():
-    assert PAPER.young_pa == STEEL_PA == 200e9
-    assert PAPER.strength_pa is None
 
 
 def test_the_prompt_says_what_tools_weigh_and_may():
