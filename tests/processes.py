@@ -59,9 +59,9 @@ def living():
     return {int(own): int(parent) for own, parent, state in rows if state[0] != "Z"}
 
 
-def family(process):
+def family(pid):
     """Return a process and its descendants."""
-    parents, found = living(), [process.pid]
+    parents, found = living(), [pid]
     for one in found:
         found += [own for own, parent in parents.items() if parent == one]
     return found

@@ -69,7 +69,7 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_p
     folder, temporary = tmp_path / "a run", tmp_path / "temporary"
     terminal = Terminal(tmp_path, *SMALL, f"hydra.run.dir='{folder}'")
     wait_until(lambda: stored(folder, "WHERE status = 'ok'") > 0, terminal.run)
-    processes = family(terminal.run)
+    processes = family(terminal.run.pid)
     assert len(processes) > 1
     assert list(temporary.iterdir())
     terminal.type(b"\x03")
@@ -101,7 +101,7 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_p
 def kill(run, folder, more_than):
     """Kill a run when more candidates are stored; no process is left."""
     wait_until(lambda: stored(folder) > more_than, run)
-    processes = family(run)
+    processes = family(run.pid)
     run.kill()
     assert finished(run)[0] == -signal.SIGKILL
     assert all_gone(processes)
@@ -117,7 +117,7 @@ def test_a_sweep_that_is_terminated(tmp_path):
     words = [word for word in SMALL if not word.startswith("seed=")]
     run = start(tmp_path, "run", "-m", *words, "seed=5,6", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=${seed}")
     wait_until(lambda: stored(folder / "5") > 0, run)
-    processes = family(run)
+    processes = family(run.pid)
     os.killpg(run.pid, signal.SIGTERM)
     code, out, err = finished(run)
     assert code == 130
@@ -137,9 +137,9 @@ def test_an_evaluation_that_is_terminated(tmp_path):
     temporary = tmp_path / "temporary"
     words = ["task=BringCube", "designs=designs.json", "executor.workers=2"]
     run = start(tmp_path, "evaluate", *words, env=temporary_in(temporary))
-    wait_until(lambda: len(family(run)) > 2, run)
+    wait_until(lambda: len(family(run.pid)) > 2, run)
     assert list(temporary.iterdir())
-    processes = family(run)
+    processes = family(run.pid)
     run.send_signal(signal.SIGTERM)
     assert finished(run) == (130, "", "interrupted\n")
     assert all_gone(processes)

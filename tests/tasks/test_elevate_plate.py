@@ -1,43 +1,9 @@
-from dataclasses import replace
+"""The shapes of ElevatePlate's plate; its reward is in `tests/tasks/test_lifting.py`."""
 
 import numpy as np
 import pytest
 
-from core.scene import State
-from tasks.elevate_plate import FOOT_HEIGHT, FOOT_RADIUS, LIFT, RIM_RADIUS, RIM_TOP, START, ElevatePlate
-
-TASK = ElevatePlate()
-STATE = TASK.scene(0).state()
-
-
-def at(*position):
-    return replace(STATE, positions=np.array([position]))
-
-
-def test_reward_rises_in_step_with_the_plate_lifted():
-    lifted = [at(START[0], START[1], START[2] + LIFT * share) for share in np.linspace(0, 1, 11)]
-    rewards = np.array([TASK.reward(STATE, end) for end in lifted])
-    assert rewards == pytest.approx(np.linspace(0, 1, 11))
-    assert TASK.reward(State.stack([STATE] * 11), State.stack(lifted)) == pytest.approx(rewards)
-
-
-@pytest.mark.parametrize(
-    "position",
-    [
-        (START[0] - 0.3, 0.0, 0.0),  # pulled along the table
-        (START[0], LIFT, LIFT),  # lifted, and as far to the side
-        (1.5, 0.0, -0.6),  # off the table
-        (START[0], 0.0, 2 * LIFT),  # thrown up
-    ],
-)
-def test_a_plate_elsewhere_earns_nothing(position):
-    assert TASK.reward(STATE, at(*position)) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_reward_counts_from_where_the_plate_settled():
-    settled = at(START[0], 0.01, 0.001)
-    assert TASK.reward(settled, settled) == 0.0
-    assert TASK.reward(settled, at(START[0], 0.01, LIFT + 0.001)) == pytest.approx(1.0)
+from tasks.elevate_plate import FOOT_HEIGHT, FOOT_RADIUS, RIM_RADIUS, RIM_TOP, ElevatePlate
 
 
 def heights(mesh, x, y):
@@ -54,7 +20,7 @@ def heights(mesh, x, y):
 
 def test_the_plates_collision_shapes_match_its_visual_shape():
     """Upper and lower faces are equal along a few radial lines outside the foot."""
-    body = TASK.scene(0)["plate"]
+    body = ElevatePlate().scene(0)["plate"]
     visual = [body.visuals[0].shape.to_trimesh()]
     collision = [part.shape.to_trimesh().convex_hull.apply_transform(part.pose.matrix) for part in body.collisions]
     for angle in np.radians([1.0, 8.0, 40.0, 91.0]):

@@ -12,6 +12,7 @@ from core.errors import Fault, UserError
 from core.plugins import installed
 from core.search.dispatch import CHUNK
 from core.support.scratch import scratch
+from tests.processes import all_gone, living
 
 pytestmark = pytest.mark.slow
 
@@ -68,22 +69,6 @@ class Unreadable(Exception):
 
     def __init__(self, one, other):
         super().__init__(f"{one} and {other}")
-
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-def gone(pids, seconds=20.0):
-    """Report whether processes that may be in the middle of ending do end."""
-    deadline = time.monotonic() + seconds
-    while any(alive(pid) for pid in pids) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return not any(alive(pid) for pid in pids)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -161,10 +146,10 @@ def test_workers_do_not_outlive_a_process_that_was_killed(tmp_path):
     parent = subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True)
     workers = [int(pid) for pid in parent.stdout.readline().split()]
     assert workers
-    assert all(alive(pid) for pid in workers)
+    assert set(workers) <= set(living())
     parent.kill()
     parent.wait()
-    assert gone(workers)
+    assert all_gone(workers)
 
 
 def test_a_worker_takes_no_notice_of_an_interrupt():
@@ -195,9 +180,9 @@ def test_closing_ends_the_workers():
     with executor(workers=2) as pool:
         processes = {pid for _, pid in pool.map(who, [[i] for i in range(8)])}
         assert os.getpid() not in processes
-        assert all(alive(pid) for pid in processes)
+        assert processes <= set(living())
         assert len(processes) <= 2
-    assert not any(alive(pid) for pid in processes)
+    assert not processes & set(living())
 
 
 def test_closing_waits_for_nobody():

@@ -16,6 +16,8 @@ from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator, PluginPart
 from tests.benchmarks.throughput import designs
+from tests.plugins.executors.test_local import double, misfortune
+from tests.processes import all_gone, family
 
 pytestmark = pytest.mark.slow
 
@@ -26,34 +28,8 @@ def executor(**settings):
     return installed().create("executor", "ray", settings)
 
 
-def double(chunk):
-    return [2 * x for x in chunk]
-
-
-def misfortune(chunk):
-    match chunk[0]:
-        case "raise":
-            raise ValueError("this chunk is bad")
-        case "exit":
-            os._exit(3)
-        case "hang":
-            time.sleep(60)
-    return chunk
-
-
 def offspring(pid):
-    """Of a process, with all of theirs."""
-    parents = {}
-    for file in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            before, _, after = file.read_text().rpartition(")")
-        except OSError:  # gone meanwhile
-            continue
-        parents[int(before.split()[0])] = int(after.split()[1])
-    family = {pid}
-    while more := {child for child, parent in parents.items() if parent in family} - family:
-        family |= more
-    return family - {pid}
+    return set(family(pid)) - {pid}
 
 
 def listens_on(pids):
@@ -70,15 +46,6 @@ def listens_on(pids):
 
 
 LOOPBACK = {"0100007F", "0000000000000000FFFF00000100007F", "00000000000000000000000001000000"}
-
-
-def all_end(pids):
-    deadline = time.monotonic() + 60
-    while left := {pid for pid in pids if Path(f"/proc/{pid}").exists()}:
-        if time.monotonic() > deadline:
-            return left
-        time.sleep(0.1)
-    return left
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +82,7 @@ def test_what_befalls_a_chunk_befalls_no_other():
     assert reachable
     assert reachable <= LOOPBACK
     assert started
-    assert not all_end(started)
+    assert all_gone(started)
 
 
 def test_chunks_do_not_wait_for_workers_that_find_no_room(cluster):
@@ -218,7 +185,7 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     assert f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}" in err
     assert "Traceback" not in err
     assert started
-    assert not all_end(started)
+    assert all_gone(started)
 
 
 def test_settings_that_make_no_sense():
