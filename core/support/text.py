@@ -65,6 +65,19 @@ def number(value: float | None, digits: int) -> str:
     return text
 
 
+def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
+    """Group candidates, each with the reason why it earned nothing or less; a line for each reason, common ones first.
+
+    What a rule gives to all plans of a tool is one line: it names the first, and says how many more there are.
+    """
+    groups: dict[str, list[str]] = {}
+    for name, reason in candidates:
+        if reason:
+            groups.setdefault(clean(reason, 300), []).append(name)
+    ordered = sorted(groups.items(), key=lambda of: -len(of[1]))
+    return [f"{of[0]}{f' and {len(of) - 1} more' * (len(of) > 1)}: {reason}" for reason, of in ordered]
+
+
 def hydra_word(value: object) -> str:
     """Write a value as on the command line."""
     if value is None:

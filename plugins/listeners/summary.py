@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 from core.design import best_tools
 from core.hooks import hookimpl
 from core.support.cli import print_table, say
-from core.support.text import clean, number
+from core.support.text import by_reason, clean, number
 
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
     from core.interfaces import Reply
 
 _LONGEST = 60  # letters of a name
+_REASONS = 5  # why candidates earned nothing or less
 
 
 @hookimpl
@@ -45,8 +46,8 @@ class SummaryListener:
         _print_generations(result.generations)
         if result.best is not None:
             _print_tools(result, self.top)
-        remarks = (*_tied(result), *_margin(result), *_unseen(result), *_saved(result), _spent(self._replies))
-        say(*remarks, *_commands(run, result), file=sys.stderr)
+        said = (remark for of in (_reasons, _tied, _margin, _unseen, _saved) for remark in of(result))
+        say(*said, _spent(self._replies), *_commands(run, result), file=sys.stderr)
 
 
 def _print_generations(generations: Iterable[Generation]) -> None:
@@ -74,6 +75,15 @@ def _print_tools(result: Result, top: int) -> None:
         name = clean(tool.name or candidate.strategy_name, _LONGEST)
         rows.append((*figures, *counts, candidate.id, name))
     print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
+
+
+def _reasons(result: Result) -> Iterable[str]:
+    """Say why candidates were rejected, failed, or earned less than their rollout did."""
+    every = [evaluation for generation in result.generations for evaluation in generation.evaluations]
+    lines = by_reason((evaluation.candidate.id, evaluation.reason) for evaluation in every)
+    yield from lines[:_REASONS]
+    if len(lines) > _REASONS:
+        yield f"and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
 
 
 def _tied(result: Result) -> Iterable[str]:

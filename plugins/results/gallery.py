@@ -28,6 +28,7 @@ USAGE = (
     "[min_wall_mm=0.8]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
 PICTURE = (640, 480)
+REASONS = 12  # of a run
 APART = 0.01  # metres: tools with all corners closer count as one
 
 
@@ -106,6 +107,7 @@ def gallery(
         root=output,
         pictures=pictures,
         left_out=len(left_out),
+        reasons=[(run, lines[:REASONS]) for run in finished if (lines := run.reasons)],
         printer=printer,
     )
     write_bytes(output / "index.html", page.encode())

@@ -20,7 +20,7 @@ from core.store.database import FILE
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures, parsed, validated
 from core.support.files import read_untrusted
-from core.support.text import clean
+from core.support.text import by_reason, clean
 
 RESULT, HYDRA = "result.json", ".hydra"
 # The choices, by name in a result:
@@ -66,6 +66,11 @@ class FinishedRun:
         """`best_so_far` made ``length`` long: a run that stopped early keeps its last."""
         so_far = self.best_so_far or [0.0]
         return (so_far + so_far[-1:] * length)[:length]
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why candidates were rejected, failed, or earned less than their rollout did, by candidate."""
+        return by_reason((e.candidate, e.reason) for e in self.store.evaluations()) if self.store.exists else []
 
     def recordings(self) -> dict[str, Path]:
         """The recordings that it left, by kind."""

@@ -97,7 +97,7 @@ def page(
         Section("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
         Section("results", "Rewards", ("rewards",), ("rewards",)),
         Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
-        Section("generations", "By generation", ("anytime",), ("efforts", "generations")),
+        Section("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
         Section("tools", "Tools", ("gallery", *evolutions), ("tools",)),
         Section("models", "Models", (), ("models",)),
         Section("runs", "Runs", (), ("left_out", "runs")),

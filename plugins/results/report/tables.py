@@ -29,12 +29,14 @@ from plugins.results.report.statistics import (
 )
 from plugins.results.report.verify import verification
 
+REASONS = 12  # of a run
+
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    makers = (rewards, methods, improvements, efforts, generations, tools, runs, left_out, models, parameters, costs)
+    makers = (rewards, methods, improvements, efforts, generations, reasons, tools, runs, left_out, models, parameters)
     every = [
-        *(make(results) for make in (*makers, versions)),
+        *(make(results) for make in (*makers, costs, versions)),
         *entry_tables(results.entries),
         verification(results.verified),
     ]
@@ -144,6 +146,20 @@ def generations(results: Results) -> Table:
         "those that have the generation. Mean of the generation: over the candidates that were tried."
     )
     return Table("generations", "Rewards by generation", head, tuple(rows), note)
+
+
+def reasons(results: Results) -> Table:
+    """Why candidates earned nothing, or less than their rollout."""
+    rows: list[tuple[Cell, ...]] = [
+        (g.task, g.method, CellLink(run.folder.name, run.folder), *line.split(": ", 1))
+        for g in results.groups
+        for run in g.runs
+        for line in run.reasons[:REASONS]
+    ]
+    note = f"Of each run the {REASONS} most common: why candidates were rejected, failed, or do not count in full."
+    return Table(
+        "reasons", "What spoke against candidates", columns("task|method|run|candidates|reason"), tuple(rows), note
+    )
 
 
 def _over_known(function: Any, values: Iterable[float | None]) -> float | None:

@@ -22,9 +22,9 @@ from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.motion import sample
 from plugins.results.workshop.replay import RECORD_HZ, Unplayable, play
-from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
-from plugins.results.workshop.tool import pieces
+from plugins.results.workshop.tool import make_tool
 from plugins.results.workshop.verdicts import SAFETY, carried, printable, strong
 
 NAME = "buildable"
@@ -87,8 +87,10 @@ class Buildable(Fitness):
         return (
             f"{self._inner.instructions() or 'What counts is the reward of one rollout.'}\n\n"
             "A design must also be buildable: it earns 0 if it breaks one of these rules.\n"
-            f"- Printing: each rigid body is closed and in one piece, has no wall thinner than "
-            f"{self._printer.min_wall_mm:g} mm, and fits into {plate} mm, however it is laid.\n"
+            f"- Printing: each rigid body is closed and in one piece, and has no wall thinner than "
+            f"{self._printer.min_wall_mm:g} mm. What does not fit into {plate} mm, however it is laid, is cut square "
+            "to its length and joined by dovetails, for which it must be thick enough.\n"
+            "- Mount: nothing rises above the mount into the arm, and 3 or more of the flange's screws can be driven.\n"
             f"- Mass: at most {mass_limit(robot, material)[0]:g} kg, and {moment_limit(robot):g} N m about the mount.\n"
             f"{strength}"
             f"- Clearance: the arm keeps {1000 * self._margin:g} mm from itself and from all that is fixed."
@@ -118,11 +120,13 @@ class Buildable(Fitness):
         """Say what speaks against making or carrying a tool, if anything does."""
         if tool is None or not tool.components:
             return None
-        verdicts = [
-            *carried(tool, self._evaluator.made()[0].robot, self._material),
-            *printable(pieces(tool, self._printer)),
-        ]
-        return next((f"not buildable: {verdict}" for verdict in verdicts if not verdict.passed), None)
+        robot = self._evaluator.made()[0].robot
+        verdicts = carried(tool, robot, self._material)
+        if all(verdict.passed for verdict in verdicts):  # as an export makes and checks it
+            made = make_tool(tool, robot, self._material, self._printer, Fit())
+            verdicts = [*printable(made.parts), *printable((), made.checks)]
+        failing = (of for of in verdicts if of.passed is False and of.name != "weight")  # that is the material's
+        return next((f"not buildable: {verdict}" for verdict in failing), None)
 
     def _judged(self, evaluation: Evaluation) -> Evaluation:
         """Play what earned something once more, with forces."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Compound
+from core.geometry import Array, Compound
 from core.support.cli import write_bytes
 from core.values.materials import PAPER, Material
 from core.values.robots import Robot
@@ -113,14 +113,22 @@ def _as_data(checks: Sequence[Check]) -> dict[str, Any]:
 
 
 def pieces(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
-    """Make the bodies of a tool, one for each mount and for what each joint moves, as they are without fitting."""
-    made = []
+    """Make the bodies of a tool, one for each mount and for what a joint moves, cut to the plate, without fitting."""
+    made, fit, nothing = list[PrintedPart](), Fit(), np.zeros((0, 3))
     for bearer, components in _links(tool).items():
         mount, weld = _welded(components, tool, Mount)
         whole = joined([c.name for c in components], grown(components, tool, weld), weld, printer)
-        name = piece_name(bearer)
-        made.append(print_part(name, name, mount.solid, weld, whole, printer, material))
+        name, (cuts, joints) = piece_name(bearer), cut(mount.solid, printer, fit, _axes(components, tool), nothing)
+        glued = next((Check("joint", False, str(joint)) for joint in joints if not joint.tails), None)
+        for number, solid in enumerate(cuts, 1):
+            own = (name, whole) if len(cuts) == 1 else (f"{name}_{number}", glued or _single(solid))
+            made.append(print_part(own[0], name, solid, weld, own[1], printer, material))
     return made
+
+
+def _axes(components: Sequence[Component], tool: Tool) -> Array:
+    """The directions (3 K, 3) of K components, to which cuts are square."""
+    return np.vstack([tool.placed()[c.name][1].rotation.as_matrix().T for c in components])
 
 
 def _links(tool: Tool) -> dict[str, list[Component]]:
@@ -210,9 +218,8 @@ def _make_link(
     whole = joined(names, [*grown(components, tool, weld), *widened(mount.adding, weld)], weld, printer)
     if len(mount.solid.bodies) > 1:
         whole = _single(mount.solid)
-    axes = np.vstack([tool.placed()[c.name][1].rotation.as_matrix().T for c in components])
     corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
-    cuts, joints = cut(mount.solid, printer, fit, axes, corners)
+    cuts, joints = cut(mount.solid, printer, fit, _axes(components, tool), corners)
     return _PrintedLink(bearer, components, mount, weld, whole, cuts, joints)
 
 

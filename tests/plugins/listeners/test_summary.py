@@ -53,6 +53,11 @@ def test_generations_and_tools(capsys):
     assert tools[0] == ["0.400", "1.50", "2", "10", "g0-a0-s1-p0", "hook"]
 
 
+def test_what_spoke_against_candidates_is_said_by_candidate(capsys):
+    said = summary(capsys, [0.2, None, None], [None])
+    assert "g0-a0-s1-p0 and 2 more: heavy" in said.splitlines()
+
+
 def test_a_shorter_way_that_goes_first_is_explained(capsys):
     said = summary(capsys, [0.995, 0.999])
     assert "g0-a0-s1-p0 earned 0.999; rewards within evolution.tie of it count as equal" in said

@@ -74,9 +74,16 @@ def test_a_tools_design_can_be_tried_again(made, tmp_path):
 
 def test_what_is_checked_stands_beside_each_tool(made):
     _, entries, _ = made
-    assert [(e.winner.name, e.ready) for e in entries] == [("long one", False), ("short", True), ("short", True)]
+    assert [(e.winner.name, e.ready) for e in entries] == [("long one", True), ("short", True), ("short", True)]
+    assert [piece.name for piece in entries[0].pieces] == ["tool_1", "tool_2", "tool_3"]  # as an export cuts it
     checks = {check.name: check.passed for check in entries[0].pieces[0].checks}
-    assert checks == {"watertight": True, "one piece": True, "walls": True, "fits the plate": False}
+    assert checks == {"watertight": True, "one piece": True, "walls": True, "fits the plate": True}
+
+
+def test_what_spoke_against_candidates_is_on_the_page(tmp_path):
+    write_run(tmp_path / "run", rewards=[[0.3, None, None]])
+    gallery([tmp_path / "run"], tmp_path / "out", 3, Printer())
+    assert "<li>g0-a0-s1-p0 and 1 more: it is too heavy</li>" in (tmp_path / "out" / "index.html").read_text()
 
 
 def test_names_that_models_wrote_stay_in_the_gallery(tmp_path):
@@ -100,7 +107,7 @@ def test_the_page(made):
     out, _, _ = made
     text = (out / "index.html").read_text()
     files = {str(file.relative_to(out)) for folder in out.glob("*/*") for file in folder.iterdir()}
-    assert len(files) == 3 * 4
+    assert len(files) == 3 * 4 + 2
     assert set(re.findall(r'<a [^>]*href="([^"#]+)"', text)) == files | {f"../runs/{run}" for run in "abc"}
     for dark, width in ((False, 1200), (True, 390)):
         with opened(out / "index.html", width, dark=dark) as chrome:

@@ -54,7 +54,6 @@ def test_the_sheet_says_how_thick_a_thin_tool_must_be():
 @pytest.mark.parametrize(
     ("changed", "name", "mend"),
     [
-        ({"printer": Printer([100.0, 100.0, 100.0])}, "fits the plate, tool", "shorten"),
         ({"printer": Printer(min_wall_mm=25.0)}, "walls, tool", "thicken"),
         ({"material": replace(SOLID, most_g=50)}, "mass", "post weighs most, 99 g"),
     ],
