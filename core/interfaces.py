@@ -85,7 +85,6 @@ class Brief:
     actions: ActionRepresentation = field(kw_only=True)
     tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
     style: str = ""  # what a strategy adds to the prompt
-    member: str = ""  # of several models the one that is to answer; empty: any
     critiques: Mapping[str, str] = field(default_factory=dict)  # a critic's words, by candidate
 
 
@@ -136,10 +135,6 @@ class VLM(ABC):
         Raises:
             UserError: the cost is not known.
         """
-
-    def has_member(self, name: str) -> bool:
-        """Report whether this is several models, one of which has this name (see `Brief.member`)."""
-        return False
 
     @abstractmethod
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:

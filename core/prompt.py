@@ -156,8 +156,6 @@ def main(words: list[str]) -> None:
     model, estimate = reckon(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
-    if cfg.prompt.check:
-        say("prompt.check=true: each agent asks twice; the second prompt is this one, the first answer, and findings")
     if cfg.prompt.critic:
         say(f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first")
     say(str(Path(cfg.output)))

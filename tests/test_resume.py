@@ -212,17 +212,6 @@ def test_what_a_service_did_not_answer_stays_once_the_next_generation_builds_on_
     assert len(toy.lines("asked")) == asked == 7
 
 
-def test_checks_are_asked_once_and_one_without_an_answer_leaves_the_first_answer(toy, tmp_path, capsys):
-    folder = tmp_path / "run"
-    begin(toy, folder, vlm_down="g0-a0-check", vlm_limit=7, prompt_check=True)
-    assert "g0-a0-check: the model gave no answer: service is down; the first answer counts" in capsys.readouterr().err
-    resume(folder, ["vlm.down=''", "vlm.limit=null"])
-    asked = toy.lines("asked")
-    first = [f"g{g}-a{a}" for g in range(2) for a in range(4)]
-    assert sorted(asked) == sorted([*first, "g0-a3-check", "g1-a0-check", "g1-a3-check"])
-    assert result_of(folder)["generations"][0]["n_candidates"] == 14
-
-
 def test_a_run_in_which_every_proposal_fails_ends(toy, tmp_path, capsys):
     folder = tmp_path / "run"
     cfg = toys.config(toy.file, "budget.n_agent=3", "budget.n_tool=1")

@@ -34,7 +34,6 @@ class PromptSettings:
         generation_characters: the length of the lines of the last generation's candidates, beyond which some are left
             out.
         repair: ask once more, with the reason, if a reply can't be read.
-        check: return what is found about the designs of a reply before they are tried, and take the second answer.
         critic: how many candidates of a generation the model is shown again, with pictures, one in each request; what
             fails in them by its words stands in the next generation's prompts.
         system: the templates of the system message; empty: no system message.
@@ -49,7 +48,6 @@ class PromptSettings:
     feedback: str = "paper"
     generation_characters: int = 12_000
     repair: bool = False
-    check: bool = False
     critic: int = 0
     system: list[str] = field(default_factory=lambda: list(SYSTEM))
     initial: list[str] = field(default_factory=lambda: list(INITIAL))

@@ -35,7 +35,7 @@ from core.support.files import read_text
 from core.support.text import short_numbers
 
 SUFFIX = ".md.j2"
-REPAIR, CHECK, CRITIC = "repair", "check", "critic"
+REPAIR, CRITIC = "repair", "critic"
 TASK = ("home", "success_reward", "scene", "reward")  # the members that are shown
 BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
 
@@ -78,8 +78,7 @@ class PromptComposer:
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
         parts -= {LAST} if settings.feedback == "paper" else set()
         parts -= {CRITIQUES} if not settings.critic else set()
-        parts |= {CHECK} if settings.check else set()  # a folder of older templates has none of these
-        parts |= {CRITIC} if settings.critic else set()
+        parts |= {CRITIC} if settings.critic else set()  # a folder of older templates has none
         self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
         self._idea = _read_idea(settings.file, wanted="idea" in names)
 
@@ -139,15 +138,13 @@ class PromptComposer:
         texts = tuple(self._render(part, values) for part in self.settings.system)
         return [Message("system", texts)] if texts else []
 
-    def ask_again(self, request: Request, reply: Reply, part: str, **values: str) -> tuple[Message, ...]:
-        """Compose the messages of ``request``, the reply, and a request to correct it.
-
-        By `REPAIR` it is a ``problem`` that is to be mended, by `CHECK` the ``findings`` about the reply's designs.
+    def repair(self, request: Request, reply: Reply, problem: str) -> tuple[Message, ...]:
+        """Compose the messages of ``request``, the reply, and a request to mend its ``problem``.
 
         Raises:
             UserError: the template fails.
         """
-        message = Message("user", (self._render(part, {**values, "brief": request.brief}),))
+        message = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
         text = reply.text[:MAX_REPEATED]
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
         return (*request.messages, *answer, message)

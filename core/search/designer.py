@@ -12,11 +12,10 @@ import pluggy
 
 from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
-from core.designs.composer import CHECK, REPAIR, PromptComposer, answer_schema
+from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
 from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
-from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
 from core.errors import RAISED, UserError, choices
 from core.events import Generation
@@ -37,7 +36,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import describe_part
-from core.search.agent_groups import Team, check_members
+from core.search.agent_groups import Team
 from core.search.critic import Critic, make_critic
 from core.search.replies import checked
 from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
@@ -119,7 +118,6 @@ class ModelDesigner:
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """See `core.search.agent_groups.AsksTeams`, and `design`."""
-        check_members(teams, self.vlm)
         self._criticise(generation, [elite for team in teams for elite in team.elites])
         requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
         failures: list[Reply | None] = []
@@ -190,55 +188,32 @@ class ModelDesigner:
         return None if tool is None or plan is None else np.concatenate([tool, plan])
 
     def _candidates(
-        self,
-        requests: Sequence[Request],
-        failures: list[Reply | None],
-        *,
-        repair: bool,
-        checked: Mapping[str, list[Candidate]] | None = None,
+        self, requests: Sequence[Request], failures: list[Reply | None], *, repair: bool
     ) -> Iterator[Candidate]:
-        """Yield the candidates of all replies, after asking again where the settings say so.
+        """Yield the candidates of all replies; with ``repair`` ask once more where a reply can't be read.
 
-        With ``repair`` it asks once more where a reply can't be read. With the prompts' setting ``check`` it asks once
-        more after every reply that can. ``checked`` has the first candidates of each request that does so: they count
-        where the second answer can't be read. Each reply with an error is appended to ``failures``, and None for each
-        other one.
+        Each reply with an error is appended to ``failures``, and None for each other one.
         """
-        first = dict(checked or {})
         again: list[Request] = []
         missing = {request.id: request for request in requests}
         for reply in self._replies(requests):
             request = missing.pop(reply.request_id)
             failures.append(reply if reply.error is not None else None)
+            if reply.error is not None:
+                yield _lost(request.brief, f"the model gave no answer: {reply.error}")
+                continue
             try:
-                candidates = self._read(request.brief, reply)
+                yield from self._read(request.brief, reply)
             except DesignError as error:
-                if repair and request.id not in first:
-                    messages = self.prompts.ask_again(request, reply, REPAIR, problem=str(error))
+                if repair:
+                    messages = self.prompts.repair(request, reply, str(error))
                     again.append(replace(request, id=f"{request.id}-repair", messages=messages))
                 else:
-                    yield from self._unusable(request, f"the reply can't be read: {error}", first)
-                continue
-            if reply.error is not None:
-                yield from self._unusable(request, f"the model gave no answer: {reply.error}", first)
-            elif self.prompts.settings.check and request.id not in first:
-                found = review(candidates, self.task, self.seed, self.prompts.rollout)
-                messages = self.prompts.ask_again(request, reply, CHECK, findings=found)
-                again.append(replace(request, id=f"{request.id}-check", messages=messages))
-                first[again[-1].id] = candidates
-            else:
-                yield from candidates
+                    yield _lost(request.brief, f"the reply can't be read: {error}")
         for request in missing.values():
-            yield from self._unusable(request, "no reply came", first)
+            yield _lost(request.brief, "no reply came")
         if again:
-            yield from self._candidates(again, failures, repair=False, checked=first)
-
-    def _unusable(self, request: Request, problem: str, first: Mapping[str, list[Candidate]]) -> list[Candidate]:
-        """The candidates that count where a request got no designs: a lost one, or those of the first answer."""
-        if request.id not in first:
-            return [_lost(request.brief, problem)]
-        say(f"{request.id}: {problem}; the first answer counts", file=sys.stderr)
-        return first[request.id]
+            yield from self._candidates(again, failures, repair=False)
 
     def _replies(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """Yield replies as they arrive.
@@ -291,7 +266,6 @@ class ModelDesigner:
             tried=tried,
             critiques=self.critic.words(team.elites, tried) if self.critic is not None else {},
             style=team.style,
-            member=team.member,
         )
         return brief, float(np.clip(temperature, 0.0, 2.0))
 
@@ -311,13 +285,11 @@ class ModelDesigner:
         return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
 
     def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
-        """Read the candidates of a reply, at most as many as the brief asks for; none of a reply with an error.
+        """Read the candidates of a reply, at most as many as the brief asks for.
 
         Raises:
             DesignError: the reply can't be read.
         """
-        if reply.error is not None:
-            return []
         return read_designs(
             parse_reply(reply.text),
             self.representation,

@@ -11,7 +11,7 @@ from PIL import ImageDraw
 from scipy.spatial import ConvexHull
 
 from core.design import Tool
-from core.designs.review import place_components
+from core.designs.rules import MAX_COMPONENTS
 from core.geometry import Array
 from core.interfaces import Image, Simulator, Task
 from core.robot.frames import link_frames
@@ -94,7 +94,7 @@ def draw_tool(task: Task, simulator: Simulator, seed: int, tool: Tool) -> Image:
     Raises:
         NoPicture: nothing here can draw.
     """
-    corners = np.concatenate([points[0] for points in place_components(task.robot, tool, at_home(task)).values()])
+    corners = _tool_corners(task, tool)
     bounds = corners.min(axis=0), corners.max(axis=0)
     picture = Pillow.new("RGB", (3 * _TOOL, _TOOL))
     for number, (name, view) in enumerate(_VIEWS.items()):
@@ -106,6 +106,18 @@ def draw_tool(task: Task, simulator: Simulator, seed: int, tool: Tool) -> Image:
         pen.text((4, 2), f"{name}: {axes}, {1000 * (camera.height_m or 0):.0f} mm high", fill=_INK, font_size=_FONT)
         picture.paste(drawn, (number * _TOOL, 0))
     return np.asarray(picture)
+
+
+def _tool_corners(task: Task, tool: Tool) -> Array:
+    """The vertices (V, 3) of a tool at home, in the world; of at most `MAX_COMPONENTS` components."""
+    home, placed, corners = at_home(task), tool.placed(), []
+    frames = link_frames(task.robot, tool.gripper, home.arm, np.column_stack([home.fingers] * 2))
+    for component in tool.components[:MAX_COMPONENTS]:
+        mount, pose = placed[component.name]
+        rotations, positions = frames[mount]
+        points = pose.apply(np.asarray(component.shape.to_trimesh().vertices))
+        corners.append(points @ rotations[0].T + positions[0])
+    return np.concatenate(corners)
 
 
 def view_camera(task: Task, name: str, seed: int) -> Camera:

@@ -23,12 +23,11 @@ from core.store.rows import load_details
 FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error_rad")
 
 
-# Replies and rollouts of later generations build on a failure as on a result: it stays then. The second request of
-# ``prompt.check`` stays too: the candidates of the first answer have taken its place. So does a critique: the
-# generation's other requests were composed without it.
+# Replies and rollouts of later generations build on a failure as on a result: it stays then. So does a critique:
+# the generation's other requests were composed without it.
 _AGAIN = """
     SELECT id, generation, agent FROM requests JOIN replies ON request_id = id
-    WHERE unanswered AND id NOT LIKE '%-check' AND id NOT LIKE '%-critic%' AND generation >= (
+    WHERE unanswered AND id NOT LIKE '%-critic%' AND generation >= (
         SELECT max(generation) FROM (
             SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
             UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'
@@ -108,9 +107,6 @@ class CachedVLM(VLM):
         self.model, self.takes_schema, self.criticises = vlm.model, vlm.takes_schema, vlm.criticises
         self._vlm = vlm
         self._replies = replies
-
-    def has_member(self, name: str) -> bool:
-        return self._vlm.has_member(name)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`."""

@@ -34,7 +34,6 @@ class Islands(EvolutionStrategy):
         patience: an island whose best has not improved by ``tie`` for so many generations starts from nothing.
         warmth: is added to the temperature on the last island, and taken from it on the first; evenly in between.
         styles: texts that are added to the prompts, one for each island in turn.
-        members: of ``vlm=ensemble``, by name or model, one for each island in turn; empty: all answer all islands.
         tie: see `core.interfaces.EvolutionStrategy`.
 
     Raises:
@@ -50,7 +49,6 @@ class Islands(EvolutionStrategy):
         patience: int = 3,
         warmth: float = 0.25,
         styles: list[str] = STYLES,
-        members: list[str] = [],  # noqa: B006 - read as a configuration's default
         tie: float = TIE,
     ) -> None:
         super().__init__(designer, budget, tie)
@@ -63,7 +61,6 @@ class Islands(EvolutionStrategy):
         steps = max(islands - 1, 1)
         self._warmth = [warmth * (2 * k / steps - 1) if islands > 1 else 0.0 for k in range(islands)]
         self._styles = [styles[k % len(styles)] for k in range(islands)]
-        self._members = [members[k % len(members)] if members else "" for k in range(islands)]
         self._pools: list[list[Evaluation]] = [[] for _ in range(islands)]
         self._best = [0.0] * islands
         self._idle = [0] * islands  # generations without an improvement
@@ -72,13 +69,7 @@ class Islands(EvolutionStrategy):
     def ask(self) -> Iterator[Candidate]:
         count = len(self._pools)
         teams = [
-            Team(
-                range(k, self.budget.n_agent, count),
-                self._elites(k),
-                self._warmth[k],
-                self._styles[k],
-                self._members[k],
-            )
+            Team(range(k, self.budget.n_agent, count), self._elites(k), self._warmth[k], self._styles[k])
             for k in range(count)
         ]
         return cast(AsksTeams, self.designer).design_in(self._generation, teams)

@@ -43,10 +43,6 @@ class PastReplies(VLM):
         models = sorted({reply.model for reply in self._replies.values()})
         self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"
 
-    def has_member(self, name: str) -> bool:
-        """Report that any name will do: who answers was settled in the past run."""
-        return True
-
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:
             missing = Reply(request.id, "", self.model, error="the past run has no reply to this request")

@@ -167,11 +167,10 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
 
 
 def test_without_a_language_model_tokens_are_estimated_from_the_length(tmp_path, capsys):
-    words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.views=[]", "prompt.check=true"]
+    words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.views=[]"]
     main(words)
     said = capsys.readouterr().out
     assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in said
-    assert "prompt.check=true: each agent asks twice" in said
 
 
 @pytest.mark.thorough

@@ -36,9 +36,8 @@ class Member(NamedTuple):
 class Ensemble(VLM):
     """Deals each request to a member, by what its answers have earned for their cost (`Dealer`).
 
-    A request that names a member goes to it, while its limit allows. An answer earns the best reward among its
-    candidates. A second request of an agent goes to the same member. Replies bear the member's label, which is its
-    model.
+    An answer earns the best reward among its candidates. A second request of an agent goes to the same member. Replies
+    bear the member's label, which is its model.
 
     Args:
         members: names, as in ``vlm=NAME``, or mappings of a ``name`` and settings.
@@ -88,10 +87,6 @@ class Ensemble(VLM):
         self._dealer = Dealer(list(self._members), seed)
         self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
 
-    def has_member(self, name: str) -> bool:
-        """Report whether a member has this name, as in ``vlm=NAME``, or this label."""
-        return any(name in (label, member.name) for label, member in self._members.items())
-
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. What a member leaves at its limit goes to the others."""
         left, closed = list(requests), dict[str, LimitReached]()
@@ -118,8 +113,6 @@ class Ensemble(VLM):
         if request.critique:
             able = [label for label in ranking if self._members[label].vlm.criticises]
             ranking = sorted(able, key=lambda label: label not in self._critics)
-        elif brief.member:
-            ranking = sorted(ranking, key=lambda label: brief.member not in (label, self._members[label].name))
         return next((label for label in ranking if label not in closed), None)
 
     def _ask(self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]) -> Iterator[tuple[str, Reply]]:

@@ -20,7 +20,7 @@ from core.config.compose import load, node
 from core.config.schemas import PromptConfig
 from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool, Trial
-from core.designs.composer import CHECK, CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown
+from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose
@@ -382,23 +382,13 @@ def test_evolution_alone_needs_elites() -> None:
 def test_a_repair_shows_the_reply_and_its_problem() -> None:
     brief = make_brief()
     first = Request("g0-a0", brief, PromptComposer().compose(brief, PICTURE), {}, 1.0)
-    messages = PromptComposer().ask_again(
-        first, Reply("g0-a0", "I {{ think }}", "m"), REPAIR, problem="it has no {{ JSON }}"
-    )
+    messages = PromptComposer().repair(first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}")
     assert messages[:2] == first.messages
     assert [m.role for m in messages[2:]] == ["assistant", "user"]
     assert messages[2].parts == (Text("I {{ think }}"),)
     assert "can't be read: it has no {{ JSON }}." in messages[3].parts[0].text
-    empty = PromptComposer().ask_again(first, Reply("g0-a0", " \n", "m"), REPAIR, problem="it is empty")
+    empty = PromptComposer().repair(first, Reply("g0-a0", " \n", "m"), "it is empty")
     assert [m.role for m in empty] == ["system", "user", "user"]
-
-
-def test_a_check_shows_the_reply_and_the_findings() -> None:
-    brief, prompts = make_brief(), PromptComposer(PromptSettings(check=True))
-    first = Request("g0-a0", brief, prompts.compose(brief, PICTURE), {}, 1.0)
-    messages = prompts.ask_again(first, Reply("g0-a0", "{}", "m"), CHECK, findings="- it is {{ heavy }}")
-    assert messages[:3] == (*first.messages, Message("assistant", (Text("{}"),)))
-    assert "\n\n- it is {{ heavy }}\n\n" in messages[3].parts[0].text
 
 
 # --- one elite, or of the other kind ----------------------------------------------------------------------------
@@ -433,7 +423,7 @@ def test_an_elite_without_a_tool_is_an_error() -> None:
 
 def test_each_template_is_used() -> None:
     human = settings_of("human")
-    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, CHECK, CRITIC}
+    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, CRITIC}
     used |= {*human.initial, *human.evolution, *human.given}
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
 

@@ -210,60 +210,6 @@ def test_no_repair_unless_it_is_wanted_and_never_a_second_one():
     assert all("the reply can't be read" in c.problem for c in found)
 
 
-# --- checks -----------------------------------------------------------------------------------------------------
-
-CHECK = PromptSettings(check=True)
-FAR = [[1.2, 0.0, 0.4, 0.0, 0.0, 0.0]]
-
-
-def corrected(request):
-    """The first answer has a plan out of reach, the second one has not."""
-    return good(request) if request.id.endswith("-check") else Reply(request.id, document(action_sets=[FAR]), "a can")
-
-
-def test_a_checked_answer_is_replaced_by_the_second_one():
-    listener, vlm = Listener(), Canned(corrected)
-    found = list(designer(vlm, events=listener.hub, prompt=CHECK).design(0))
-    assert sorted(c.id for c in found) == [f"g0-a{n}-s0-p0" for n in range(3)]
-    assert all(c.plan.poses.tolist() == PLAN for c in found)
-    assert [r.id for r in vlm.requests[:3]] == ["g0-a0", "g0-a1", "g0-a2"]
-    assert sorted(r.id for r in vlm.requests[3:]) == ["g0-a0-check", "g0-a1-check", "g0-a2-check"]
-    assert ("answered", "g0-a1-check") in listener.received
-    first = vlm.requests[1]
-    (again,) = [r for r in vlm.requests if r.id == "g0-a1-check"]
-    assert again.messages[: len(first.messages)] == first.messages
-    answer, findings = again.messages[len(first.messages) :]
-    assert (answer.role, answer.parts[0].text) == ("assistant", document(action_sets=[FAR]))
-    assert "waypoint 1 is missed by" in findings.parts[0].text
-    assert (again.schema, again.temperature, again.brief) == (first.schema, first.temperature, first.brief)
-
-
-@pytest.mark.parametrize(
-    ("second", "reason"),
-    [
-        (lambda r: Reply(r.id, "I am done", "a can"), "the reply can't be read: the reply has no JSON object"),
-        (lambda r: Reply(r.id, "", "a can", error="quota exhausted"), "the model gave no answer: quota exhausted"),
-        (lambda r: None, "no reply came"),
-    ],
-)
-def test_the_first_answer_counts_where_the_second_can_not_be_used(second, reason, capsys):
-    vlm = Canned(lambda r: second(r) if r.id == "g0-a1-check" else corrected(r))
-    found = {c.agent: c for c in designer(vlm, prompt=PromptSettings(check=True, repair=True)).design(0)}
-    assert {agent: c.plan.poses.tolist() for agent, c in found.items()} == {0: PLAN, 1: FAR, 2: PLAN}
-    assert all(c.problem is None for c in found.values())
-    assert len(vlm.requests) == 6
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"g0-a1-check: {reason}")
-    assert line.endswith("; the first answer counts")
-
-
-def test_a_repaired_answer_is_checked_and_a_missing_one_is_not():
-    vlm = Canned(lambda r: chatting(r) if r.id in ("g0-a1", "g0-a2") else good(r))
-    found = list(designer(vlm, prompt=PromptSettings(check=True, repair=True)).design(0))
-    assert {c.agent: c.problem for c in found} == {0: None, 1: None, 2: "the model gave no answer: quota exhausted"}
-    assert [r.id for r in vlm.requests[3:]] == ["g0-a1-repair", "g0-a0-check", "g0-a1-repair-check"]
-
-
 # --- limits -----------------------------------------------------------------------------------------------------
 
 

@@ -53,8 +53,6 @@ def test_each_island_has_its_temperature_and_style():
     assert [team.warmth for team in asked[0]] == pytest.approx([-0.4, 0.0, 0.4])
     assert [team.style for team in asked[0]] == ["", "short", ""]
     assert [team.warmth for team in search(islands=1)[1][0]] == [0.0]
-    assert [team.member for team in asked[0]] == ["", "", ""]
-    assert [team.member for team in search(islands=3, members=["a", "b"])[1][0]] == ["a", "b", "a"]
 
 
 def test_the_best_of_each_island_goes_to_the_next():
@@ -88,23 +86,6 @@ def test_an_island_that_does_not_improve_starts_from_nothing():
 def test_wrong_settings(settings, message):
     with pytest.raises(UserError, match=message):
         search(**settings)
-
-
-@pytest.mark.thorough
-def test_each_island_may_have_a_model_of_its_own(toy, tmp_path):  # noqa: F811
-    cfg = toys.several(toy.file, "evolution=islands", "evolution.members=[a toy,'a toy (2)']", "prompt.critic=0")
-    run(cfg, tmp_path / "run")
-    models = dict(rows(tmp_path / "run/run.sqlite", "SELECT request_id, model FROM replies WHERE text LIKE '{%'"))
-    assert models
-    assert {model for name, model in models.items() if name.endswith(("a0", "a2"))} == {"a toy"}
-    assert {model for name, model in models.items() if name.endswith(("a1", "a3"))} == {"a toy (2)"}
-    cfg.evolution.members = ["gemini"]
-    with pytest.raises(
-        UserError, match=r"ensemble of a toy, a toy \(2\) has no member 'gemini'; name members of several"
-    ):
-        run(cfg, tmp_path / "other")
-    cfg.vlm = {"name": "replay", "run": str(tmp_path / "run")}
-    assert run(cfg, tmp_path / "again").best is not None
 
 
 def test_a_run_on_islands_goes_on_as_it_would_have(toy, tmp_path):  # noqa: F811

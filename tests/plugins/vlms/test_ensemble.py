@@ -105,20 +105,6 @@ def test_the_better_member_is_asked_most_and_each_at_least_once():
 
 
 @pytest.mark.usefixtures("priced")
-def test_who_is_asked_for_answers_as_long_as_its_limit_allows():
-    members = [member("bad", 0.1), member("good", 0.9)]
-    vlm = Ensemble(members, seed=3)
-    assert [vlm.has_member(name) for name in ("bad", "priced", "fair")] == [True, True, False]
-    for index in range(9):
-        asked = [replace(r, brief=replace(r.brief, member="bad")) for r in requests_of(index, 3)]
-        replies = {r.request_id: r for r in vlm.complete(asked)}
-        assert {reply.model for reply in replies.values()} == {"bad"}
-        for one in asked:
-            vlm.reply_received(one, replies[one.id])
-        vlm.generation_finished(generation(index, dict.fromkeys(range(3), 0.1)))
-
-
-@pytest.mark.usefixtures("priced")
 def test_reward_counts_for_its_cost():
     members = [member("dear", 0.9, 0.5), member("cheap", 0.6, 0.05)]
     assert dealt(played(Ensemble(members), members))["cheap"] > 80

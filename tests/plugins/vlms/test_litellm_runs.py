@@ -57,31 +57,6 @@ def test_a_served_run_has_the_result_of_its_answers(tmp_path):
     assert not secrets_in(tmp_path)
 
 
-@pytest.mark.thorough
-def test_the_second_answer_of_a_checked_run_counts_costs_and_is_replayed(tmp_path):
-    """First answers reach too far; the second one of agent 1 is refused, so that its first one counts."""
-    small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
-    small.append("prompt.check=true")
-    far = json.dumps({"strategies": [SOLUTION | {"action_sets": [[[1.3, 0.0, 0.5, 0, 0, 0]]]}]})
-    answers = iter([Say(far), Say(far), Say(json.dumps({"strategies": [SOLUTION]})), Say("", "SAFETY")])
-    with serving(lambda call: next(answers)) as server:
-        chosen = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
-        run(load("config", [*chosen, *small]), tmp_path / "served")
-    first, _, check, _ = (json.dumps(call.body) for call in server.calls)
-    assert "waypoint 1 is missed by" in check
-    assert "waypoint 1 is missed by" not in first
-    assert len(server.calls[2].pictures) == 1
-    with closing(sqlite3.connect(tmp_path / "served" / "run.sqlite")) as database:
-        rows = database.execute("SELECT request_id, prompt_tokens, cost_usd > 0 FROM replies ORDER BY 1").fetchall()
-        plans = database.execute("SELECT reward > 0.95 FROM evaluations ORDER BY candidate").fetchall()
-    paid = ("g0-a0", 1000, 1), ("g0-a0-check", 1000, 1), ("g0-a1", 1000, 1)
-    assert rows[:3] == [*paid]
-    assert rows[3][0] == "g0-a1-check"
-    assert plans == [(1,), (0,)]
-    run(load("config", ["vlm=replay", f"vlm.run={tmp_path / 'served'}", *small]), tmp_path / "replayed")
-    assert result(tmp_path / "replayed") == result(tmp_path / "served")
-
-
 def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
     folder = tmp_path / "run"
     words = [*COMMON, "budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
