@@ -10,7 +10,7 @@ from contextlib import closing
 import pytest
 
 SMALL = ["task=BringCube", "budget.n_agent=1", "budget.n_tool=2", "budget.n_action=3", "budget.n_iteration=1"]
-SMALL += ["film=false", "seed=5", "prompt.views=[]", "listener=[progress]"]
+SMALL += ["film=false", "seed=5", "prompt.picture=false", "listener=[progress]"]
 PATIENCE_S = 180
 
 

@@ -17,7 +17,6 @@ INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolution_rules", *_RULES)
 GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
-VIEWS = ("camera", "front", "side", "top")
 
 
 @dataclass
@@ -27,8 +26,7 @@ class PromptSettings:
     Attributes:
         dir: a folder of templates that replace the project's own.
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
-        views: the pictures of the scene: from the task's ``camera``, or with axes from the ``front``, ``side`` and
-            ``top``; empty: none.
+        picture: show a picture of the scene, from the task's camera.
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and what was observed of its
             rollout, and a line for each candidate of the last generation (``numbers``), or also a picture (``full``).
         generation_characters: the length of the lines of the last generation's candidates, beyond which some are left
@@ -44,7 +42,7 @@ class PromptSettings:
 
     dir: str | None = None
     file: str | None = None
-    views: list[str] = field(default_factory=lambda: ["camera"])
+    picture: bool = True
     feedback: str = "paper"
     generation_characters: int = 12_000
     repair: bool = False

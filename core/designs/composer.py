@@ -18,7 +18,7 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.settings import CRITIQUES, FEEDBACK, LAST, VIEWS, PromptSettings
+from core.config.settings import CRITIQUES, FEEDBACK, LAST, PromptSettings
 from core.design import TIE, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
@@ -72,9 +72,6 @@ class PromptComposer:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
-        for view in settings.views:
-            if view not in VIEWS:
-                raise choices("view", str(view), VIEWS, "prompt.views")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
         parts -= {LAST} if settings.feedback == "paper" else set()
         parts -= {CRITIQUES} if not settings.critic else set()
@@ -87,15 +84,14 @@ class PromptComposer:
         brief: Brief,
         picture: Picture | None,
         strips: Mapping[str, Picture] | None = None,
-        views: Mapping[str, Picture] | None = None,
         *,
         schema: bool = True,
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
-        The user message has one text per part, the brief's style, then the picture of the scene, its ``views``
-        (by name), and film ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text
-        holds the JSON schema of the answer.
+        The user message has one text per part, the brief's style, then the picture of the scene, and film
+        ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text holds the JSON schema of
+        the answer.
 
         Raises:
             UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
@@ -104,7 +100,7 @@ class PromptComposer:
         """
         pictured = dict(strips or {})
         values = self._values(brief, picture, schema)
-        values |= {"pictured": list(pictured), "views": list(views or {})}
+        values |= {"pictured": list(pictured)}
         parts = self.settings.evolution if brief.elites else self.settings.initial
         parts = self.settings.given if values["given"] is not None else parts
         if not parts:
@@ -116,8 +112,6 @@ class PromptComposer:
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
         user += [Text(f"{brief.style.strip()}\n\n")] if brief.style.strip() else []
         user += [picture] if picture else []
-        for name, view in (views or {}).items():
-            user += [Text(f"{name.capitalize()} view:\n\n"), view]
         for name, strip in pictured.items():
             which = "an elite" if any(e.candidate.id == name for e in brief.elites) else "a failure"
             user += [Text(f"Film strip of {which}, {name}: six instants of its motion, in reading order:\n\n"), strip]
@@ -130,7 +124,7 @@ class PromptComposer:
             UserError: see `compose`.
             ValueError: the elite has no tool.
         """
-        values = self._values(brief, None, False, numbers=True) | {"pictured": list(pictures), "views": []}
+        values = self._values(brief, None, False, numbers=True) | {"pictured": list(pictures)}
         shown = [part for caption, picture in pictures.items() for part in (Text(f"{caption}:\n\n"), picture)]
         return (*self._system(values), Message("user", (self._render(CRITIC, values), *shown)))
 

@@ -83,7 +83,7 @@ class ModelDesigner:
         prompts: composes the requests.
         sampling: the temperatures.
         events: receives requests and replies.
-        pictures: those of the scene by view, without the gripper (False) and with it.
+        pictures: those of the scene, without the gripper (False) and with it.
         show: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
             for the most instructive failure of the last generation.
         critic: has candidates criticised before each generation; None: nothing is.
@@ -95,7 +95,7 @@ class ModelDesigner:
     prompts: PromptComposer
     sampling: Sampling
     events: pluggy.PluginManager
-    pictures: Mapping[bool, Mapping[str, Picture]] = field(default_factory=dict)
+    pictures: Mapping[bool, Picture] = field(default_factory=dict)
     show: Callable[[Evaluation], Picture | None] | None = None
     critic: Critic | None = None
     tried: list[Evaluation] = field(default_factory=list)
@@ -278,9 +278,8 @@ class ModelDesigner:
         pictures: Mapping[str, Picture],
     ) -> Request:
         brief, temperature = self._brief(generation, agent, team, tried)
-        views = dict(self.pictures.get(brief.gripper, {}))
-        scene = views.pop("camera", None)
-        messages = self.prompts.compose(brief, scene, pictures, views, schema=not self.vlm.takes_schema)
+        scene = self.pictures.get(brief.gripper)
+        messages = self.prompts.compose(brief, scene, pictures, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
 
@@ -364,7 +363,7 @@ def make_designer(
         return Picture(png(strip), f"strip_{candidate.id}")
 
     mounted = bare if given is None else [given]
-    pictures, drawable = scene_pictures(task, simulator, prompts.settings.views, seed, mounted)
+    pictures, drawable = scene_pictures(task, simulator, prompts.settings.picture, seed, mounted)
     film = show if drawable else None
     critic = make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film)
     return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, film, critic)

@@ -11,7 +11,6 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -160,7 +159,7 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
     """Run the loop, and write what it found."""
     this, events = search.run, search.events
     with writing(this.folder):
-        for picture in chain.from_iterable(views.values() for views in search.designer.pictures.values()):
+        for picture in search.designer.pictures.values():
             if picture.name == "scene":
                 (this.folder / "scene.png").write_bytes(picture.png)
     events.hook.run_started(run=this)

@@ -17,10 +17,10 @@ from core.design import Candidate, Tool
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Image, Observation, Picture, Recording, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
-from core.simulation.views import draw_view
 from core.support.cli import say
 from core.support.text import clean
 
+SIZE = 640, 480  # pixels of the scene's picture
 FILM_HZ = 10
 FRAMES, APART_S = 6, 0.15  # of a strip
 STIRRED_M, LIFTED_M = 0.003, 0.02
@@ -39,31 +39,28 @@ def report_missing(what: str, error: BaseException) -> None:
 
 
 def scene_pictures(
-    task: Task, simulator: Simulator, views: Sequence[str], seed: int, mounted: Sequence[Tool]
-) -> tuple[dict[bool, dict[str, Picture]], bool]:
-    """Draw the scene in each view, without the gripper (False) and with it, as the tools ask; and whether that works.
+    task: Task, simulator: Simulator, wanted: bool, seed: int, mounted: Sequence[Tool]
+) -> tuple[dict[bool, Picture], bool]:
+    """Draw the scene, if it is ``wanted``, without the gripper (False) and with it, as the tools ask.
 
-    A view that fails is left out, and standard error says why.
+    Return the pictures, and whether anything can draw here. One that fails is left out, and standard error says why.
 
     Raises:
         UserError: the machine fails.
     """
-    pictures: dict[bool, dict[str, Picture]] = {}
-    for number, tool in enumerate(mounted):
-        pictures[tool.gripper] = {}
-        for view in views:
-            name = "_".join(["scene", *([view] if view != "camera" else []), *(["gripper"] if number else [])])
-            try:
-                picture = Picture(png(draw_view(task, simulator, view, seed, tool)), name)
-            except NoPicture as error:
-                report_missing("pictures", error)
-                return {other.gripper: pictures.get(other.gripper, {}) for other in mounted}, False
-            except OSError as error:
-                raise UserError(f"the scene can't be drawn: {error}") from error
-            except RAISED as error:
-                report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
-            else:
-                pictures[tool.gripper][view] = picture
+    pictures: dict[bool, Picture] = {}
+    for number, tool in enumerate(mounted if wanted else ()):
+        try:
+            picture = png(simulator.render(task, seed=seed, tool=tool, width=SIZE[0], height=SIZE[1]))
+        except NoPicture as error:
+            report_missing("pictures", error)
+            return pictures, False
+        except OSError as error:
+            raise UserError(f"the scene can't be drawn: {error}") from error
+        except RAISED as error:
+            report_missing("picture of the scene", error)
+        else:
+            pictures[tool.gripper] = Picture(picture, "scene_gripper" if number else "scene")
     return pictures, True
 
 

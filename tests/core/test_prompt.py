@@ -84,27 +84,23 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
     assert ("of the other kind" in text_of(request)) == (kinds == "gripper")
 
 
-@pytest.mark.parametrize("views", rare([["camera", "front", "side", "top"], ["top"], []], []))
-def test_the_scene_is_drawn_from_where_the_settings_say(views):
+@pytest.mark.parametrize("picture", rare([True, False], False))
+def test_the_scene_is_drawn_if_the_settings_say_so(picture):
     """Of two kinds of tools, gripper tools get a picture with the hand, rigid ones a picture without."""
-    words = [f"prompt.views=[{','.join(views)}]", "task=OneBook", "task.tool_kinds=[rigid,gripper]", "sim=mujoco"]
+    words = [f"prompt.picture={picture}", "task=OneBook", "task.tool_kinds=[rigid,gripper]", "sim=mujoco"]
     by_kind = {}
     for agent in range(8):
         request = composed(*words, f"agent={agent}")
         by_kind.setdefault(request.brief.gripper, request)
         if len(by_kind) == 2:
             break
-    pictures = {}
+    pictures = set()
     for gripper, request in by_kind.items():
-        names = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
-        suffix = "_gripper" if gripper else ""
-        assert names == [f"scene_{view}{suffix}".replace("_camera", "") for view in views]
-        text = text_of(request)
-        assert ("## Picture" in text) == ("camera" in views)
-        assert ("## Views" in text) == ("top" in views)
-        assert ("in parallel projection, from the front, the side, the top" in text) == ("front" in views)
-        pictures[gripper] = [part.png for part in request.messages[-1].parts if isinstance(part, Picture)]
-    assert all(bare != hand for bare, hand in zip(pictures[False], pictures[True], strict=True))
+        drawn = [part for part in request.messages[-1].parts if isinstance(part, Picture)]
+        assert [part.name for part in drawn] == ["scene_gripper" if gripper else "scene"] * picture
+        assert ("## Picture" in text_of(request)) == picture
+        pictures |= {part.png for part in drawn}
+    assert len(pictures) == 2 * picture
 
 
 @pytest.mark.thorough
@@ -123,7 +119,6 @@ def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
         (["prompt=evolve"], "this prompt evolves elites, and there are none"),
         (["designs=missing.json"], "designs file missing.json: there is no such file"),
         (["prompt=human"], "prompt.file is empty"),
-        (["prompt.views=[camera,back]"], r"no view 'back'"),
         (["agent=-1"], "agent must be 0 or greater"),
         (["tool=rlbench"], "no given tool for task 'OneBook'"),
         (["task.tool_kinds=[rigd]"], "no tool kind 'rigd'"),
@@ -167,7 +162,7 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
 
 
 def test_without_a_language_model_tokens_are_estimated_from_the_length(tmp_path, capsys):
-    words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.views=[]"]
+    words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.picture=false"]
     main(words)
     said = capsys.readouterr().out
     assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in said

@@ -66,7 +66,7 @@ def test_a_budget_of_material_is_a_limit_too_and_the_prompt_names_it(material):
         check_tool(tool, PANDA, replace(material, most_g=300))
     words = [f"material={'paper' if material is PAPER else 'pla'}", "material.most_g=300"]
     for name in ("urdf", "boxes", "solids"):
-        prompt = compose(load("prompt", [f"tool={name}", "prompt.views=[]", *words])).messages[-1]
+        prompt = compose(load("prompt", [f"tool={name}", "prompt.picture=false", *words])).messages[-1]
         assert re.search(r"0\.3\s+kg(,| for the tool)", as_markdown(prompt))
 
 

@@ -130,7 +130,7 @@ def test_listeners_hear_of_each_trial_and_what_was_tried_is_not_tried_again():
 
 WORDS = ["task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=1", "fitness.unseen=0"]
 WORDS += ["fitness.final=2", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=3", "budget.n_iteration=0"]
-WORDS += ["evolution.tie=1", "evolution.near_duplicates=true", "film=false", "listener=[]", "prompt.views=[]"]
+WORDS += ["evolution.tie=1", "evolution.near_duplicates=true", "film=false", "listener=[]", "prompt.picture=false"]
 
 
 @pytest.mark.slow

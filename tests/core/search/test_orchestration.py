@@ -13,7 +13,7 @@ from plugins.results.pages.runs import find_runs
 
 SAVING = ["fitness=robust", "fitness.sims=[mujoco]", "fitness.seeds=[1,2]"]
 SAVING += ["fitness.stop_below=0.99", "prompt.feedback=numbers", "budget.reward_save=-1", "budget.k_top=10"]
-SMALL = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1", "prompt.views=[]"]
+SMALL = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1", "prompt.picture=false"]
 
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("inline")]
@@ -35,7 +35,7 @@ def test_the_task_of_a_scene_file_is_called_by_its_name(tmp_path):
     for name in ("PushBlock", "PullBlock"):
         file = write_scene(name, tmp_path / f"{name}.yaml")
         words = ["task=file", f"task.file={file}", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"]
-        words += ["budget.n_iteration=0", "listener=[]", "film=false", "sim=mujoco", "prompt.views=[]"]
+        words += ["budget.n_iteration=0", "listener=[]", "film=false", "sim=mujoco", "prompt.picture=false"]
         run(load("config", words), tmp_path / name)
         result = json.loads((tmp_path / name / "result.json").read_text())
         assert (result["task"], result["fitness"]) == (name, "nominal")

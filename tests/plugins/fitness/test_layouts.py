@@ -144,7 +144,7 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
     words = [
         *("task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=2", "fitness.unseen=3"),
         *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"),
-        *("film=false", "listener=[]", "prompt.views=[]", "evolution.tie=1"),
+        *("film=false", "listener=[]", "prompt.picture=false", "evolution.tie=1"),
     ]
     result = run(load("config", words), tmp_path / "run")
     found = json.loads((tmp_path / "run/result.json").read_text())

@@ -11,7 +11,7 @@ from core.plugins import installed
 from core.search.orchestration import run
 
 SMALL = [
-    *("sim=mujoco", "film=false", "listener={}", "prompt.views=[]"),
+    *("sim=mujoco", "film=false", "listener={}", "prompt.picture=false"),
     *("budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"),
 ]
 
