@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from core.config.compose import load, tool_part
@@ -30,8 +31,12 @@ def literal(name: str) -> Candidate:
 
 
 def representation(file: Path, material: str = "paper") -> ToolRepresentation:
-    """Make the representation that a designs file was written for, by its fields."""
+    """Return the representation that a designs file was written for, by its fields."""
     written = load_designs(file)["strategies"][0]
+    return next(tool for tool in _representations(material) if {*tool.schema()} <= {*written})
+
+
+@cache
+def _representations(material: str) -> list[ToolRepresentation]:
     words = [[f"tool={name}", f"material={material}"] for name in ("urdf", "boxes", "solids")]
-    tools = [tool_part(load("evaluate", of)).create() for of in words]
-    return next(tool for tool in tools if {*tool.schema()} <= {*written})
+    return [tool_part(load("evaluate", of)).create() for of in words]
