@@ -16,7 +16,7 @@ import sys
 import time
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -70,7 +70,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Pair:
-    """A search: one task, one objective."""
+    """A search: one task, one objective or measure."""
 
     task: str
     objective: str
@@ -117,13 +117,18 @@ def search(given: Settings) -> None:
         for name in names:
             count = round(given.rollouts * SHARES.get(name, 1.0) / whole / len(given.objectives))
             pairs.append(Pair(name, objective, sim, given.seed, count, folder))
+    search_all(pairs, searched, workers)
+    table(given)
+
+
+def search_all(pairs: Sequence[Pair], searched: Callable[[Pair], str], workers: int) -> None:
+    """Search the pairs that their folder does not have, and print each summary."""
     words = [f"executor.workers={workers}", "executor.timeout_s=null"]
     with part("executor", load("evaluate", words).executor).create() as executor:
         for pair, result in executor.map(searched, [pair for pair in pairs if not pair.file.exists()]):
             if isinstance(result, Exception):
                 raise result
             console.print(f"{pair.task} {pair.objective}: {result}", highlight=False, soft_wrap=True)
-    table(given)
 
 
 def searched(pair: Pair) -> str:

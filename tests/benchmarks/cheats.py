@@ -26,14 +26,13 @@ import trimesh
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
-from core.config.compose import load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.designs.tool_joints import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
 from core.errors import UsageError
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
-from core.interfaces import Numbers, RolloutSettings, Simulator, Task
+from core.interfaces import Numbers, RolloutSettings, Task
 from core.plugins import installed
 from core.simulation.pictures import png
 from core.simulation.robustness import engines
@@ -43,7 +42,7 @@ from plugins.actions.anchored import AnchoredPlan, Step
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import Tried, Watched, early, floating, parted, tried
-from tests.benchmarks.adversary import film_strip
+from tests.benchmarks.adversary import Pair, film_strip, search_all
 
 USAGE = (
     "usage: python -m tests.benchmarks.cheats search|table|judge [folder=DIR] [tasks=NAME,...] [measures=NAME,...] "
@@ -51,12 +50,7 @@ USAGE = (
 )
 FOUND = 0.3
 PARENTS, CHILDREN, FIRST = 10, 12, 24
-HOME_RAD, LITTLE_RAD, PRESSED_N, FAST_M_S = (
-    0.02,
-    0.5,
-    60.0,
-    0.2,
-)  # from here on a rollout counts as absurd, see `MEASURES`
+HOME_RAD, LITTLE_RAD, PRESSED_N, FAST_M_S = 0.02, 0.5, 60.0, 0.2  # from here on a rollout is absurd, see `MEASURES`
 SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
 TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]) - 0.25
 SOLUTIONS = Path(__file__).parents[1] / "tasks" / "hardtoolbench"
@@ -283,22 +277,6 @@ class Varied:
 # --- the search -------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A search: one task, one measure."""
-
-    task: str
-    measure: str
-    sim: PluginPart[Simulator]
-    seed: int
-    rollouts: int
-    folder: Path
-
-    @property
-    def name(self) -> str:
-        return f"{self.task}.{self.measure}.{self.seed}.json"
-
-
 def search(given: Settings) -> None:
     """Search all pairs that the folder does not have, and print the table."""
     sim, folder = engines(given.sims[:1])[given.sims[0]], Path(given.folder)
@@ -306,13 +284,7 @@ def search(given: Settings) -> None:
     each = given.rollouts / len(given.measures) / sum(shares.values())
     counts = {task: int(np.ceil(each * share)) for task, share in shares.items()}
     pairs = [Pair(task, m, sim, given.seed, counts[task], folder) for m in given.measures for task in given.tasks]
-    pairs = [pair for pair in pairs if not (folder / "searched" / pair.name).exists()]
-    words = [f"executor.workers={measuring.workers(given.workers)}", "executor.timeout_s=null"]
-    with part("executor", load("evaluate", words).executor).create() as executor:
-        for pair, result in executor.map(searched, pairs):
-            if isinstance(result, Exception):
-                raise result
-            console.print(f"{pair.task} {pair.measure}: {result}", highlight=False, soft_wrap=True)
+    search_all(pairs, searched, measuring.workers(given.workers))
     table(given)
 
 
@@ -328,23 +300,23 @@ def searched(pair: Pair) -> str:
     if found:
         (pair.folder / "findings").mkdir(parents=True, exist_ok=True)
         document = {"task": pair.task, "seed": pair.seed, "strategies": found}
-        measuring.save(pair.folder / "findings" / pair.name, document)
-    (pair.folder / "searched").mkdir(parents=True, exist_ok=True)
-    measuring.save(pair.folder / "searched" / pair.name, record)
+        measuring.save(pair.folder / "findings" / pair.file.name, document)
+    pair.file.parent.mkdir(parents=True, exist_ok=True)
+    measuring.save(pair.file, record)
     return f"{top:.3f} in {run.rollouts} rollouts, {run.absurd} absurd, {record['seconds']} s"
 
 
 class _Search:
     def __init__(self, pair: Pair) -> None:
-        self.pair, self.measure = pair, MEASURES[pair.measure]
+        self.pair, self.measure = pair, MEASURES[pair.objective]
         self.task: Task = installed().create("task", pair.task)
         self.simulator = Watched(pair.sim.create())
         self.tools = installed().create("tool", "solids", {"joints": True})
         self.actions = installed().create("action", "anchored")
         self.spawn, self.scene = SpawnRules(self.task, pair.seed), self.task.scene(pair.seed)
-        self.random = np.random.default_rng(zlib.crc32(pair.name.encode()))
+        self.random = np.random.default_rng(zlib.crc32(pair.file.name.encode()))
         names = ["world", *(body.name for body in self.scene.bodies)]
-        self.varied = Varied(self.task, names, self.random, wait=pair.measure == "still")
+        self.varied = Varied(self.task, names, self.random, wait=pair.objective == "still")
         self.rollouts, self.absurd, self.statuses = 0, 0, Counter[str]()
 
     def run(self) -> list[tuple[Evaluation, float]]:
@@ -374,7 +346,7 @@ class _Search:
         for _ in range(20):
             try:
                 candidate = make()
-                if self.pair.measure == "still":
+                if self.pair.objective == "still":
                     home = self.task.home
                     step = Step(tuple(map(float, home.position)), tuple(map(float, home.rpy)), wait=2.0)
                     candidate = replace(candidate, plan=AnchoredPlan((step,), candidate.tool.gripper))  # type: ignore[union-attr]

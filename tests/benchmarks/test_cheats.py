@@ -10,8 +10,8 @@ from tests.benchmarks import cheats
 
 
 @pytest.fixture
-def search():
-    return cheats._Search(cheats.Pair("LeverStone", "pressed", cheats.engines(["mujoco"])["mujoco"], 0, 10, None))
+def search(tmp_path):
+    return cheats._Search(cheats.Pair("LeverStone", "pressed", cheats.engines(["mujoco"])["mujoco"], 0, 10, tmp_path))
 
 
 def test_designs_have_joints_all_shapes_and_anchors(search):
