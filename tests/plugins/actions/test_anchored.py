@@ -255,13 +255,8 @@ def test_a_hundred_warnings_are_a_line():
 @pytest.mark.usefixtures("inline")
 def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     words = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "listener=[]"]
-    words += [
-        "sim=mujoco",
-        "action=anchored",
-        "rollout.perception.position=0.005",
-        "film=false",
-        "prompt.picture=false",
-    ]
+    words += ["sim=mujoco", "action=anchored", "rollout.perception.position=0.005"]
+    words += ["film=false", "prompt.picture=false"]
     cfg = load("config", words)
     run(cfg, tmp_path / "run")
     representation, rules = tool_part(cfg).create(), SpawnRules(on_panda(BringCube()), 0)
