@@ -24,12 +24,11 @@ from core.scene import View
 from core.task import Task
 from core.values.jobs import JointTrajectory, Outcome, Perception, Pushes, Recording, Rollout, RolloutSettings, World
 from core.values.materials import PAPER, Material
-from core.values.messages import Estimate, Message, Picture, Reply, Text
+from core.values.messages import Estimate, Message, Picture, Reply, Spending, Text
 from core.values.numbers import Numbers, Variable
 from core.values.observations import Contact, Observation
 from core.values.plans import ActionPlan, Anchor, Seen, Tempo, Waypoints
 from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
-from core.values.spending import Spending
 
 Image = npt.NDArray[np.uint8]
 A = TypeVar("A")

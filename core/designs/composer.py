@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import importlib.resources
 import json
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,20 +20,20 @@ import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.settings import CRITIQUES, FEEDBACK, LAST, PromptSettings
-from core.design import TIE, Tool
+from core.design import TIE, Evaluation, Tool
 from core.designs.arm_sheet import describe_arm
-from core.designs.elites import elites_text
 from core.designs.excerpts import class_source, function_source, helpers, task_source
-from core.designs.feedback import combined_figures, critiques_text, generation_lines, last_generation
+from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.layout import layout_table
+from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
+from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.robot.extents import outline
 from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.scene import Body
 from core.support.files import read_text
-from core.support.text import short_numbers
+from core.support.text import clean, short_numbers
 
 SUFFIX = ".md.j2"
 REPAIR, CRITIC = "repair", "critic"
@@ -40,6 +41,7 @@ TASK = ("home", "success_reward", "scene", "reward")  # the members that are sho
 BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
 
 MAX_IDEA = 50_000  # characters
+_LONGEST = 240  # characters of an elite's description
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
 
 
@@ -214,6 +216,63 @@ def as_markdown(message: Message, folder: str = "") -> str:
         part.text if isinstance(part, Text) else f"![{part.name}]({folder}{part.name}.png)\n\n"
         for part in message.parts
     )
+
+
+def elites_text(
+    elites: Sequence[Evaluation],
+    representation: ToolRepresentation,
+    task: Task,
+    *,
+    numbers: bool,
+) -> str:
+    """Write elites as JSON, each list of numbers and each innermost object on one line.
+
+    With ``numbers`` each has its plan, and what was observed of its rollout.
+    """
+    entries = [_entry(elite, representation, task, numbers) for elite in elites]
+    text = json.dumps(entries, indent=1, ensure_ascii=False)
+    text = re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+    return re.sub(r"\{\n([^{}]*)\n *\}", lambda found: "{" + re.sub(r"\n *", " ", found[1].strip()) + "}", text)
+
+
+def _entry(elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool) -> dict[str, Any]:
+    candidate, design = elite.candidate, dump_design(elite.candidate, representation)
+    assert candidate.tool is not None
+    left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
+    data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
+    data |= {
+        key: clean(value, _LONGEST) if key.endswith("description") else value
+        for key, value in design.items()
+        if key not in left_out
+    }
+    data |= representation.abridge(candidate.tool)
+    if figures := combined_figures(elite, task):
+        data["details"] = _figures(figures)
+    if not numbers:
+        return data
+    data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
+    if elite.shown is not None and elite.observation is not None:
+        return data | elite_feedback(elite.shown, elite.observation) | {"warnings": list(elite.warnings)}
+    return data | {
+        "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
+        "missed_m": _rounded(elite.ik_error_m),
+        "missed_rad": _rounded(elite.ik_error_rad),
+        "lag_rad": _rounded(elite.tracking_error_rad),
+        "warnings": list(elite.warnings),
+    }
+
+
+def _figures(value: Any) -> Any:
+    """Round the numbers of a JSON value."""
+    if isinstance(value, dict):
+        return {key: _figures(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_figures(item) for item in value]
+    return _rounded(value) if isinstance(value, float) else value
+
+
+def _rounded(number: float) -> float | None:
+    return round(number, 4) + 0.0 if math.isfinite(number) else None  # JSON has no nan
 
 
 def answer_schema(brief: Brief) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Generic, overload
 
+import pydantic
 from typing_extensions import TypeVar
 
 from core.errors import RAISED, UsageError, UserError, choices
@@ -23,9 +24,9 @@ from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
 from core.plugins.moved import describe_import_error
-from core.plugins.settings import check_settings
 from core.values.materials import PAPER, Material
 
+_NAMED = ("missing", "unexpected_keyword_argument")  # errors about a key of a setting, which their text doesn't name
 Settings = Mapping[str, Any] | None
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True, default=Any)
@@ -119,6 +120,36 @@ class Plugins(Discovery):
             raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
         first = next((offer for offer in offers if offer.distribution == PROJECT), offers[0])
         return self.create(ROBOT, first.name)
+
+
+def check_settings(
+    factory: Callable[..., Any], settings: Mapping[str, Any], where: str, given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Convert ``settings`` to the types that the factory's signature names.
+
+    Raises:
+        UserError: a setting that is unknown, missing, or of the wrong type.
+    """
+    parameters = {
+        name: parameter
+        for name, parameter in inspect.signature(factory).parameters.items()
+        if name not in given and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
+    }
+    hints = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
+    checked: dict[str, Any] = {}
+    for name, value in settings.items():
+        if name not in parameters:
+            raise choices("setting", name, parameters, where)
+        try:
+            checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(value)
+        except pydantic.ValidationError as error:
+            first = error.errors()[0]
+            reason = f"{first['msg']}: {first['loc'][-1]}" if first["type"] in _NAMED else first["msg"]
+            raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
+    for name, parameter in parameters.items():
+        if parameter.default is parameter.empty and name not in checked:
+            raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(parameters)}")
+    return checked
 
 
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:

@@ -34,8 +34,7 @@ from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
-from core.search.finalists import choose
-from core.search.holdout import try_unseen
+from core.search.finalists import choose, try_unseen
 from core.search.listeners import Guard, add_listener
 from core.search.refinement import Refinement
 from core.simulation.pictures import report_missing, save_film

@@ -3,7 +3,7 @@
 The goal's bodies are classed by the first rule that applies:
 
 - solved: the reward is `Task.success_reward` or more.
-- forbidden: something happened that a goal forbids (`core.simulation.forbidden`); the first of it.
+- forbidden: something happened that a goal forbids (`_forbidden`); the first of it.
 - placed: all are where the goal wants them, yet the reward is less.
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
   to its last, or at any time if it touches none.
@@ -18,20 +18,20 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Sphere
-from core.goals import DONE, progress
+from core.goals import DONE, KEPT_M, progress
 from core.interfaces import Contact, Observation, Outcome, Recording, Task
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
-from core.simulation.forbidden import Cause, find_forbidden
-from core.solids.contacts import Contacts, Flags
+from core.solids.contacts import Contacts, Flags, make_trace
 from core.values.observations import Class, Moved, Offset, Point
+from core.values.traces import Trace
 
 MISSED_M, MISSED_RAD = 0.02, 0.1
 STUCK_RAD = 0.05  # reference solutions lag by less than 0.012
@@ -39,6 +39,7 @@ UNYIELDING_M, UNYIELDING_S = 0.005, 0.2  # what moves by no more than this in th
 LIFTED_M, FALLEN_M = 0.02, 0.02
 TIPPED_DEG, FELL_M = 45.0, 0.05
 NUDGED_M = 0.005
+MARGINAL = 0.25  # of what a body to keep may move; a task's own limit may be lower than that of its goal
 PLACE_M, PLACE_RAD = 0.02, 0.1  # the tolerance of a goal's place, if the goal names a smaller one
 
 INSTANTS, PATHS, MAX_CONTACTS, NAMED = 6, 2, 40, 3
@@ -46,6 +47,7 @@ INSTANTS, PATHS, MAX_CONTACTS, NAMED = 6, 2, 40, 3
 _STILL_M, _STILL_DEG = 0.001, 1.0
 
 Span = tuple[float, float]  # from when to when
+Cause = tuple[float, Class, str]  # when, what, and to which body
 
 
 def observe(
@@ -120,7 +122,7 @@ class _Case:
         names, contacts, taken = self.names, self.contacts, self.contacts.taken
         if reward >= self.task.success_reward:
             return "solved", "", None
-        if forbidden := list(find_forbidden(self.task, self.scene, contacts, self.start, self.end)):
+        if forbidden := list(_forbidden(self.task, self.scene, contacts, self.start, self.end)):
             instant, result, what = min(forbidden, key=lambda cause: cause[0])  # of several at once the touch
             return result, what, instant
         if names and not self.left:
@@ -138,6 +140,43 @@ class _Case:
         untouched = not touches.size and all(shift <= NUDGED_M for shift in shifts)
         where = ", ".join(self.left[:NAMED]) if len(self.left) < len(names) and not untouched else ""
         return ("never touched" if untouched else "missed"), where, None
+
+
+def _forbidden(task: Task, scene: Scene, contacts: Contacts, start: State, end: State) -> Iterator[Cause]:
+    """Yield what the goals forbid and the rollout did, with the numbers."""
+    names = {body.name for body in scene.bodies}
+    goals = [goal for goal in task.goals if goal.untouched or goal.keep]
+    if not goals:
+        return
+    trace = make_trace(scene, [contacts])[0]
+    for goal in goals:
+        yield from _touched(goal, [name for name in goal.untouched if name in names], contacts, trace)
+    for goal in goals:
+        yield from _strayed(goal, start, end, trace)
+
+
+def _touched(goal: Goal, names: Iterable[str], contacts: Contacts, trace: Trace) -> Iterator[Cause]:
+    for name in names:
+        if goal.max_force_n > 0:
+            forces = trace.forces_n(name, "robot") if trace.forces is not None else np.zeros(len(trace.times))
+            if (over := forces > goal.max_force_n).any():
+                said = f"{name} pressed with {forces.max():.0f} N, {goal.max_force_n:g} N allowed"
+                yield float(trace.times[over.argmax()]), "forbidden", said
+        elif (flags := trace.contact(name, "robot")).any():
+            by = [c for c in contacts.all if c.kind != "body" and c.other == name]
+            first = min(by, key=lambda contact: contact.first_s).one if by else "the robot"
+            yield float(trace.times[flags.argmax()]), "forbidden", f"{first} touched {name}"
+
+
+def _strayed(goal: Goal, start: State, end: State, trace: Trace) -> Iterator[Cause]:
+    for name in goal.keep:
+        if name not in start.names:
+            continue
+        way = float(np.linalg.norm(end.position(name) - start.position(name)))
+        if way > MARGINAL * KEPT_M:
+            ways = np.linalg.norm(trace.states.position(name) - start.position(name), axis=-1)
+            begun = float(trace.times[(ways > MARGINAL * KEPT_M).argmax()])
+            yield begun, "forbidden", f"{name} moved by {1000 * way:.0f} mm, and is to stay"
 
 
 def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:

@@ -19,7 +19,6 @@ Flags = npt.NDArray[np.bool_]
 
 ROUNDING_M = 1e-9  # in comparisons of lengths
 _AT_ONCE = 60_000  # pairs times intervals
-_EYE = np.eye(3)
 
 
 def neighbours(tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset[str]] = ()) -> Indices:
@@ -84,34 +83,24 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
     return kept
 
 
-def may_meet_closely(pair: Pair, near: Indices, least: float, along: tuple[Array, Array] | None = None) -> Indices:
+def may_meet_along(pair: Pair, near: Indices, least: float, axis: Array, others_axis: Array) -> Indices:
     """Return those samples of ``near`` from which on two solids may get as deep as ``least`` until the next.
 
-    As `may_meet`, but by their shapes, not by boxes around them. ``along``: two axes (3,) to compare, one fixed in the
-    first and one in the second; the default are those of their frames.
+    As `may_meet`, but along an axis (3,) that is fixed in the first, and one in the second, and by their shapes.
     """
     one, other = pair.one, pair.other
-    if along is not None:
-        axes, others_axes = (axis[:, None] for axis in along)
-    else:  # those of boxes have been compared
-        axes, others_axes = (_EYE[:, : 0 if isinstance(track.shape, Box | Sphere) else 3] for track in (other, one))
-        if not (axes.size or others_axes.size):
-            return near
     samples, begin = with_next(near)
     (rotations, positions), (others_rotations, others_positions) = one.frames(samples), other.frames(samples)
     apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
     turn, others_turn = one.turned[near], other.at_samples(other.turned, near)
     moved = lengths(apart[begin + 1] - apart[begin])
     far = lengths(apart[begin]) + moved
-    gaps = np.full(len(near), -np.inf)
-    if others_axes.size:
-        seen = _along(other, one, others_axes, turned, _turned(apart, others_rotations))
-        seen = np.minimum(seen[begin], seen[begin + 1]).max(axis=1)
-        gaps = seen - _curved(far, moved, turn, others_turn, one.reach)
-    if axes.size:
-        seen = _along(one, other, axes, turned.swapaxes(1, 2), -_turned(apart, rotations))
-        seen = np.minimum(seen[begin], seen[begin + 1]).max(axis=1)
-        gaps = np.maximum(gaps, seen - _curved(far, moved, others_turn, turn, other.reach))
+    seen = _along(other, one, others_axis[:, None], turned, _turned(apart, others_rotations))
+    mine = _along(one, other, axis[:, None], turned.swapaxes(1, 2), -_turned(apart, rotations))
+    gaps = np.maximum(
+        np.minimum(seen[begin], seen[begin + 1]).max(axis=1) - _curved(far, moved, turn, others_turn, one.reach),
+        np.minimum(mine[begin], mine[begin + 1]).max(axis=1) - _curved(far, moved, others_turn, turn, other.reach),
+    )
     kept: Indices = near[gaps - (one.aside[near] + other.at_samples(other.aside, near)) <= ROUNDING_M - least]
     return kept
 

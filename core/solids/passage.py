@@ -13,7 +13,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.solids.entry_side import Side
-from core.solids.gap_bounds import gap_bounds, may_meet_closely, with_next
+from core.solids.gap_bounds import gap_bounds, may_meet_along, with_next
 from core.solids.tracks import SMOOTH, Indices, Pair, Tracks, angles, lengths
 
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
@@ -189,8 +189,8 @@ def _deep(pair: Pair, near: Indices, least: float) -> Indices:
     """Return those samples of ``near`` from which on, until the next, two solids may get as deep as ``least``."""
     while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
         _, out, rotation, others_rotation = pair.query(int(near[0]), 0.0)
-        rest = may_meet_closely(pair, near, least, (out @ rotation, out @ others_rotation))
+        rest = may_meet_along(pair, near, least, out @ rotation, out @ others_rotation)
         if len(near) - len(rest) < _FEW:
             break
         near = rest
-    return may_meet_closely(pair, near, least) if len(near) else near
+    return near

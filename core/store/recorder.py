@@ -24,11 +24,12 @@ from packaging.requirements import Requirement
 
 from core.config.trust import as_stored
 from core.design import Candidate, Evaluation
+from core.designs.composer import as_markdown
 from core.designs.reading import dump_design
 from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.hooks import hookimpl
-from core.interfaces import Picture, Reply, Request, Task, Text
+from core.interfaces import Picture, Reply, Request, Task
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
 from core.store.rows import MAX_BYTES, dump_details, dump_plan
@@ -352,12 +353,5 @@ def _pictures(request: Request) -> list[Picture]:
 
 def _readable(request: Request) -> str:
     """Write the messages as one Markdown text with links to the pictures."""
-    blocks = []
-    for message in request.messages:
-        parts = [part.text if isinstance(part, Text) else _link(part) for part in message.parts]
-        blocks.append(f"# {message.role}\n\n" + "\n\n".join(parts))
-    return "\n\n".join(blocks) + "\n"
-
-
-def _link(picture: Picture) -> str:
-    return "![the scene](../scene.png)" if picture.name == "scene" else f"![{picture.name}]({picture.name}.png)"
+    blocks = [f"# {message.role}\n\n{as_markdown(message).rstrip()}" for message in request.messages]
+    return "\n\n".join(blocks).replace("![scene](scene.png)", "![the scene](../scene.png)") + "\n"

@@ -16,7 +16,7 @@ from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import EXECUTOR, FITNESS, SIMULATOR
-from core.search.holdout import try_unseen
+from core.search.finalists import try_unseen
 from core.simulation.rollout import Evaluator
 from plugins.results.pages.formats import Table, columns
 from plugins.results.pages.runs import short

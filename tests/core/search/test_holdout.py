@@ -4,7 +4,7 @@ import pytest
 from core.design import Candidate, Evaluation, Tool
 from core.errors import Fault, UserError
 from core.interfaces import Fitness, Waypoints
-from core.search.holdout import try_unseen
+from core.search.finalists import try_unseen
 from plugins.executors.local import LocalExecutor
 
 BEST = Evaluation(Candidate(Tool(), Waypoints(np.zeros((1, 6)))), "ok", reward=1.0)
