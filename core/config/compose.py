@@ -33,9 +33,9 @@ SCHEMAS: dict[str, type] = {
 _registered: dict[str, type] = {}
 
 
-def register(overrides: Sequence[str] = ()) -> None:
+def register() -> None:
     """Register the schemas, from which the primary configs start, and the configs of plugins with Hydra."""
-    sources.register(overrides)
+    sources.register()
     for name, schema in SCHEMAS.items():
         if _registered.get(name) is not schema:  # a quarter of the time of composing
             ConfigStore.instance().store(f"{'run' if name == 'config' else name}_schema", schema)
@@ -49,7 +49,7 @@ def prepared(name: str, overrides: Sequence[str]) -> list[str]:
     that a plugin brings. Elsewhere the ``+`` is dropped, so that an unknown key is an error.
     """
     refuse_key_words(overrides)
-    register(overrides)
+    register()
     elsewhere = any(word.startswith(("--config-dir", "-cd", "hydra.searchpath=")) for word in overrides)
     known = {field.name for field in fields(SCHEMAS[name])}
     return [_checked_addition(word, known, elsewhere) for word in overrides]

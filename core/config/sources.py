@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
-from collections.abc import Sequence
 from typing import Any
 
 from hydra._internal.core_plugins.importlib_resources_config_source import ImportlibResourcesConfigSource
@@ -16,10 +14,8 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from core.errors import UserError
+from core.hooks import PROJECT
 from core.plugins import KINDS, installed
-
-OVERRIDDEN: set[str] = set()
-"""The keys of parts that the overrides set, such as ``task.goal``."""
 
 
 class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no types
@@ -35,12 +31,8 @@ class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no typ
 class PartConfigs(ConfigSource):  # type: ignore[misc]
     """The config of each part: its YAML file, if there is one, over the defaults in its factory's signature.
 
-    A factory is imported only where a part has no file, or where an override sets a key that the file lacks.
+    Files of this project's own parts list all settings, so that no factory is imported for them.
     """
-
-    def __init__(self, provider: str, path: str) -> None:
-        super().__init__(provider, path)
-        self.overridden = frozenset(OVERRIDDEN)  # kept for the jobs of a multirun, which may run elsewhere
 
     @staticmethod
     def scheme() -> str:
@@ -77,12 +69,9 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
         return result
 
     def _add_defaults(self, kind: str, name: str, node: object) -> None:
-        """Add what the signature has and the file lacks, if an override asks for such a key."""
-        if not isinstance(node, DictConfig) or (kind, name) not in installed().offers:
-            return
-        prefix, overridden = f"{kind}.{name}." if kind == "listener" else f"{kind}.", self.overridden | OVERRIDDEN
-        keys = {key.removeprefix(prefix).partition(".")[0] for key in overridden if key.startswith(prefix)}
-        if not keys <= node.keys():
+        """Add what the signature has and another project's file lacks."""
+        offer = installed().offers.get((kind, name))
+        if isinstance(node, DictConfig) and offer is not None and offer.distribution != PROJECT:
             for key, value in defaults(kind, name).items():
                 if key not in node.keys():  # noqa: SIM118 - `in node` leaves out missing values
                     node[key] = value
@@ -125,10 +114,7 @@ def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, bool | int | float | str)
 
 
-def register(overrides: Sequence[str] = ()) -> None:
-    """Register the sources with Hydra, and note which settings of parts ``overrides`` set; call it before composing."""
+def register() -> None:
+    """Register the sources with Hydra; call it before composing."""
     for source in (PluginConfigs, PartConfigs):
         HydraPlugins.instance().register(source)
-    found = (re.match(rf"\+*((?:{'|'.join(KINDS)})\.[^=]+)=", word) for word in overrides)
-    OVERRIDDEN.clear()
-    OVERRIDDEN.update(match.group(1) for match in found if match)

@@ -103,7 +103,8 @@ def brought(found, monkeypatch, tmp_path):
 
 
 def test_settings_that_a_config_file_does_not_list(brought):
-    assert load("evaluate", ["task=Hinted"]).task == {"name": "Hinted", "tool_kinds": ["gripper"]}
+    whole = OmegaConf.to_container(load("evaluate", ["task=Hinted"]).task)
+    assert whole == {"name": "Hinted", "tool_kinds": ["gripper"], "size": "???", "hint": "none"}
     for word in ("task.hint=away", "+task.hint=away", "++task.hint=away"):
         cfg = load("evaluate", ["task=Hinted", word])
         assert part("task", cfg.task).settings == (("hint", "away"),)
@@ -119,7 +120,8 @@ def test_settings_that_a_config_file_does_not_list(brought):
 
 
 def test_a_config_file_over_another_one_keeps_what_that_says(brought):
-    assert load("evaluate", ["task=Far"]).task == {"name": "Hinted", "tool_kinds": ["gripper"], "hint": "far"}
+    whole = OmegaConf.to_container(load("evaluate", ["task=Far"]).task)
+    assert whole == {"name": "Hinted", "tool_kinds": ["gripper"], "size": "???", "hint": "far"}
     assert dict(part("task", load("evaluate", ["task=Far", "task.size=3"]).task).settings) == {"size": 3, "hint": "far"}
 
 
