@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import ConfigDict
 from scipy.spatial.transform import Rotation
 
-from core.errors import UsageError, UserError, choices
-from core.geometry import Array, Pose
+from core.errors import UsageError, UserError, check_positive, choices
+from core.geometry import Array, Cylinder, Pose
 from core.robot.description import RESERVED, write
 from core.robot.frames import link_poses
 from core.robot.kinematics import Arm
@@ -29,7 +29,7 @@ from core.values.descriptions import (
     Limits,
     RobotJoint,
 )
-from core.values.robots import Gripper, Robot
+from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
 from core.values.urdf import MAX_BYTES, read_description
 from plugins.robots.normalise import normalised
 from plugins.robots.xacro import expand
@@ -65,6 +65,39 @@ class GripperOptions:
 
 
 @dataclass(frozen=True)
+class BoltOptions:
+    """Say where a flange has its bolts, metres and radians; the defaults are those of ISO 9409-1-50-4-M6.
+
+    Attributes:
+        circle_m: diameter of the ring of bolts.
+        count: how many, equally spaced.
+        thread: such as M6.
+        angle: of the first bolt, about the mount's z from its x.
+        disc_m: diameter of the flange.
+        centring_m: diameter of the recess in the middle; None: there is none.
+
+    Raises:
+        UsageError: a number is not positive, or the ring does not lie on the disc.
+    """
+
+    circle_m: float = 0.05
+    count: int = 4
+    thread: str = "M6"
+    angle: float = math.pi / 4
+    disc_m: float = 0.063
+    centring_m: float | None = 0.0315
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+
+    def flange(self) -> Flange:
+        check_positive("robot.bolts.", circle_m=self.circle_m, count=self.count, disc_m=self.disc_m)
+        if not (self.centring_m or 0.0) < self.circle_m < self.disc_m < 1.0:
+            raise UsageError("robot.bolts: lengths are diameters in metres, centring_m < circle_m < disc_m")
+        disc, ring = Cylinder(self.disc_m / 2, ISO_9409_1_50.disc.length), (self.circle_m, self.count, self.thread)
+        return Flange(disc, *ring, bolt_angle=self.angle, centring_m=self.centring_m)
+
+
+@dataclass(frozen=True)
 class ArmSettings:
     """What is chosen of a file, and what a description does not say of its arm.
 
@@ -79,6 +112,7 @@ class ArmSettings:
         acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in `REACHES_SPEED_S`.
         motor_inertia: (J,), reflected through the gears, kg m^2; None: `MOTOR_INERTIA` each.
         gripper: the parallel gripper, if there is one.
+        bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
         fixed: joints that are held at 0.
         without: links that are left out, with all that they bear.
         arguments: of a Xacro file.
@@ -93,6 +127,7 @@ class ArmSettings:
     acceleration: list[float] | None = None
     motor_inertia: list[float] | None = None
     gripper: GripperOptions | None = None
+    bolts: BoltOptions | None = None
     fixed: list[str] | None = None
     without: list[str] | None = None
     arguments: Mapping[str, str] | None = None
@@ -148,6 +183,7 @@ def _robot(description: Description, chosen: ArmSettings, name: str) -> Robot:
         near_mount=tuple(dict.fromkeys([parts[link][0], link])),
         payload_kg=chosen.payload_kg,
         gripper=grip,
+        flange=(chosen.bolts or BoltOptions()).flange(),
     )
     mount = _mount(robot, parts[link][1].rotation.inv().apply(arm[-1].direction), chosen.mount_rpy)
     if grip is not None:

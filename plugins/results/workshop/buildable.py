@@ -25,7 +25,7 @@ from plugins.results.workshop.replay import RECORD_HZ, Unplayable, play
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import make_tool
-from plugins.results.workshop.verdicts import SAFETY, carried, printable, strong
+from plugins.results.workshop.verdicts import BENT, SAFETY, carried, printable, strong, tolerance
 
 NAME = "buildable"
 
@@ -76,7 +76,8 @@ class Buildable(Fitness):
         self._safety, self._margin = safety, margin_m
 
     def instructions(self) -> str:
-        robot, material = self._evaluator.task.create().robot, self._material
+        task, material = self._evaluator.task.create(), self._material
+        robot = task.robot
         plate = " x ".join(f"{side:g}" for side in self._printer.plate_mm)
         strength = (
             f"- Strength: {material.name} bears {material.strength_pa / 1e6:g} MPa; under the contact forces of the "
@@ -93,6 +94,7 @@ class Buildable(Fitness):
             "- Mount: nothing rises above the mount into the arm, and 3 or more of the flange's screws can be driven.\n"
             f"- Mass: at most {mass_limit(robot, material)[0]:g} kg, and {moment_limit(robot):g} N m about the mount.\n"
             f"{strength}"
+            f"- Stiffness: the contact forces bend it by at most {1000 * BENT * tolerance(task):.3g} mm.\n"
             f"- Clearance: the arm keeps {1000 * self._margin:g} mm from itself and from all that is fixed."
         )
 
@@ -158,7 +160,7 @@ class Buildable(Fitness):
         motion = sample(planned.trajectory, arm_of(robot), RECORD_HZ)
         replay = play(task, simulator, tool, motion, scene, seed, settings)
         rows = measured(tool, robot, self._material, scene, motion, {self._evaluator.sim.name: replay})
-        problems = [str(of) for of in strong(self._material, rows, self._safety) if of.passed is False]
+        problems = [str(of) for of in strong(self._material, rows, task, self._safety) if of.passed is False]
         near = clearance(scene, robot, tool, replay.recording)
         fixed = {body.name for body in scene.bodies if body.fixed}
         least = {name: float(of.min()) for name, of in near.arm_to.items() if name in fixed}

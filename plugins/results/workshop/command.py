@@ -181,7 +181,7 @@ def _export(cfg: DictConfig, output: Path) -> Export:
         mounted = {name: replay(name, built).reward for name in sims}
         solid = replace(solid, checks=(*checks, as_good("mounted", "with its mount", mounted, rewards), *solid.checks))
         write_lists(solid, output / "tool")
-        verdicts = write_sheet(solid, tool, robot, scene, motion, replays, output)
+        verdicts = write_sheet(solid, tool, task, scene, motion, replays, output)
     shown = next(iter(replays.values()))
     contacts = [at for replay in replays.values() if (at := replay.first_contact()) is not None]
     contact_s = min(contacts, default=None)

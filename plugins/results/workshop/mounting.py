@@ -34,6 +34,7 @@ BOSS_MM = 3.0  # ISO's recess is at least 3.5 mm deep
 MOST_LOST = 0.1  # of a component, where the arm is
 LEAST_KG = 1e-4
 WORTH_SAYING = 100.0  # mm^3
+CORE_MM = 2.5  # bore of a thread M3, which metal takes without an insert
 CLAMP_MM = 6.0  # thickness of plastic around a clamping insert
 
 
@@ -236,7 +237,8 @@ def on_finger(robot: Robot, tool: Tool, mount: str, solid: Workpiece, fit: Fit) 
         Check("finger", lost < 0.5 * before, f"{lost / before:.0%} of the attachment is cut away where the finger is"),
         Check("sleeve", True, f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"),
     )
-    return Mount(fitted, added, checks, ("1 x M3 x 8 set screw", f"1 insert M3 for a bore of {fit.insert_mm:g} mm"))
+    held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
+    return Mount(fitted, added, checks, ("1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"))
 
 
 def _clasped(slid: Sequence[Mesh], tip: Array, end: float, length: float) -> tuple[Array, Array]:

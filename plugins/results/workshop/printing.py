@@ -100,7 +100,7 @@ def print_part(
         Check("watertight", whole_skin, "closed" if whole_skin else "the surface is not closed"),
         whole,
         Check("walls", wall >= printer.min_wall_mm, walls),
-        Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm"),
+        *([] if material.metal else [Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm")]),
     )
     return PrintedPart(name, link, solid, lying, back, weld_mm, weight_g(lying, material), checks)
 

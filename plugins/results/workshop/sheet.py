@@ -6,13 +6,15 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.design import Tool
+from core.design import RIGID_MOUNT, Tool
 from core.designs.weight import flange_moment
+from core.interfaces import Task
 from core.scene import Scene
 from core.support.cli import write_bytes
 from core.values.robots import Robot
@@ -28,25 +30,33 @@ if TYPE_CHECKING:
     from plugins.results.workshop.replay import PlayedMotion
     from plugins.results.workshop.tool import PrintedTool
 
-HOW = "Strength: forces of the rollout where they act, on beams; without notches, layers, axial forces and fatigue."
+HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
 
-def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength]) -> dict[str, Any]:
+def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dict[str, Any]:
     """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too."""
     material, load = made.material, payload(robot, made.printed)
     verdicts = [
         *carried(made.printed, robot, material),
         *printable(made.parts, made.checks),
-        *strong(material, strengths),
+        *strong(material, strengths, task),
     ]
     held = {row.component: asdict(row) for row in strengths}
+    placed = tool.placed()
     components = [
-        {"name": c.name, "size_mm": np.round(1000 * c.shape.bounds[1], 1).tolist(), "mass_kg": c.mass}
+        {
+            "name": c.name,
+            "size_mm": np.round(1000 * c.shape.bounds[1], 1).tolist(),
+            "turned_deg": (np.round(placed[c.name][1].rotation.as_euler("xyz", degrees=True), 1) + 0.0).tolist(),
+            "mass_kg": c.mass,
+        }
         | held.get(c.name, {})
         for c in tool.components
     ]
     return {
         "tool": tool.name or "a tool",
+        "task": task.name,
+        "date": datetime.now().astimezone().date().isoformat(),
         "robot": robot.title,
         "material": f"{material.name}, {material.filling}" if material.density_kg_m3 else "paper, nothing real",
         "mass_kg": load["mass_kg"],
@@ -57,18 +67,30 @@ def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Str
             {"name": part.name, "size_mm": np.round(part.mesh.extents, 2).tolist(), "mass_g": round(part.mass_g, 2)}
             for part in made.parts
         ],
+        "joints": [str(joint) for joint in made.joints],
+        "hardware": list(made.hardware),
+        "flange": _flange(robot) if RIGID_MOUNT in tool.mounts else None,
         "parts": sorted(components, key=lambda part: part.get("safety") or math.inf),
         "least_safety": min((row.safety for row in strengths if row.safety is not None), default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
-        "how": HOW,
+        "how": HOW.format("" if material.metal else "layers, "),
     }
+
+
+def _flange(robot: Robot) -> str:
+    """Describe the ring of bolts, seen against the mount's z."""
+    flange, turn = robot.flange, math.degrees(robot.flange.bolt_angle)
+    ring = f"{flange.bolts} x {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
+    recess = "" if flange.centring_m is None else f"; recess {1000 * flange.centring_m:g} mm"
+    pin = "" if flange.pin_angle is None else f"; pin {1000 * flange.pin_m:g} mm at {math.degrees(flange.pin_angle):g}°"
+    return f"{ring}, the first at {turn:g}° from the mount's x; disc {2000 * flange.disc.radius:g} mm{recess}{pin}"
 
 
 def write_sheet(
     made: PrintedTool,
     tool: Tool,
-    robot: Robot,
+    task: Task,
     scene: Scene,
     motion: Sampled,
     replays: Mapping[str, PlayedMotion],
@@ -79,7 +101,8 @@ def write_sheet(
     Raises:
         UserError: a file can't be written.
     """
-    said = figures(tool, robot, made, measured(tool, robot, made.material, scene, motion, replays))
+    robot = task.robot
+    said = figures(tool, robot, made, measured(tool, robot, made.material, scene, motion, replays), task)
     page = FigurePage("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())

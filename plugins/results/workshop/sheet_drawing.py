@@ -38,8 +38,8 @@ VIEWS = (
     ("from above", np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])),
 )
 
-HEADS = ("", "component", "size, mm", "g", "load", "N", "lever, mm", "MPa", "safety", "bends, mm")
-_AT = (0, 5, 40, 74, 84, 124, 133, 149, 158, 170)  # where the columns begin, mm
+HEADS = ("", "component", "size, mm", "turned, °", "g", "load", "N", "lever, mm", "MPa", "safety", "bends, mm")
+_AT = (0, 5, 34, 66, 88, 96, 126, 135, 150, 159, 171)  # where the columns begin, mm
 
 
 def lines(said: Mapping[str, Any]) -> list[str]:
@@ -52,7 +52,9 @@ def lines(said: Mapping[str, Any]) -> list[str]:
     for piece in said["pieces"]:
         size = " × ".join(f"{side:.0f}" for side in piece["size_mm"])
         found.append(f"{piece['name']}: {size} mm as it lies; {piece['mass_g']:.0f} g")
-    return found
+    found += [f"joined by {joint}" for joint in said["joints"]]
+    found += [f"flange: {said['flange']}"] * (said["flange"] is not None)
+    return [*found, f"bought: {'; '.join(said['hardware'])}"] if said["hardware"] else found
 
 
 def table(said: Mapping[str, Any]) -> list[tuple[list[str], bool]]:
@@ -61,7 +63,8 @@ def table(said: Mapping[str, Any]) -> list[tuple[list[str], bool]]:
     found = []
     for number, part in enumerate(said["parts"], start=1):
         size = " × ".join(f"{side:g}" for side in part["size_mm"])
-        cells = [str(number), part["name"], size, f"{1000 * part['mass_kg']:.0f}"]
+        turned = " ".join(f"{angle:g}" for angle in part["turned_deg"]) if any(part["turned_deg"]) else ""
+        cells = [str(number), part["name"], size, turned, f"{1000 * part['mass_kg']:.0f}"]
         if "stress_pa" in part:
             safety = "–" if part["safety"] is None else f"{part['safety']:.2f}" if part["safety"] < 100 else "> 100"
             by = f", {part['engine']}" if part["engine"] else ""
@@ -79,7 +82,14 @@ def draw_page(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
     page.set(xlim=(0, A4_MM[0]), ylim=(0, A4_MM[1]))
     page.axis("off")
     page.text(12, 284, clean(str(said["tool"]), 60), fontsize=15, fontweight="bold", va="center")
-    page.text(12, 277.5, f"{said['robot']}; {said['material']}", fontsize=8, color=SOFT, va="center")
+    page.text(
+        12,
+        277.5,
+        f"{said['task']}; {said['robot']}; {said['material']}; {said['date']}",
+        fontsize=8,
+        color=SOFT,
+        va="center",
+    )
     verdict, color = ("ready to make", GREEN) if said["ready"] else ("not to be made as it is", RED)
     page.text(198, 284, verdict, fontsize=11, fontweight="bold", color=color, ha="right", va="center")
     _views(figure, page, tool, robot, said)
@@ -113,7 +123,7 @@ def _table(page: Axes, at: float, rows: Sequence[tuple[Sequence[str], bool]]) ->
     for number, (cells, bad) in enumerate([(HEADS, False), *rows[:room]]):
         style: dict[str, Any] = {"fontsize": 7, "va": "center", "color": RED if bad else INK}
         style |= {"fontweight": "bold"} if number == 0 else {}
-        for x, cell, longest in zip(_AT, cells, (3, 24, 24, 6, 22, 8, 9, 9, 9, 9), strict=False):
+        for x, cell, longest in zip(_AT, cells, (3, 20, 22, 18, 6, 18, 8, 9, 9, 9, 9), strict=False):
             page.text(12 + x, at - 3.6 * number, shorten(cell, longest) if len(cell) > longest else cell, **style)
     if len(rows) > room:
         page.text(

@@ -19,7 +19,7 @@ from core.values.materials import PAPER, Material
 from core.values.robots import Robot
 from plugins.results.workshop.cutting import Dovetails, cut
 from plugins.results.workshop.hinges import make_hinges
-from plugins.results.workshop.mounting import Mount, at_flange, on_finger, weighed
+from plugins.results.workshop.mounting import CORE_MM, Mount, at_flange, on_finger, weighed
 from plugins.results.workshop.printing import (
     WELDS_MM,
     Check,
@@ -41,6 +41,7 @@ from plugins.results.workshop.verdicts import printable
 EXACT_MM = 0.1  # by which the solid may differ from what was simulated
 SAME_FILE = 0.001  # of its volume, by which a part read back from its file may differ
 SAME_WEIGHT = 0.2
+MILLED_MM = 2000.0  # of metal no part is cut to a printer's plate
 _NOTHING_MM3 = 1.0
 
 
@@ -168,6 +169,8 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         UserError: the robot's flange can't be fitted.
     """
     parts, checks, joints, hardware = list[PrintedPart](), list[Check](), list[Dovetails](), list[str]()
+    if material.metal:
+        printer, fit = Printer([MILLED_MM] * 3, printer.min_wall_mm, "milled"), replace(fit, insert_mm=CORE_MM)
     added, hinges = list[Component](), make_hinges(tool, fit, printer)
     links = [_make_link(bearer, own, tool, robot, printer, fit, hinges.cuts) for bearer, own in _links(tool).items()]
     for link in links:
@@ -186,7 +189,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
         printed, simulated = math.fsum(part.mass_g for part in parts), 1000 * mounted.mass
-        said = f"printed it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
+        said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
     return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)
 
@@ -280,7 +283,8 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
         write_bytes(folder / name, to_stl(part))
     most = max(_difference(folder / name, part) for name, part in files.items())
     read = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
-    write_bytes(folder / "tool.3mf", to_3mf(made.parts))
+    if not made.material.metal:
+        write_bytes(folder / "tool.3mf", to_3mf(made.parts))
     missing = write_step({name: part.solid for name, part in files.items()}, folder / "tool.step")
     checks = [Check("STEP", False, f"{name} can't be modelled") for name in missing]
     made = replace(made, checks=(read, *checks, *made.checks), step=can_write_step() and len(missing) < len(files))

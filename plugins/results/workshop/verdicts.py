@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from core.design import Tool
 from core.designs.weight import flange_moment, mass_limit, moment_limit
+from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.printing import Check, PrintedPart
@@ -17,6 +18,8 @@ from plugins.results.workshop.strength import Strength
 
 SAFETY = 2.0  # the strength over the stress, at least
 SOFT_M = 0.01  # what bends by more is noted: engines took it to be rigid
+BENT = 0.5  # of the least tolerance of the task's goals: what bends by more fails
+TOLERANCE_M = 0.04  # of a goal that names none
 
 _MENDS = {  # by how the name of a check begins; the first counts
     "watertight": "let components overlap, or part them clearly",
@@ -32,9 +35,10 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
     "apart": "leave a gap between them",
     "STEP": "mill it from its STL file",
-    "weight": "simulate it with material= what it is printed of",
+    "weight": "simulate it with material= what it is made of",
     "motion": "search in each of these engines with fitness=robust, or name in sims those that you trust",
     "mounted": "move components away from the mount, and leave more room where the motion is tight",
+    "rigid": "thicken or shorten it, choose a stiffer material, or move more slowly where it pushes",
     "files read back": "write them again; if it stays, thicken what is thinner than a nozzle",
 }
 
@@ -61,8 +65,8 @@ def _mend(name: str) -> str:
     return next((mend for begins, mend in _MENDS.items() if name.startswith(begins)), "")
 
 
-def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Check]:
-    """Judge the strength of each component; where all bear what they must, the weakest is named."""
+def strong(material: Material, strengths: Sequence[Strength], task: Task, safety: float = SAFETY) -> list[Check]:
+    """Judge strength and stiffness of components; where all bear what they must, the weakest is named."""
     if material.strength_pa is None:
         return [Check("strength", None, f"material={material.name} has no strength: choose one, such as material=pla")]
     weak = sorted((row.safety, i, row) for i, row in enumerate(strengths) if row.safety is not None)
@@ -77,7 +81,16 @@ def strong(material: Material, strengths: Sequence[Strength], safety: float = SA
         bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
         found.append(Check(f"strength, {row.component}", not failing, bears, mend))
     softest = max(strengths, key=lambda row: row.bend_m, default=None)
-    if softest is not None and softest.bend_m > SOFT_M:
-        bends = f"{softest.load} bends it by {1000 * softest.bend_m:.0f} mm at {softest.component}"
-        found.append(Check("rigid", None, f"{bends}, and engines took it to be rigid: it may miss by as much"))
+    allowed = BENT * tolerance(task)
+    if softest is not None and softest.bend_m > min(SOFT_M, allowed):
+        bends = f"{softest.load} bends it by {1000 * softest.bend_m:.1f} mm at {softest.component}"
+        said = f"{bends}, and engines took it to be rigid; at most {1000 * allowed:.3g} mm are allowed"
+        found.append(Check("rigid", None if softest.bend_m <= allowed else False, said, _mend("rigid")))
     return found
+
+
+def tolerance(task: Task) -> float:
+    """Return the least tolerance of a task's goals that is a length, metres."""
+    kinds = {joint.name: joint.kind for joint in task.scene(0).joints}
+    lengths = [goal.tolerance for goal in task.goals if goal.joint is None or kinds.get(goal.joint) == "slider"]
+    return min((length for length in lengths if length > 0), default=TOLERANCE_M)

@@ -10,14 +10,14 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
-from core.values.robots import Robot
+from core.values.robots import ISO_9409_1_50, Robot
 from plugins.robots import hulls
-from plugins.robots.reading import GripperOptions, read_robot
+from plugins.robots.reading import BoltOptions, GripperOptions, read_robot
 from tests.outside_arm import FLANGE, HOME, LIMIT, write_arm
 from tests.plugins.tasks.file.imports.conftest import called
 
@@ -140,6 +140,14 @@ def test_rounded_inertias_are_mended(changed):
 
 
 _INERTIA = 'ixx="1e-3" iyy="1e-3" izz="1e-3"'
+
+
+def test_bolts_of_the_flange(file):
+    robot = read_robot(file, HOME, FLANGE, bolts=BoltOptions(0.04, 6, "M5", 0.0, 0.05, None))
+    assert (robot.flange.bolts, robot.flange.thread, robot.flange.disc.radius) == (6, "M5", 0.025)
+    assert read_robot(file, HOME, FLANGE).flange == ISO_9409_1_50
+    with pytest.raises(UsageError, match="circle_m < disc_m"):
+        read_robot(file, HOME, FLANGE, bolts=BoltOptions(circle_m=50))
 
 
 def test_a_gripper(changed):

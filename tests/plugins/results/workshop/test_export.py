@@ -14,9 +14,11 @@ import pytest
 import yaml
 from markdown_it import MarkdownIt
 
+from core.config.compose import load
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
+from core.search.orchestration import run
 from plugins.results.workshop.command import as_good, checklist, configured, export, main, whole
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
@@ -226,6 +228,38 @@ def test_a_run_s_best_is_exported(tmp_path):
     assert verdict.passed is False
     assert verdict.found == "as exported it earns 0.000 for 0.600 in mujoco"
     assert f"Not to be run as it is:\n\n- {verdict}\n" in (tmp_path / "out" / "CHECKLIST.md").read_text()
+
+
+SHORT = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=1",
+    "budget.n_iteration=0",
+    "listener=[]",
+    "film=false",
+]
+SEARCHES = [
+    ["task=OneBook", "action=anchored"],
+    ["task=OneBook", "robot=fr3"],
+    ["task=OneBook", "robot=ur10", "action=anchored", "fitness=robust", "fitness.sims=[mujoco]"],
+    ["task=BringCube", "robot=xarm7", "tool=boxes", "fitness=layouts", "task.variation=near"],
+    ["task=MoveBall", "robot=kinova", "tool=solids"],
+    ["task=MoveBall", "action=anchored", "fitness=buildable", "material=pla"],
+    ["task=OneBook", "robot=ur5"],
+    ["task=OneBook", "robot=z1", "robot.base=[0.2,0,0.2,0]"],
+]  # each action, fitness, robot and tool at least once
+
+
+@pytest.mark.thorough
+@pytest.mark.usefixtures("inline")
+@pytest.mark.parametrize("words", SEARCHES, ids=lambda words: words[1])
+def test_what_a_search_found_earns_the_same_as_exported(tmp_path, words):
+    run(load("config", ["sim=mujoco", "prompt.views=[]", *SHORT, *words]), tmp_path / "run")
+    found = export(configured([f"designs={tmp_path / 'run'}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
+    (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
+    earned, searched = map(float, re.findall(r"[\d.]+(?= for| in)", verdict.found))
+    assert abs(earned - searched) <= 0.02
+    assert verdict.passed == (searched > 0)
 
 
 def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_path):

@@ -8,26 +8,29 @@ import numpy as np
 import pytest
 
 from core.design import Tool
+from core.geometry import Pose
+from core.plugins import installed
 from core.values.materials import Material
 from plugins.results.workshop.loads import Load
-from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import figures
-from plugins.results.workshop.strength import strength
-from plugins.results.workshop.tool import PrintedTool, pieces
+from plugins.results.workshop.strength import Strength, strength
+from plugins.results.workshop.tool import PrintedTool, make_tool, pieces
+from plugins.results.workshop.verdicts import strong
 from tests.panda import PANDA
 from tests.plugins.results.workshop.test_export import exported
 from tests.plugins.results.workshop.test_strength import NEWTONS, SOLID, bar
 
 PRINTER = Printer()
+TASK = installed().create("task", "BringCube")
 PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
 
 
 def said(thick, material=SOLID, printer=PRINTER, length=0.2):
     tool = material.made(Tool((bar("post", "tool_mount", 0.0, length, thick),)))
     load = Load("wall", "post", np.array([0.0, 0.0, -length]), np.array([NEWTONS, 0.0, 0.0]))
-    return figures(
-        tool, PANDA, printed(tool, material, printer), strength(tool, PANDA, material, {"engine": [(0.0, [load])]})
-    )
+    strengths = strength(tool, PANDA, material, {"engine": [(0.0, [load])]})
+    return figures(tool, PANDA, printed(tool, material, printer), strengths, TASK)
 
 
 def printed(tool, material, printer):
@@ -49,6 +52,22 @@ def test_the_sheet_says_how_thick_a_thin_tool_must_be():
     mended = said(0.008 * float(times))
     assert failing(mended) == {}
     assert mended["ready"]
+
+
+@pytest.mark.parametrize(
+    ("name", "bend_mm", "said"),
+    [
+        ("BringCube", 9.0, []),
+        ("BringCube", 15.0, [(None, "20 mm")]),
+        ("BringCube", 21.0, [(False, "20 mm")]),
+        ("AroundCorner", 7.6, [(False, "7.5 mm")]),  # of which the tolerance is 15 mm
+    ],
+)
+def test_what_bends_by_more_than_half_of_the_task_s_tolerance_fails(name, bend_mm, said):
+    row = Strength("post", "tool_mount", "wall", 1.0, "engine", 0.0, 0.2, 1e6, 9.0, bend_mm / 1000)
+    checks = [check for check in strong(SOLID, [row], installed().create("task", name)) if check.name == "rigid"]
+    assert [(check.passed, re.search(r"most (.*) are", check.found)[1]) for check in checks] == said
+    assert all(check.mend.startswith("thicken or shorten it") for check in checks)
 
 
 @pytest.mark.parametrize(
@@ -86,9 +105,14 @@ def test_the_sheet_is_one_page_and_has_what_fails(written):
     assert verdict["mend"] == "thicken the thinnest component"
 
 
-def test_the_sheet_has_the_forces_of_the_rollout(written):
+def test_the_sheet_has_the_forces_of_the_rollout_and_what_one_needs_at_the_bench(written):
     folder, made = written
     found = json.loads((folder / "sheet.json").read_text())
+    assert found["task"] == "OneBook"
+    assert re.fullmatch(r"20\d\d-\d\d-\d\d", found["date"])
+    assert found["flange"].startswith("4 x M6 on a circle of 50 mm, the first at 0° from the mount's x; disc 63 mm")
+    assert "1 pin 6 m6 x 12" in found["hardware"]
+    assert len(found["pieces"]) == len(found["joints"]) + 1 == 2
     hook, beam = found["parts"]
     assert (hook["name"], beam["name"]) == ("hook", "beam")
     forces = made.replays["mujoco"].recording.forces
@@ -98,6 +122,20 @@ def test_the_sheet_has_the_forces_of_the_rollout(written):
     assert hook["safety"] == pytest.approx(26e6 / hook["stress_pa"])
     assert found["least_safety"] == hook["safety"] < beam["safety"]
     assert found["mass_kg"] == pytest.approx(made.payload["mass_kg"], abs=1e-5)
+
+
+def test_metal_is_milled_in_one_part_and_nothing_of_plastic_is_said():
+    steel = replace(SOLID, name="steel", density_kg_m3=7850)
+    made = make_tool(Tool((bar("post", "tool_mount", 0.0, 0.6, 0.02),)), PANDA, steel, PRINTER, Fit())
+    assert (len(made.parts), made.joints) == (1, ())
+    text = json.dumps(figures(made.mounted, PANDA, made, [], TASK)) + json.dumps(made.figures())
+    assert not re.search("plate, tool|layers|print(ed|s) |insert|glue|infill|fits the plate", text)
+
+
+def test_a_component_s_angles_are_on_the_sheet():
+    turned = replace(bar("post", "tool_mount", 0.0, 0.2, 0.02), pose=Pose.xyz_rpy((0, 0, -0.1), (0, np.pi / 6, 0)))
+    tool = Tool((turned,))
+    assert figures(tool, PANDA, printed(tool, SOLID, PRINTER), [], TASK)["parts"][0]["turned_deg"] == [0, 30, 0]
 
 
 def test_paper_has_no_strength():
