@@ -29,7 +29,7 @@ from core.plugins import EXECUTOR, RobotPart, TaskPart
 from core.search.evolution import evaluate_all
 from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
-from core.store.reader import chosen_designs, config_for
+from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import clean
 from core.values.materials import Material
@@ -184,7 +184,8 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Ca
         if not {*aliases} <= {*task.robot.aliases}:
             task.robot = replace(task.robot, aliases=(*task.robot.aliases, *aliases))
         try:
-            read[robot] = chosen_designs(cfg, representation, SpawnRules(task, cfg.seed))
+            chosen = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))
+            read[robot] = [evaluation.candidate for evaluation in chosen]
         except UserError as error:
             problems[robot] = str(error)
     if not read:

@@ -14,8 +14,7 @@ from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
 from core.errors import RAISED
 from core.interfaces import VLM, Brief, Picture, Reply, Request, Simulator, Task
-from core.simulation.pictures import png, report_missing
-from core.simulation.views import draw_tool
+from core.simulation.pictures import draw_tool, png, report_missing
 from core.support.cli import say
 from core.support.text import clean
 

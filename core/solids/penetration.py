@@ -21,9 +21,8 @@ from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
 from core.solids.bodies import ROBOT, all_solids, scene_solids
-from core.solids.entry_side import Depths
 from core.solids.gap_bounds import may_meet, neighbours
-from core.solids.passage import DEEP_S, find_passage, relative_ways
+from core.solids.passage import DEEP_S, Depths, find_passage, relative_ways
 from core.solids.record_rate import coarse_samples, detours, is_finite, joined, refined_samples, subset
 from core.solids.tracks import SAMPLE_HZ, Detour, Indices, Tracks, follow, lengths
 

@@ -231,13 +231,10 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
     return evaluations
 
 
-def chosen_designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Candidate]:
-    """Read all designs of the file, or the best of the run, that ``cfg.designs`` names."""
-    return [evaluation.candidate for evaluation in chosen_evaluations(cfg, representation, spawn)]
-
-
 def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
-    """Read the same as `chosen_designs`, with what each earned; the designs of a file have earned nothing."""
+    """Read all designs of the file, or the best of the run, that ``cfg.designs`` names, and what each earned: in a file
+    nothing.
+    """
     path = Path(cfg.designs)
     if not path.exists() and not path.suffix:
         raise UserError(f"{path}: there is no such folder of a run, and no designs file")

@@ -9,7 +9,7 @@ from core.errors import NoPicture
 from core.geometry import Pose
 from core.plugins import installed
 from core.scene import Body, Box, Camera, floor, table
-from core.simulation.views import draw_tool
+from core.simulation.pictures import draw_tool
 from plugins.conformance.worlds import Bodies
 from tests.rare import rare
 
