@@ -13,8 +13,7 @@ from typing import Any
 from omegaconf import MISSING, OmegaConf
 
 from core.config.compose import load, robot_part
-from core.designs.arm_sheet import segments, short
-from core.designs.reach import as_table, compute_reach
+from core.designs.arm_sheet import as_table, compute_reach, segments, short
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
 from core.simulation.robustness import engines

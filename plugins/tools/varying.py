@@ -8,11 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
-from core.geometry import Array, Compound, Pose, Shape
+from core.geometry import Array, Compound, Pose, Shape, resized
 from core.interfaces import Numbers, ToolRepresentation
 from core.robot.solids import closest, solids_of
 from core.values.plans import content_of
-from core.values.shapes import resized
 
 GROWTH, MOST_GROWTH = 0.1, 1.0  # of a side, as a logarithm
 SLIDE_M, MOST_SLIDE_M = 0.01, 0.2  # along the parent's surface, or into it

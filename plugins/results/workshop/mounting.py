@@ -15,13 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
-from core.geometry import Array, Cylinder, Mesh, Pose
+from core.geometry import Array, Cylinder, Mesh, Pose, resized
 from core.robot.extents import fingers_of
 from core.robot.frames import link_poses
 from core.robot.solids import corners, robot_solids
 from core.values.materials import Material
 from core.values.robots import Robot
-from core.values.shapes import resized
 from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import Placed, Workpiece, box, hull, rod, union

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Compound, Mesh
+from core.geometry import Array, Compound, Mesh, resized
 from core.values.materials import PAPER, Material
-from core.values.shapes import resized
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
 

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Evaluation, Tool
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Pose, resized
 from core.interfaces import Anchor, Seen
-from core.values.shapes import resized
 from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.heads import draw
 from plugins.vlms.offline.invent import Use, Workshop

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from core.designs.reach import Span, span_at
+from core.designs.arm_sheet import Span, span_at
 from core.geometry import Array, Pose
 from core.interfaces import Robot
 from core.robot.frames import joint_frames, robot_model

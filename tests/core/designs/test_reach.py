@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from core.designs.reach import (
+from core.designs.arm_sheet import (
     PITCHES,
     compute_reach,
     span_at,

@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
-from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
-from core.values.shapes import resized
+from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere, resized
 from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools

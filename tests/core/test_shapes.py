@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry import Box, Capsule, Compound, Cylinder, Sphere
-from core.values.shapes import resized
+from core.geometry import Box, Capsule, Compound, Cylinder, Sphere, resized
 from plugins.conformance.shapes import bowl, prism
 
 ROUND = [Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3)]
