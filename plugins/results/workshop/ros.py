@@ -25,6 +25,7 @@ from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.texts import text_of
 
 PACKAGE = "vlmgineer_tool"  # as in the templates, too
+PREFIX = "prefix:=tool_"  # of its links and joints, so that no name meets one of the arm
 _EVERY_S = 0.01  # between two points: a controller joins them by splines of fifth degree
 
 
@@ -115,19 +116,20 @@ def _rounded(values: Array) -> list[float]:
 
 
 def tool_macro(tool: Tool, folder: Path) -> str:
-    """Return the tool as a xacro macro, whose parameters are the links that bear it; its meshes go to ``folder``."""
+    """Return the tool as a xacro macro of the links that bear it and a prefix; its meshes go to ``folder``."""
     mesh_path = partial(copied, folder=folder)
     text = tool_urdf(tool, mesh_path=lambda mesh: f"package://{PACKAGE}/urdf/{mesh_path(mesh)}")
     root = etree.fromstring(f"<tool>{text}</tool>")
     parameters = {mount: "mount" if mount == RIGID_MOUNT else mount for mount in tool.mounts}
-    for parent in root.iter("parent"):
-        if parent.get("link") in parameters:
-            parent.set("link", f"${{{parameters[str(parent.get('link'))]}}}")
+    for element in root.iter("link", "joint", "parent", "child", "mimic"):
+        key = {"link": "name", "joint": "name", "mimic": "joint"}.get(str(element.tag), "link")
+        name = str(element.get(key))
+        element.set(key, f"${{{parameters[name]}}}" if name in parameters else f"${{prefix}}{name}")
     for element in root:
         element.tail = None
     space = "http://www.ros.org/wiki/xacro"
     macro = etree.Element("robot", nsmap={"xacro": space}, name=PACKAGE)
-    inner = etree.SubElement(macro, f"{{{space}}}macro", name="tool", params=" ".join(parameters.values()))
+    inner = etree.SubElement(macro, f"{{{space}}}macro", name="tool", params=" ".join([*parameters.values(), PREFIX]))
     inner.extend(list(root))
     etree.indent(macro, "  ")
     return '<?xml version="1.0"?>\n' + str(etree.tostring(macro, encoding="unicode")) + "\n"

@@ -96,7 +96,7 @@ def write_sheet(
     replays: Mapping[str, PlayedMotion],
     folder: Path,
 ) -> list[Check]:
-    """Write ``sheet.pdf``, ``sheet.html`` and ``sheet.json`` to a folder; return what was checked.
+    """Write ``sheet.pdf`` and ``sheet.json`` to a folder; return what was checked.
 
     Raises:
         UserError: a file can't be written.

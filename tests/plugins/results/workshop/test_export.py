@@ -111,7 +111,8 @@ def test_the_tool_is_a_macro_that_xacro_reads(made, tmp_path):
     mass = sum(inertia.mass for inertia in model.inertias)
     assert mass == pytest.approx(found.candidate.tool.mass) or model.njoints == 1
     for component in found.candidate.tool.components:
-        assert f'name="{component.name}"' in text
+        assert f'name="tool_{component.name}"' in text
+    assert all(link.startswith(("flange", "tool_")) for link in re.findall(r'<link name="([^"]*)', text))
 
 
 def test_the_scene_is_that_of_the_task(made):
