@@ -57,13 +57,11 @@ def _pressed_down(simulator: Simulator, tool: Tool, x: float, y: float, below: f
 
 
 def check_tool_stops_at_the_table(simulator: Simulator) -> None:
-    _pressed_down(simulator, stick(0.3), 0.5, 0.0, 0.25)
-    _pressed_down(simulator, stick(0.3), 0.6, 0.2, 0.25)
-
-
-def check_thin_blade_stops_at_the_table(simulator: Simulator) -> None:
+    """A stick at two places, and a thin blade on a shaft."""
     shaft = stick(0.28).components[0]
     blade = Component("blade", "stick", Pose(np.array([0.05, 0.0, -0.14])), Box((0.15, 0.1, 0.003)))
+    _pressed_down(simulator, stick(0.3), 0.5, 0.0, 0.25)
+    _pressed_down(simulator, stick(0.3), 0.6, 0.2, 0.25)
     _pressed_down(simulator, Tool((shaft, blade)), 0.5, 0.0, 0.23)
 
 

@@ -190,23 +190,16 @@ def check_every_engine_tracks_a_trajectory(robot: Robot) -> str:
 
 
 def check_every_engine_holds_the_arm_at_home(robot: Robot) -> str:
-    return _held(robot, Tool(), "the bare arm")
-
-
-def check_every_engine_holds_the_payload_at_home(robot: Robot) -> str:
-    """Its centre is 5 cm below the flange."""
-    weight = Component("weight", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.05])), Box((0.1,) * 3), robot.payload_kg)
-    return _held(robot, Tool((weight,)), f"the arm with {robot.payload_kg:g} kg")
-
-
-def _held(robot: Robot, tool: Tool, what: str) -> str:
+    """It holds the bare arm, and the payload; the payload's centre is 5 cm below the flange."""
     arm, remarks = arm_of(robot), []
     still = JointTrajectory(np.zeros(1), arm.home[None], np.array([robot.opening_m]))
-    for name, simulator in _engines():
-        recording = _play(simulator, robot, tool, still, 3.0).recording
-        sag = float(np.abs(recording.arm - arm.home).max())
-        expect(sag < _REST_RAD, f"in {name} {what} sags by {sag:.4f} rad at home; at most {_REST_RAD}")
-        remarks.append(f"{name} {sag:.5f} rad")
+    weight = Component("weight", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.05])), Box((0.1,) * 3), robot.payload_kg)
+    for what, tool in (("the bare arm", Tool()), (f"the arm with {robot.payload_kg:g} kg", Tool((weight,)))):
+        for name, simulator in _engines():
+            recording = _play(simulator, robot, tool, still, 3.0).recording
+            sag = float(np.abs(recording.arm - arm.home).max())
+            expect(sag < _REST_RAD, f"in {name} {what} sags by {sag:.4f} rad at home; at most {_REST_RAD}")
+            remarks.append(f"{name} {what} {sag:.5f} rad")
     return ", ".join(remarks)
 
 

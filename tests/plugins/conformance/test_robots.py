@@ -88,7 +88,7 @@ WRONG = {
     ),
     "a payload of 200 kg": (
         lambda: ur5(payload_kg=200.0),
-        {"every engine holds the payload at home": "the arm with 200 kg sags by"},
+        {"every engine holds the arm at home": "the arm with 200 kg sags by"},
     ),
 }
 NUMBERS = ("home", "acceleration_limits", "motor_inertia")
