@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from scipy.integrate import solve_ivp
 
-from core.geometry import Box, Cylinder, Mesh, Shape, Sphere
+from core.geometry import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from core.interfaces import Simulator
 from core.scene import Body, Geom, table
 from plugins.conformance.checking import expect
@@ -59,11 +59,12 @@ def check_rolling_friction_is_an_arm(simulator: Simulator) -> None:
 
 
 def check_round_bodies_roll_without_slipping(simulator: Simulator) -> None:
-    """A ball, and a cylinder that lies, roll down a slope as solid ones do; a block would slide the whole way."""
+    """A ball, and a cylinder and a capsule that lie, roll down a slope as solid ones do; a block would slide."""
     upright, lying = (0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)
     for shape, radius, mass, rpy, tilt, share, most in (
         (Sphere(0.1), 0.1, 3.0, upright, 0.2, 5 / 7, 0.05),
         (Cylinder(0.06, 0.2), 0.06, 1.0, lying, 0.15, 2 / 3, 0.1),
+        (Capsule(0.06, 0.2), 0.06, 1.0, lying, 0.15, 0.6796, 0.1),
     ):
         hill = slope(tilt, 1.0)
         at = hill.pose.apply([0, 0, 0.05 + radius])
