@@ -9,6 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from core.values.efforts import HOLDS, Effort
 from core.values.margins import Margin
 from core.values.observations import Observation
 from core.values.plans import ActionPlan, Waypoints, digest
@@ -86,6 +87,7 @@ class Trial:
         outcome: what became of the goal's bodies, and of which; empty: not observed.
         observation: of several trials only the one that is shown has it.
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
+        motion_s: the time of the motion, s; None: nothing was played to its end.
     """
 
     engine: str = ""
@@ -98,6 +100,7 @@ class Trial:
     outcome: str = ""
     observation: Observation | None = None
     margins: tuple[Margin, ...] = ()
+    motion_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +149,20 @@ class Evaluation:
         """The least margin of its trials; None: the task says none."""
         margins = [margin for trial in self.trials for margin in trial.margins]
         return min(margins, key=lambda margin: margin.margin, default=None)
+
+    @property
+    def effort(self) -> Effort | None:
+        """What the design costs, over its trials; None: none came to its end, or there is no tool."""
+        times = [trial.motion_s for trial in self.trials if trial.motion_s is not None]
+        if not times or self.candidate.tool is None:
+            return None
+        least = [max(min(m.margin for m in trial.margins), 0.0) for trial in self.trials if trial.margins]
+        return Effort(float(np.mean(times)), self.candidate.tool.mass, float(np.mean(least)) if least else None)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the mean reward of its trials is at least `HOLDS` in each engine."""
+        return bool(self.trials) and min(float(np.mean(own)) for own in self.by_engine.values()) >= HOLDS
 
     @property
     def stopped(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from core.design import TIE, Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
+from core.values.efforts import Effort
 
 INTERRUPTED = "interrupted"
 
@@ -86,7 +87,8 @@ class Result:
     ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
     lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are, by engine, the rewards of
     the best candidate in trials that the search never saw, if the fitness has any. ``winner`` was chosen of those that
-    earn alike by more trials, in which finalists earned ``finals``, by their id and engine.
+    earn alike by more trials, in which finalists earned ``finals``, by their id and engine. ``effort`` is the best's in
+    the unseen trials.
     """
 
     generations: tuple[Generation, ...]
@@ -96,6 +98,7 @@ class Result:
     unseen: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     winner: Evaluation | None = None
     finals: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
+    effort: Effort | None = None
 
     @cached_property
     def ranking(self) -> list[Evaluation]:

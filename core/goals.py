@@ -219,6 +219,17 @@ class _Judge:
             reached = np.minimum(reached, np.where(before >= DONE, 1.0, before))
         return reached
 
+    def margins(self, goal: Goal, end: State) -> Iterator[Margin]:
+        """Yield the margins of one world to what a goal asks of speed and time, of several bodies that of the worst."""
+        bodies = goal.bodies or (self.start.joints[goal.joint or ""].joint.body,)
+        what = goal.joint or (bodies[0] if len(bodies) == 1 else "any body" if goal.any else "bodies")
+        if goal.rest:
+            speeds = [float(_unrest(goal, name, end)) for name in bodies]
+            yield Margin.at_most(f"speed of {what}", min(speeds) if goal.any else max(speeds), 1.0, "resting speeds")
+        if goal.by_s is not None and self.trace is not None:
+            done, late = self.film.times[self.over_time(goal) >= DONE], max(float(self.film.times[-1]), goal.by_s)
+            yield Margin.at_most(f"time to fulfil {what}", float(done.min(initial=late)), goal.by_s, "s")
+
     def over_time(self, goal: Goal) -> Array:
         """Compute the progress of a goal at each instant of the trace, (..., T)."""
         arrays = (array[..., None, :, :] for array in self.start.arrays)
@@ -252,8 +263,9 @@ def goals_margins(task: Aim, start: State, end: State, trace: Trace | None = Non
     which is enough, that whose least margin is the greatest.
     """
     found = [margin for goal in task.goals for margin in _guards(goal, start, end, trace)]
-    reached = [_reached(goal, start, end) for goal in task.goals if goal.moves]
-    reached = [each for each in reached if each]
+    judge = _Judge(tuple(task.goals), start, trace)
+    every = ([*_reached(goal, start, end), *judge.margins(goal, end)] for goal in task.goals if goal.moves)
+    reached = [margins for margins in every if margins]
     if not task.every and reached:
         reached = [max(reached, key=lambda margins: min(m.margin for m in margins))]
     return [*found, *(margin for margins in reached for margin in margins)]
@@ -262,8 +274,7 @@ def goals_margins(task: Aim, start: State, end: State, trace: Trace | None = Non
 def _guards(goal: Goal, start: State, end: State, trace: Trace | None) -> Iterator[Margin]:
     """Yield the margins of what a goal wants left alone."""
     for name in goal.keep:
-        moved = float(_length(end.position(name) - start.position(name)))
-        yield Margin.at_most(f"{name} moved", moved, KEPT_M, "m")
+        yield Margin.at_most(f"{name} moved", float(_length(end.position(name) - start.position(name))), KEPT_M, "m")
     for name in goal.untouched if trace is not None else ():
         assert trace is not None
         if not goal.max_force_n and (gap := trace.clearances.get(name)) is not None:

@@ -117,6 +117,7 @@ def margins_of(task: Task, start: State, end: State, trace: Trace | None, reward
     """Return a task's margins in one world, the least first.
 
     Goals are a hint (`core.scene.Goal`): where the reward says success, what they call failed is no limit of the task.
+    Where no goal has a limit, what the reward exceeds success by is the margin.
     """
     if type(task).margins is not Task.margins:
         return least_first(task.margins(start, end, trace))
@@ -124,4 +125,7 @@ def margins_of(task: Task, start: State, end: State, trace: Trace | None, reward
         margins = least_first(task.margins(start, end, trace))
     except (AttributeError, KeyError, ValueError):  # goals that don't fit the scene cost the margins, not the rollout
         return ()
+    if not margins and task.success_reward < 1:
+        far = 1 - task.success_reward
+        return least_first([Margin.at_least("reward", reward, task.success_reward, "", far)])
     return tuple(margin for margin in margins if reward < task.success_reward or margin.margin >= 0)

@@ -124,6 +124,7 @@ def test_the_result(tiny):
             "seed",
             "best",
             "unseen",
+            "effort",
             "finalists",
             "tie",
             "stopped",

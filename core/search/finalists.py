@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from types import MappingProxyType
 
 import numpy as np
 import pluggy
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate, Evaluation, Trial
 from core.errors import UserError, fault
 from core.events import Result
 from core.interfaces import Evaluate, Executor, Fitness
+from core.values.efforts import Effort
 
 MOST = 12  # finalists
 FIRST = 2  # trials in each engine of the first round; each later round doubles what a finalist has had
@@ -42,11 +44,12 @@ def try_all(
     trials: Mapping[str, Sequence[Evaluate]],
     executor: Executor,
     known: Mapping[Job, float] = MappingProxyType({}),
-    tell: Callable[[Job, float], None] = lambda job, reward: None,
+    tell: Callable[[Job, float, Sequence[Trial]], None] = lambda job, reward, trials: None,
 ) -> list[dict[str, tuple[float, ...]]]:
     """Return the rewards of each candidate in all trials, by engine. A trial that fails counts 0.
 
-    Those that are ``known`` are not tried; ``tell`` is called after each that was.
+    Those that are ``known`` are not tried; ``tell`` is called after each that was, with its reward and
+    what else is known of it.
 
     Raises:
         UserError: the machine is at fault for a trial that failed.
@@ -58,16 +61,25 @@ def try_all(
         if isinstance(result, Exception) and (machine := fault(result)) is not None:
             raise UserError(f"the best candidates can't be tried in more layouts: {machine}")
         earned[job] = 0.0 if isinstance(result, Exception) else float(result[0].reward)
-        tell(job, earned[job])
+        tell(job, earned[job], () if isinstance(result, Exception) else result[0].trials)
     return [
         {engine: tuple(earned[n, engine, k] for k in each) for engine, each in counts.items()}
         for n in range(len(candidates))
     ]
 
 
-def try_unseen(best: Evaluation, fitness: Fitness, executor: Executor) -> dict[str, tuple[float, ...]]:
-    """Return the rewards of the best candidate in the fitness's unseen trials, by engine (`try_all`)."""
-    return try_all([best.candidate], fitness.unseen(), executor)[0]
+def try_unseen(
+    best: Evaluation, fitness: Fitness, executor: Executor
+) -> tuple[dict[str, tuple[float, ...]], Effort | None]:
+    """Return the best candidate's rewards in the unseen trials of the fitness, by engine, and its effort there."""
+    trials: dict[Job, Sequence[Trial]] = {}
+
+    def tell(job: Job, reward: float, own: Sequence[Trial]) -> None:
+        trials[job] = own
+
+    (rewards,) = try_all([best.candidate], fitness.unseen(), executor, tell=tell)
+    in_order = chain.from_iterable(trials[job] for job in sorted(trials))  # so that sums don't depend on the workers
+    return rewards, replace(best, trials=tuple(in_order)).effort
 
 
 def finalists(result: Result, most: int = MOST) -> list[Evaluation]:
@@ -105,7 +117,9 @@ def choose(
             if engine in part and 0 <= number - done < len(part[engine])
         }
 
-        def tell(job: Job, reward: float, names: Sequence[str] = names, begun: int = begun) -> None:
+        def tell(
+            job: Job, reward: float, trials: Sequence[Trial], names: Sequence[str] = names, begun: int = begun
+        ) -> None:
             n, engine, number = job
             now = tried[names[n]]
             tried[names[n]] = replace(now, final=(*now.final, (engine, begun + number, reward)))

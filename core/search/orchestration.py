@@ -176,7 +176,8 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
         if result.best is not None and result.stopped != INTERRUPTED:
             winner, finals = choose(result, search.fitness, search.executor, events)
             result = replace(result, winner=winner, finals=finals)
-            result = replace(result, unseen=try_unseen(winner, search.fitness, search.executor))
+            unseen, effort = try_unseen(winner, search.fitness, search.executor)
+            result = replace(result, unseen=unseen, effort=effort)
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(this.folder):
         save_best(result, this, search.strategy, film=film)

@@ -283,7 +283,9 @@ class _Batch:
                 tracking_error_rad=outcome.tracking_error_rad,
                 moved_m=dict(zip(starts.names, moved, strict=True)),
                 warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
-                trials=(replace(self._trial(attempt, reward), margins=margins),),
+                trials=(
+                    replace(self._trial(attempt, reward), margins=margins, motion_s=float(motion.trajectory.duration)),
+                ),
             )
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {self.task.name}: the reward {reward} is not in [0, 1]"

@@ -285,6 +285,7 @@ def report(run: Run, result: Result) -> dict[str, Any]:
         "seed": run.seed,
         "best": best_figures(result),
         "unseen": unseen_figures(result),
+        "effort": asdict(result.effort) if result.effort is not None else None,
         "finalists": {name: {of: list(r) for of, r in engines.items()} for name, engines in result.finals.items()},
         "tie": result.tie,
         "stopped": result.stopped,

@@ -15,6 +15,7 @@ from pydantic import model_validator as check_whole
 
 from core.design import Evaluation, Trial
 from core.support.text import clean
+from core.values.efforts import Effort
 from core.values.margins import Margin
 from core.values.plans import ActionPlan, Waypoints
 
@@ -174,6 +175,7 @@ class RunFigures:
     tie: Amount = 0.0  # of runs before there was one
     stopped: str | None = None
     unseen: Unseen | None = None
+    effort: Effort | None = None  # in unseen layouts
     rollouts: Count | None = None  # of runs before they were counted
     saved: SavedFigures | None = None
     versions: dict[str, str] = field(default_factory=dict)

@@ -43,7 +43,9 @@ class Margin:
         return cls(f"clearance to {body}", float(gap_m), 0.0, "m", _cut(gap_m / FAR_M) if gap_m > 0 else -1.0)
 
     def __str__(self) -> str:
-        return f"{self.name} {self.value:.3g} {self.unit}, limit {self.limit:.3g} {self.unit}".replace(" ,", ",")
+        return f"{self.name} {self.value:.3g} {self.unit}, limit {self.limit:.3g} {self.unit}".replace(
+            " ,", ","
+        ).rstrip()
 
 
 def least_first(margins: Iterable[Margin]) -> tuple[Margin, ...]:

@@ -1,4 +1,4 @@
-"""What counts of one or many rollouts: ``fitness=nominal``, ``fitness=layouts`` and ``fitness=robust``."""
+"""What counts of one or many rollouts: ``fitness=nominal``, ``layouts``, ``lean`` and ``robust``."""
 
 from core.hooks import Factories, hookimpl
 
@@ -8,5 +8,6 @@ def fitness_functions() -> Factories:
     return {
         "nominal": "plugins.fitness.nominal:Nominal",
         "layouts": "plugins.fitness.layouts:Layouts",
+        "lean": "plugins.fitness.lean:Lean",
         "robust": "plugins.fitness.robust:Robust",
     }

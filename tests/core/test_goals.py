@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from core.geometry import Pose
 from core.goals import goals_margins, goals_reward, needs_trace
 from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
+from core.values.traces import TRACE_HZ
 
 RED = (1, 0, 0, 1)
 DRAWER = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
@@ -268,3 +269,13 @@ def test_margins_of_what_must_not_be_touched_or_pressed():
     }
     touched = replace(trace, touching={("tool", "blade", "other"): np.array([False, True])})
     assert margins(avoid, end=START, trace=touched) == {"clearance to other": (0.0, 0.0, -1.0)}
+
+
+def test_margins_of_speed_and_time():
+    goal = Goal(bodies=("cube",), place=(0.7, None, None), by_s=4 / TRACE_HZ)
+    trace = film(START, shifted(0.5), shifted(1), shifted(1), shifted(1))
+    assert margins(goal, end=shifted(1), trace=trace)["time to fulfil cube"][2] == 0.5
+    assert margins(goal, end=START, trace=film(*[START] * 9))["time to fulfil cube"][2] <= -0.5
+    moving = at(cube=(0.5, -0.3, 0.05))
+    moving = replace(moving, linear_velocities=np.full_like(moving.positions, 0.01 / np.sqrt(3)))
+    assert margins(Goal(bodies=("cube",), rest=True), end=moving)["speed of cube"] == (0.5, 1.0, 0.5)

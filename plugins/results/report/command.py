@@ -98,7 +98,7 @@ def page(
         Section("results", "Rewards", ("rewards",), ("rewards",)),
         Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
         Section("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
-        Section("tools", "Tools", ("gallery", *evolutions), ("tools",)),
+        Section("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
         Section("models", "Models", (), ("models",)),
         Section("runs", "Runs", (), ("left_out", "runs")),
         Section("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -23,6 +23,7 @@ from core.store.database import FILE
 from core.store.reader import RunCost, StoredRun, rollouts
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from core.support.files import read_untrusted
+from core.values.efforts import HOLDS, Effort
 from plugins.results.pages.formats import Column, Table, columns
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
@@ -37,7 +38,10 @@ SAME = 1e-6  # by which a mean in a file may differ from that of its rewards
 
 @dataclass(frozen=True)
 class Protocol:
-    """A protocol as it is now: the settings that it fixes, the tasks of each track, and what the best is tried in."""
+    """A protocol as it is now: the settings that it fixes, the tasks of each track, and what the best is tried in.
+
+    With ``references``, by task, what counts of a design that holds is the effort saved.
+    """
 
     name: str
     version: int
@@ -45,6 +49,7 @@ class Protocol:
     tracks: dict[str, list[str]]
     engines: list[str]
     layouts: int
+    references: dict[str, Effort] = field(default_factory=dict)
 
 
 @lru_cache
@@ -61,8 +66,12 @@ def protocol(name: str) -> Protocol:
     starts = tuple(f"{key}." for key in chosen.fixed)
     fixed = {key: value for key, value in settings.items() if f"{key}.".startswith(starts)}
     offers = [offer for offer in installed().offers.values() if offer.kind == "task"]
-    tracks = {track: [o.name for o in offers if o.entry_point == plugin] for track, plugin in chosen.tracks.items()}
-    return Protocol(name, chosen.version, fixed, tracks, list(chosen.engines), chosen.layouts)
+    known = {task: Effort(*numbers) for task, numbers in config.fitness.get("references", {}).items()}
+    tracks = {
+        track: [o.name for o in offers if o.entry_point == plugin and (o.name in known or not known)]
+        for track, plugin in chosen.tracks.items()
+    }
+    return Protocol(name, chosen.version, fixed, tracks, list(chosen.engines), chosen.layouts, known)
 
 
 # --- results files ----------------------------------------------------------------------------------------------
@@ -83,26 +92,32 @@ class RunResult:
     cost_usd: Amount | None
     wall_time_s: Amount
     design: dict[str, Any] | None = None
+    effort: Effort | None = None
 
-    @property
-    def score(self) -> float:
-        """The mean in the engine where that is the lowest."""
-        return min(map(mean, self.rewards.values()), default=0.0)
+    def score(self, rules: Protocol, task: str) -> float:
+        """Return the mean in the engine where that is the lowest, or where the protocol asks for it, the effort saved.
+
+        Then what does not hold scores 0, and the reference 1.
+        """
+        lowest = min(map(mean, self.rewards.values()), default=0.0)
+        if not rules.references:
+            return lowest
+        return self.effort.saved(rules.references[task]) if self.effort is not None and lowest >= HOLDS else 0.0
 
 
 @dataclass(frozen=True)
 class TaskResult:
     """Means over the runs of a task: of their scores, and of their rewards in each engine."""
 
-    score: Reward
+    score: Amount
     engines: dict[str, Reward]
     runs: Annotated[tuple[RunResult, ...], Field(min_length=1, max_length=100)]
 
     @classmethod
-    def of(cls, runs: Sequence[RunResult]) -> TaskResult:
+    def of(cls, runs: Sequence[RunResult], rules: Protocol, task: str) -> TaskResult:
         names = dict.fromkeys(engine for run in runs for engine in run.rewards)
         engines = {name: mean([mean(run.rewards.get(name, (0.0,))) for run in runs]) for name in names}
-        return cls(mean([run.score for run in runs]), engines, tuple(runs))
+        return cls(mean([run.score(rules, task) for run in runs]), engines, tuple(runs))
 
 
 @dataclass(frozen=True)
@@ -113,7 +128,7 @@ class Entry:
     protocol: str
     version: Count
     track: Id
-    score: Reward
+    score: Amount
     settings: dict[str, str]
     versions: dict[str, str]
     tasks: dict[str, TaskResult]
@@ -121,7 +136,8 @@ class Entry:
     @classmethod
     def of(cls, other: Entry, runs: Mapping[str, Sequence[RunResult]]) -> Entry:
         """Compute all means of an entry with these runs."""
-        tasks = {task: TaskResult.of(own) for task, own in runs.items()}
+        rules = protocol(other.protocol)
+        tasks = {task: TaskResult.of(own, rules, task) for task, own in runs.items()}
         return replace(other, score=mean([task.score for task in tasks.values()]), tasks=tasks)
 
     @property
@@ -291,7 +307,8 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
     else:
         rewards = dict.fromkeys(rules.engines, (0.0,) * rules.layouts)
     spent = (sum(rollouts(tried)), cost.requests, cost.cost_usd, store.seconds())
-    return RunResult(run.config["seed"], rewards, len(tried), *spent, design)
+    effort = run.figures.effort if isinstance(run, FinishedRun) else None
+    return RunResult(run.config["seed"], rewards, len(tried), *spent, design, effort)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------
@@ -317,7 +334,8 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     rows = []
     for entry, verified in listed:
         tasks, costs = [*entry.tasks.values()], [run.cost_usd for run in entry.runs if run.cost_usd is not None]
-        scores = [[run.score for run in task.runs] for task in tasks]
+        rules = protocol(entry.protocol)
+        scores = [[run.score(rules, name) for run in task.runs] for name, task in entry.tasks.items()]
         rows.append(
             (
                 *(entry.track, entry.name, entry.score, *(interval(scores, "mean") or (None, None))),
@@ -330,7 +348,8 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
         )
     note = (
         "Score: the mean over tasks and runs of a run's mean reward in unseen layouts, in the engine where that is the "
-        f"lowest. Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples of the "
+        "lowest; in a lean track the effort that it saves, if it holds. "
+        f"Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples of the "
         "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs. "
         "Verified: by whom the rewards were earned, or in how many runs the designs earned them again."
     )

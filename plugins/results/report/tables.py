@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.store.reader import RunCost, StoredEvaluation, StoredRequest, known_sum
+from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table, columns
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import size
@@ -34,9 +35,9 @@ REASONS = 12  # of a run
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    makers = (rewards, methods, improvements, efforts, generations, reasons, tools, runs, left_out, models, parameters)
+    makers = (rewards, methods, improvements, efforts, generations, reasons, tools, runs, left_out, models)
     every = [
-        *(make(results) for make in (*makers, costs, versions)),
+        *(make(results) for make in (*makers, front, parameters, costs, versions)),
         *entry_tables(results.entries),
         verification(results.verified),
     ]
@@ -316,6 +317,22 @@ def tools(results: Results) -> Table:
     ]
     note = " ".join(f"Not shown: {problem}." for problem in results.tools.problems)
     return Table("tools", "The best tools", head, tuple(rows), note)
+
+
+def front(results: Results) -> Table:
+    """What holds and is not beaten in mass without a longer motion, of all candidates that ``fitness=lean`` judged."""
+    judged: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
+    for g in results.groups:
+        for run in g.runs if all(run.config.get("fitness", {}).get("name") == "lean" for run in g.runs) else ():
+            for each in run.store.evaluations() if run.store.exists else ():
+                known = each.details.figures
+                if each.status == "ok" and {"lean", "motion_s", "mass_kg"} <= known.keys():
+                    cost = (1000 * known["mass_kg"], known["motion_s"], known["lean"])
+                    judged[g.task].append((*cost, g.method, run.seed, each.candidate))
+    rows = [(task, *own[n]) for task, own in judged.items() for n in unbeaten([(row[0], row[1]) for row in own])]
+    head = columns("task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate")
+    note = "Of all candidates that hold in the search's layouts, those that no other beats in mass without more time."
+    return Table("front", "Mass against time", head, tuple(rows), note)
 
 
 def versions(results: Results) -> Table:

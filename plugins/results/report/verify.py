@@ -20,7 +20,7 @@ from core.search.finalists import try_unseen
 from core.simulation.rollout import Evaluator
 from plugins.results.pages.formats import Table, columns
 from plugins.results.pages.runs import short
-from plugins.results.report.leaderboard import Entry, RunResult
+from plugins.results.report.leaderboard import Entry, RunResult, protocol
 
 TOLERANCE = 0.01  # of a score: other processors round otherwise
 
@@ -44,13 +44,14 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
     """Yield each run of an entry with what its design earns here. A run that claims nothing is not tried."""
     for task, result in entry.tasks.items():
         for run in result.runs:
-            score, why = (0.0, "") if run.score == 0 else (None, "the file has no design of it")
-            if run.design is not None and run.score > 0:
+            claimed = run.score(protocol(entry.protocol), task)
+            score, why = (0.0, "") if claimed == 0 else (None, "the file has no design of it")
+            if run.design is not None and claimed > 0:
                 try:
                     score, why = earned(entry, task, run), ""
                 except (UserError, DesignError) as error:
                     why = short(str(error))
-            yield VerifiedRun(entry, task, run.seed, run.score, score, why)
+            yield VerifiedRun(entry, task, run.seed, claimed, score, why)
 
 
 def earned(entry: Entry, task: str, run: RunResult) -> float:
@@ -69,8 +70,9 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
     evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), run.seed, node(cfg.rollout, RolloutSettings))
     fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
     with part(EXECUTOR, cfg.executor).create() as executor:
-        rewards = try_unseen(Evaluation(candidate, "ok"), fitness, executor)
-    return RunResult(run.seed, rewards, 1, 1, 1, None, 0.0).score
+        rewards, effort = try_unseen(Evaluation(candidate, "ok"), fitness, executor)
+    again = RunResult(run.seed, rewards, 1, 1, 1, None, 0.0, effort=effort)
+    return again.score(protocol(entry.protocol), task)
 
 
 def _config(entry: Entry, task: str) -> DictConfig:

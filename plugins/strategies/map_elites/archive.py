@@ -20,6 +20,7 @@ from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
+from core.values.efforts import front
 
 MAX_BINS = 100
 LIGHT_KG = 0.2
@@ -82,14 +83,21 @@ def touch(evaluation: Evaluation) -> float:
     return float(np.mean(touches)) if touches else float("nan")
 
 
+def motion(evaluation: Evaluation) -> float:
+    """Return the mean time of the motion, s; nan: nothing was played to its end."""
+    effort = evaluation.effort
+    return float("nan") if effort is None else effort.motion_s
+
+
 VALUES: dict[str, Callable[[Evaluation], float]] = {
     "mass": lambda evaluation: tool_of(evaluation).mass,
     "extent": lambda evaluation: extent(tool_of(evaluation)),
     "components": lambda evaluation: len(tool_of(evaluation).components),
     "distance": lambda evaluation: evaluation.distance_m,
     "touch": touch,
+    "time": motion,
 }
-COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m")  # of these values
+COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m", "motion_s")  # of these values
 MEASURES = {
     measure.name: measure
     for measure in (
@@ -98,6 +106,7 @@ MEASURES = {
         Measure("components", 0.5, 10.5, 10),
         Measure("distance", 0.0, 2.5, 25),
         Measure("touch", 0.0, 1.0, 25),
+        Measure("time", 0.0, 20.0, 20),
     )
 }
 
@@ -169,19 +178,29 @@ def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Eval
     return {name: evaluation for name, evaluation in found.items() if evaluation is not None}
 
 
+def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
+    """Return what holds and is not beaten in mass without a longer motion, the lightest first."""
+    held = [(e, (effort.mass_kg, effort.motion_s)) for e in evaluations if e.holds and (effort := e.effort) is not None]
+    return [held[number][0] for number in front([point for _, point in held])]
+
+
 def save_archive(
     archive: Archive, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path
 ) -> None:
     """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies.
 
-    These are the best of each cell, in the order of the cells, and then the `picks` of ``ranking`` that are none.
+    These are the best of each cell, in the order of the cells, and then the `picks` of ``ranking`` that are none, and
+    the front of mass against time (`lean_front`).
     """
     picked: dict[str, list[str]] = {}
     chosen = picks(ranking, archive.tie)
     for name, evaluation in chosen.items():
         picked.setdefault(evaluation.candidate.id, []).append(name)
+    unbeaten = lean_front(ranking)
+    for evaluation in unbeaten:
+        picked.setdefault(evaluation.candidate.id, []).append("front")
     cells = {evaluation.candidate.id: cell for cell, evaluation in archive.best.items()}
-    kept = {e.candidate.id: e for e in (*archive.best.values(), *chosen.values())}
+    kept = {e.candidate.id: e for e in (*archive.best.values(), *chosen.values(), *unbeaten)}
     folder.mkdir(parents=True, exist_ok=True)
     document = {"strategies": [dump_design(e.candidate, representation) for e in kept.values()]}
     (folder / "designs.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")

@@ -37,7 +37,7 @@ class Hidden(Fitness):
 
 def earned(**trials):
     with LocalExecutor(workers=2) as executor:
-        return try_unseen(BEST, Hidden(**trials), executor)
+        return try_unseen(BEST, Hidden(**trials), executor)[0]
 
 
 def test_the_rewards_of_each_engine_in_order():

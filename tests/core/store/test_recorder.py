@@ -137,6 +137,7 @@ def test_result_and_generations(opened):
         "seed": 7,
         "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0", "margin": None},
         "unseen": None,
+        "effort": None,
         "finalists": {},
         "tie": 0.005,
         "stopped": None,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.geometry import Array
-from core.scene import Pose
+from core.scene import Pose, State
 from core.values.joints import Placement
 from tasks.hardtoolbench.open_latch import OPEN, OpenLatch
 
@@ -16,19 +16,23 @@ START = SCENE.complete(SCENE.state())
 STILL = np.zeros(3)
 
 
-def reward(angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0) -> float:
-    """The reward of a door at an angle, and a glass that was moved."""
+def ended(angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0) -> State:
+    """The end of a door at an angle, and a glass that was moved."""
     parent = Placement.at_rest(SCENE["cabinet"].pose)
     leaf = START.joints["hinge"].carry(np.asarray(angle), np.asarray(speed), parent)
     glass = Pose.xyz_rpy(SCENE["glass"].pose.position + shift, (tilt, 0.0, 0.0))
-    end = replace(
+    return replace(
         START,
         positions=np.stack([leaf.position, glass.position]),
         quaternions=np.stack([leaf.quaternion, glass.quaternion]),
         linear_velocities=np.stack([leaf.linear, STILL]),
         angular_velocities=np.stack([leaf.angular, STILL]),
     )
-    return float(TASK.reward(START, end))
+
+
+def reward(angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0) -> float:
+    """The reward of such an end."""
+    return float(TASK.reward(START, ended(angle, speed, shift, tilt)))
 
 
 def test_the_reward_rises_with_the_angle() -> None:
@@ -49,3 +53,11 @@ def test_the_reward_rises_with_the_angle() -> None:
 )
 def test_what_costs(case: dict[str, float], most: float) -> None:
     assert reward(1.0, **case) <= most  # type: ignore[arg-type]
+
+
+def test_margins_of_the_glass_and_of_the_door() -> None:
+    glass, door = TASK.margins(START, ended(OPEN + 0.1, shift=np.array([0.005, 0.0, 0.0])))
+    assert (glass.name, glass.limit, round(glass.margin, 6)) == ("glass moved", 0.01, 0.5)
+    assert (door.name, door.limit, door.value) == ("door", OPEN, pytest.approx(OPEN + 0.1))
+    assert 0 < door.margin < 1
+    assert TASK.margins(START, ended(OPEN - 0.1))[1].margin < 0

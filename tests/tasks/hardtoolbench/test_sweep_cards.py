@@ -19,8 +19,8 @@ START = SCENE.complete(SCENE.state())
 IN_TRAY = SCENE["tray"].pose.apply([0.0, 0.1, 0.012])
 
 
-def earned(cards, touched=(), press=0.0, seconds=5.0, vase=0.0):
-    """The reward where some cards are in the tray from an instant on, and the vase has moved by some metres."""
+def ended(cards, touched=(), press=0.0, seconds=5.0, vase=0.0, gap=0.02):
+    """The end where some cards are in the tray from an instant on, and the vase has moved by some metres."""
     positions = START.positions.copy()
     for name in cards:
         positions[START.names.index(name)] = IN_TRAY
@@ -28,8 +28,13 @@ def earned(cards, touched=(), press=0.0, seconds=5.0, vase=0.0):
     end = replace(START, positions=positions)
     touching = {("tool", "blade", name): np.array([True, False]) for name in touched}
     forces = {("tool", "board"): np.array([press, 0.0])}
-    trace = Trace.of(START, end, touching=touching, forces=forces)
-    return float(TASK.reward(START, end, replace(trace, times=np.array([0.0, seconds]))))
+    trace = Trace.of(START, end, touching=touching, forces=forces, clearances={"vase": np.array(gap)})
+    return end, replace(trace, times=np.array([0.0, seconds]))
+
+
+def earned(cards, **others):
+    """The reward of such an end."""
+    return float(TASK.reward(START, *ended(cards, **others)))
 
 
 @pytest.mark.parametrize("count", [0, 1, 6, len(CARDS)])
@@ -47,6 +52,13 @@ def test_the_board_bears_a_touch_but_no_pressure_and_the_vase_not_even_a_touch()
     assert earned(CARDS, touched=["vase"]) == 0.0
     assert earned(CARDS, vase=0.005) == 1.0
     assert earned(CARDS, vase=0.02) == 0.0
+
+
+def test_margins_of_the_vase_and_of_the_board():
+    margins = TASK.margins(START, *ended(CARDS, press=5.0, vase=0.005, gap=0.01))
+    vase, board, moved = (round(margin.margin, 6) for margin in margins)
+    assert (vase, board, moved) == (0.5, round(1 - 5.0 / PRESS_N, 6), 0.5)
+    assert TASK.margins(START, *ended(CARDS, touched=["vase"]))[0].margin == -1
 
 
 @every_simulator

@@ -19,6 +19,7 @@ from plugins.results.report.leaderboard import (
     FIRST_UNSEEN,
     Entry,
     ListedEntry,
+    RunResult,
     entry_tables,
     find_entries,
     protocol,
@@ -71,6 +72,19 @@ def test_the_tracks_have_twelve_tasks_and_the_protocol_fixes_what_it_sets():
     for name in ("none", "x=1", "../varied"):
         with pytest.raises(UserError, match="no protocol"):
             protocol(name)
+
+
+def test_a_lean_track_scores_what_holds_by_the_effort_that_it_saves():
+    rules = protocol("lean")
+    assert {task for track in rules.tracks.values() for task in track} == set(rules.references)
+    reference = rules.references["InsertPlug"]
+    run = RunResult(0, {"mujoco": (1.0,) * 20, "sapien": (0.92, 1.0) * 10}, 1, 1, 1, None, 0.0, effort=reference)
+    assert run.score(rules, "InsertPlug") == 1
+    tenth = replace(reference, motion_s=reference.motion_s / 10, mass_kg=reference.mass_kg / 10)
+    assert replace(run, effort=tenth).score(rules, "InsertPlug") == pytest.approx(100 ** (1 / 3))
+    assert replace(run, effort=None).score(rules, "InsertPlug") == 0
+    assert replace(run, rewards=run.rewards | {"sapien": (0.9,) * 20}).score(rules, "InsertPlug") == 0
+    assert run.score(protocol("varied"), "InsertPlug") == pytest.approx(0.96)
 
 
 def test_an_entry_has_means_and_what_was_spent(entry):

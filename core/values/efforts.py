@@ -1,0 +1,61 @@
+"""Define what a design costs: the time of its motion, the mass of its tool, and how little room it leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+LEAST_S, LEAST_KG = 0.1, 0.001  # less counts as this
+NARROW = 0.1  # added to margins, so that those near 0 can be compared
+HOLDS = 0.95  # the mean reward from which on a design holds
+
+
+@dataclass(frozen=True)
+class Effort:
+    """The effort of a design, over its trials.
+
+    Attributes:
+        motion_s: the mean time of the motion, s.
+        mass_kg: the mass of the tool, kg.
+        margin: the mean of each trial's least margin, 0..1, a negative one counted as 0; None: the task says none.
+
+    Raises:
+        ValueError: a number is not finite, or below 0.
+    """
+
+    motion_s: float
+    mass_kg: float
+    margin: float | None = None
+
+    def __post_init__(self) -> None:
+        for number in (self.motion_s, self.mass_kg, self.margin or 0.0):
+            if not 0 <= number < math.inf:
+                raise ValueError(f"an effort has finite numbers from 0 on, got {number}")
+        if self.margin is not None and self.margin > 1:
+            raise ValueError(f"a margin is at most 1, got {self.margin}")
+
+    def saved(self, reference: Effort) -> float:
+        """Compare with a reference: 1 is as good as it, 2 is twice as good in each respect; there is no upper bound.
+
+        The geometric mean of three ratios: the reference's time by this one, its mass by this one, and this margin by
+        the reference's, both plus `NARROW`. A margin that is not known on one side counts as equal.
+        """
+        faster = max(reference.motion_s, LEAST_S) / max(self.motion_s, LEAST_S)
+        lighter = max(reference.mass_kg, LEAST_KG) / max(self.mass_kg, LEAST_KG)
+        wider = 1.0
+        if self.margin is not None and reference.margin is not None:
+            wider = (NARROW + self.margin) / (NARROW + reference.margin)
+        return float((faster * lighter * wider) ** (1 / 3))
+
+
+def front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Return the numbers of the points that no other beats in one respect without losing in the other, by the first.
+
+    Less is better in both. Of equal points the first counts.
+    """
+    found: list[int] = []
+    for number in sorted(range(len(points)), key=lambda n: points[n]):
+        if not found or points[number][1] < points[found[-1]][1]:
+            found.append(number)
+    return found

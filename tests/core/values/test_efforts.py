@@ -1,0 +1,59 @@
+"""Time, mass and margin: what is saved against a reference, and the front of two of them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.design import Candidate, Component, Evaluation, Tool, Trial
+from core.geometry import Box, Pose
+from core.values.efforts import Effort, front
+from core.values.margins import Margin
+
+REFERENCE = Effort(8.0, 0.2, 0.4)
+TOOL = Tool((Component("stick", "tool_mount", Pose(), Box((0.02, 0.02, 0.2)), 0.3),))
+
+
+def test_the_reference_scores_1_and_there_is_no_upper_bound():
+    assert REFERENCE.saved(REFERENCE) == 1
+    assert Effort(4.0, 0.1, 0.9).saved(REFERENCE) == pytest.approx(2)
+    assert Effort(8.0, 0.2, 0.0).saved(REFERENCE) == pytest.approx(0.2 ** (1 / 3))
+    assert replace(REFERENCE, motion_s=0.8, mass_kg=0.002).saved(REFERENCE) == pytest.approx(10)
+    assert math.isfinite(Effort(0.0, 0.0, 0.4).saved(REFERENCE))  # the bare hand
+    assert Effort(8.0, 0.2).saved(REFERENCE) == 1  # a task that says no margins
+
+
+@pytest.mark.parametrize("numbers", [(-1.0, 0.2), (math.nan, 0.2), (1.0, math.inf), (1.0, 0.2, 1.5)])
+def test_what_is_no_effort(numbers):
+    with pytest.raises(ValueError, match=r"an effort has finite|at most 1"):
+        Effort(*numbers)
+
+
+def test_an_evaluations_effort_is_that_of_its_trials():
+    margins = [(Margin.at_most("x", value, 1, "m"), Margin.at_most("y", 0.1, 1, "m")) for value in (0.5, 1.4)]
+    trials = [Trial("a", margins=own, motion_s=time) for own, time in zip(margins, (3.0, 5.0), strict=True)]
+    made = Evaluation(Candidate(TOOL, np.zeros((1, 6))), "ok", trials=(*trials, Trial("a", status="failed")))
+    assert made.effort is not None
+    assert (made.effort.motion_s, made.effort.mass_kg) == (4.0, pytest.approx(TOOL.mass))
+    assert made.effort.margin == 0.25  # beyond the limit is no better than at it
+    assert replace(made, trials=(Trial(),)).effort is None
+
+
+def test_what_holds_does_so_in_each_engine():
+    made = Evaluation(Candidate(TOOL, np.zeros((1, 6))), "ok", trials=(Trial("a", reward=1.0), Trial("b", reward=0.95)))
+    assert made.holds
+    assert not replace(made, trials=(*made.trials, Trial("b", reward=0.9))).holds
+    assert not replace(made, trials=()).holds
+
+
+@given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 9)), min_size=1))
+def test_nothing_beats_the_front(points):
+    found = front(points)
+    for x, y in points:
+        assert any(points[n][0] <= x and points[n][1] <= y for n in found)
+    ahead = np.diff(np.array([points[n] for n in found]), axis=0)
+    assert (ahead[:, :1] > 0).all()
+    assert (ahead[:, 1:] < 0).all()
