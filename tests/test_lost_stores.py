@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+from pathlib import Path
 
 import pytest
 
@@ -94,6 +95,21 @@ def test_a_folder_that_is_gone_is_not_made_again(toy, tmp_path, monkeypatch):  #
     said = cut_short(folder, delete, monkeypatch, toy, 3)  # a thread may store a reply while files are deleted
     assert f"{folder} was deleted or " in said
     assert not folder.exists()
+
+
+def test_a_folder_that_goes_while_the_store_is_written_again_is_one_line(toy, tmp_path, monkeypatch):  # noqa: F811
+    """Another thread that writes later hears the same, and not of a closed connection."""
+    replaced = Path.replace
+
+    def gone(path, target):
+        if path.name == f"{FILE}.part":
+            shutil.rmtree(path.parent)
+        return replaced(path, target)
+
+    monkeypatch.setattr(Path, "replace", gone)
+    assert "was deleted or replaced while the run was at work; it can't be written again: " in cut_short(
+        tmp_path / "run", delete_all, monkeypatch, toy, 3
+    )
 
 
 def test_a_folder_that_is_moved_goes_on_where_it_is(toy, whole, tmp_path, monkeypatch):  # noqa: F811

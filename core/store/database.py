@@ -227,12 +227,17 @@ class Database:
         found = {name: mark.identity for name in names if (mark := file_mark(self.folder / name)) is not None}
         self._files = self._files or found
         if lost := [name for name in self._files if found.get(name) != self._files[name]]:
-            self._lost = UserError(self._rescue(lost))
+            happened = f"{', '.join(lost)} in {self.folder} was deleted or replaced while the run was at work"
+            try:
+                self._lost = UserError(self._rescue(lost, happened))
+            except (OSError, sqlite3.Error) as error:  # the folder goes while the store is written again
+                self._lost = UserError(f"{happened}; it can't be written again: {error}")
+            finally:
+                self._connection.close()
             raise self._lost
 
-    def _rescue(self, lost: Sequence[str]) -> str:
+    def _rescue(self, lost: Sequence[str], happened: str) -> str:
         """Close the connection, and write the store to the folder again if its file is lost; say what happened."""
-        happened = f"{', '.join(lost)} in {self.folder} was deleted or replaced while the run was at work"
         if not self.folder.is_dir():
             self._connection.close()
             return f"{self.folder} was deleted or moved while the run was at work; there is no store in its place"
