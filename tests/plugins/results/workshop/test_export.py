@@ -255,7 +255,7 @@ SEARCHES = [
 @pytest.mark.usefixtures("inline")
 @pytest.mark.parametrize("words", SEARCHES, ids=lambda words: words[1])
 def test_what_a_search_found_earns_the_same_as_exported(tmp_path, words):
-    run(load("config", ["sim=mujoco", "prompt.views=[]", *SHORT, *words]), tmp_path / "run")
+    run(load("config", ["sim=mujoco", "prompt.picture=false", *SHORT, *words]), tmp_path / "run")
     found = export(configured([f"designs={tmp_path / 'run'}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
     (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
     earned, searched = map(float, re.findall(r"[\d.]+(?= for| in)", verdict.found))
