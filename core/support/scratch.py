@@ -1,4 +1,4 @@
-"""Keep temporary files in one folder of the process, which is removed when the process ends, unless it is killed."""
+"""Keep temporary files in one folder of the process, which is removed however the process ends."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import contextlib
 import errno
 import os
 import shutil
+import subprocess
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -15,15 +16,29 @@ from pathlib import Path
 from core.errors import UserError
 from core.support.files import FileMark, file_mark
 
+# Waits until the process has ended, which closes the pipe; workers may write while they end.
+_REMOVE = 'read -r _; for i in 1 2 3 4 5; do rm -rf -- "$1"; [ -e "$1" ] || exit 0; sleep 1; done'
+
 
 class _Root:
-    """The folder of this process."""
+    """The folder of this process, and the process that removes it when this one is killed."""
 
     def __init__(self, folder: Path, *, own: bool) -> None:
         self.folder = folder
         self.mark = file_mark(folder)  # a folder of the same name may come later, of another user
         self.process = os.getpid()
         self.own = own
+        self.remover: subprocess.Popen[bytes] | None = None
+        if own and os.name == "posix":
+            with contextlib.suppress(OSError):  # no process left: the folder is removed all the same at a normal end
+                self.remover = subprocess.Popen(  # noqa: S603  # our own words
+                    ["/bin/sh", "-c", _REMOVE, "sh", str(folder)],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    cwd="/",
+                    start_new_session=True,
+                )
 
     def gone(self) -> bool:
         """Say if this process has no such folder: it was deleted, or this process was forked."""
@@ -35,6 +50,10 @@ class _Root:
         if not self.own or self.process != os.getpid():  # forked: it is the parent's
             return
         shutil.rmtree(self.folder, ignore_errors=True)
+        if self.remover is not None and self.remover.stdin is not None:
+            self.remover.stdin.close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.remover.wait(5.0)
 
 
 _roots: list[_Root] = []  # the last one is in use; earlier ones were deleted by something else

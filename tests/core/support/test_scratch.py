@@ -1,6 +1,8 @@
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,8 @@ def main(words):
         case "raise": raise ValueError("a bug")
         case "refuse": raise UserError("a mistake")
         case "interrupt": os.kill(os.getpid(), signal.SIGINT)
+        case "kill": os.kill(os.getpid(), signal.SIGKILL)
+        case "exit": os._exit(3)
         case "fork" if os.fork() == 0: sys.exit(0)
     if sys.argv[1] == "fork":
         os.wait()
@@ -44,6 +48,15 @@ def ended(folder, way):
 @pytest.mark.parametrize("way", ["return", "raise", "refuse", "interrupt", "fork"])
 def test_a_process_that_ends_leaves_no_folder(way, tmp_path):
     ended(tmp_path, way)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("way", ["kill", "exit"])
+def test_neither_does_one_that_is_killed(way, tmp_path):
+    ended(tmp_path, way)
+    deadline = time.monotonic() + 20
+    while list(tmp_path.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.02)
     assert not list(tmp_path.iterdir())
 
 
@@ -104,3 +117,19 @@ def test_a_file_that_was_written_in_part_is_not_taken_for_whole(tmp_path, monkey
         with pytest.raises(OSError, match="No space"):
             write_once(file, lambda: "text")
     assert write_once(file, lambda: "text").read_text() == "text"
+
+
+def test_signals_that_end_a_process_are_not_caught_by_the_remover(tmp_path):
+    """A scheduler signals the whole group, and the process needs its folder until it ends."""
+    program = "import sys; from core.support.scratch import scratch; print(scratch(), flush=True); sys.stdin.read()"
+    command = [sys.executable, "-c", program]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "start_new_session": True}
+    with subprocess.Popen(command, env=os.environ | {"TMPDIR": str(tmp_path)}, **pipes) as process:
+        folder = Path(process.stdout.readline().strip())
+        assert folder.is_dir()
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        deadline = time.monotonic() + 20
+        while folder.exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert not folder.exists()
