@@ -223,10 +223,7 @@ class Database:
         Raises:
             UserError: one was deleted or replaced. The connection is closed, and what was stored is in the folder.
         """
-        names = (FILE, f"{FILE}-wal", f"{FILE}-shm", LOCK)
-        found = {name: mark.identity for name in names if (mark := file_mark(self.folder / name)) is not None}
-        self._files = self._files or found
-        if lost := [name for name in self._files if found.get(name) != self._files[name]]:
+        if self._gone() and (lost := self._gone()):  # at a second look those too that went during the first
             happened = f"{', '.join(lost)} in {self.folder} was deleted or replaced while the run was at work"
             try:
                 self._lost = UserError(self._rescue(lost, happened))
@@ -235,6 +232,13 @@ class Database:
             finally:
                 self._connection.close()
             raise self._lost
+
+    def _gone(self) -> list[str]:
+        """Return the names of the files that are not those of before; at first what is there is kept as that."""
+        names = (FILE, f"{FILE}-wal", f"{FILE}-shm", LOCK)
+        found = {name: mark.identity for name in names if (mark := file_mark(self.folder / name)) is not None}
+        self._files = self._files or found
+        return [name for name in self._files if found.get(name) != self._files[name]]
 
     def _rescue(self, lost: Sequence[str], happened: str) -> str:
         """Close the connection, and write the store to the folder again if its file is lost; say what happened."""
