@@ -114,7 +114,7 @@ def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(po
     command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points), *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
-    assert result_of(tmp_path / "whole" / "run")["best"]["generation"] == 1
+    assert result_of(tmp_path / "whole" / "run")["best"]["generation"] >= 1
     stored = []
     for point in range(points):
         at = tmp_path / str(point)
