@@ -32,7 +32,7 @@ KILLED = {  # settings of the runs that are killed
     "islands": ["evolution=islands"],
     "refined": ["evolution.refine=12"],
     "raced": [
-        *("task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0"),
+        *("task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0", "fitness.final=0"),
         "fitness.stop_behind=1",
     ],
 }
