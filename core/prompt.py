@@ -78,7 +78,7 @@ def compose(cfg: DictConfig) -> Request:
     kinds = cfg.task.get("tool_kinds") or DEFAULT_KINDS
     designer = make_designer(
         Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
-        part(SIMULATOR, cfg.sim).create(),
+        part(SIMULATOR, cfg.sim).create,
         NoModel(installed().factory("vlm", cfg.vlm.name)),
         PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
         node(cfg.sampling, Sampling),

@@ -73,7 +73,7 @@ def make_critic(
     prompts: PromptComposer,
     temperature: float,
     task: Task,
-    simulator: Simulator,
+    simulator: Callable[[], Simulator],
     seed: int,
     film: Callable[[Evaluation], Picture | None] | None,
 ) -> Critic | None:
@@ -91,7 +91,7 @@ def make_critic(
         candidate, drawn = evaluation.candidate, dict[str, Picture]()
         if film is not None and candidate.tool is not None and candidate.tool.components:
             try:
-                views = draw_tool(task, simulator, seed, candidate.tool)
+                views = draw_tool(task, simulator(), seed, candidate.tool)
             except OSError:  # the machine fails, see `make_designer`
                 raise
             except RAISED as error:

@@ -6,6 +6,7 @@ import queue
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 import pluggy
@@ -330,20 +331,21 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
 
 def make_designer(
     assignment: Assignment,
-    simulator: Simulator,
+    create: Callable[[], Simulator],
     vlm: VLM,
     prompts: PromptComposer,
     sampling: Sampling,
     events: pluggy.PluginManager,
 ) -> ModelDesigner:
-    """Make a designer that shows the model pictures, drawn by ``simulator``, of the scene and of rollouts.
+    """Make a designer that shows the model pictures of the scene and of rollouts, drawn by what ``create`` makes.
 
-    Where nothing can draw, standard error says why, and the model gets text alone.
+    One with a loaded scene holds 100 MB: the scene's is let go, and rollouts have another from the first one on. Where
+    nothing can draw, standard error says why, and the model gets text alone.
 
     Raises:
         UserError: no tool kind that the robot can bear, no given tool for the task, or one that breaks a rule.
     """
-    task, seed = assignment.task, assignment.seed
+    task, seed, simulator = assignment.task, assignment.seed, cache(create)
     given = given_tool(assignment.representation, task, seed)
     if given is None:
         assignment = replace(assignment, tool_kinds=borne_kinds(assignment.tool_kinds, task.robot))
@@ -354,7 +356,7 @@ def make_designer(
         layout = seed if shown is None else shown.layout
         seen = None if evaluation.combined else evaluation.observation  # else of another engine or perturbed
         try:
-            strip = draw_strip(task, simulator, candidate, layout, prompts.rollout, seen)
+            strip = draw_strip(task, simulator(), candidate, layout, prompts.rollout, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except RAISED as error:  # else a picture that fails costs the picture, never the run
@@ -363,7 +365,7 @@ def make_designer(
         return Picture(png(strip), f"strip_{candidate.id}")
 
     mounted = bare if given is None else [given]
-    pictures, drawable = scene_pictures(task, simulator, prompts.settings.picture, seed, mounted)
+    pictures, drawable = scene_pictures(task, create(), prompts.settings.picture, seed, mounted)
     film = show if drawable else None
     critic = make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film)
     return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, film, critic)

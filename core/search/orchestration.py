@@ -91,7 +91,7 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     events, kinds = event_hub(), config["task"].get("tool_kinds") or DEFAULT_KINDS
     designer = make_designer(
         Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
-        simulator,
+        sim.create,
         CachedVLM(vlm, replies) if replies else vlm,
         PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
         node(cfg.sampling, Sampling),

@@ -145,7 +145,7 @@ def test_a_limit_is_passed_on():
 def test_a_program_that_writes_no_critiques_is_not_asked(capsys):
     prompts = PromptComposer(PromptSettings(critic=2))
     assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), BUDGET, 0)
-    made = make_designer(assignment, ToyEngine(), OfflineDesigner(), prompts, Sampling(), Listener().hub)
+    made = make_designer(assignment, ToyEngine, OfflineDesigner(), prompts, Sampling(), Listener().hub)
     assert made.critic is None
     assert capsys.readouterr().err.startswith(
         "prompt.critic=2: offline (embedded designer, no language model) writes no "
