@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from core.design import best_tools
 from core.errors import check_positive
@@ -18,24 +18,20 @@ if TYPE_CHECKING:
 
 
 class RerunListener:
-    """Records a run in ``recording.rrd`` in its folder. The first failure is reported in one line and ends the
-    recording.
+    """Records a run in ``recording.rrd`` in its folder: of each generation the rollout of its best tool. The first
+    failure is reported in one line and ends the recording.
 
     Args:
-        elites: record the rollout of a generation's ``best`` tool, or of ``all`` of its best, at most ``k_top``.
         hz: frames per simulated second.
     """
 
-    def __init__(self, elites: Literal["best", "all"] = "best", hz: float = 25.0) -> None:
+    def __init__(self, hz: float = 25.0) -> None:
         check_positive("listener.rerun.", hz=hz)
-        self._elites = elites
         self._hz = hz
-        self._most = 0
         self._writer: Writer | None = None
 
     @hookimpl
     def run_started(self, run: Run) -> None:
-        self._most = run.budget.k_top
         self._attempt(self._open, run)
 
     @hookimpl
@@ -60,11 +56,9 @@ class RerunListener:
         self._writer.begin()
 
     def _record(self, generation: Generation, writer: Writer) -> None:
-        ranked = best_tools(generation.ranking)[: self._most]
-        writer.generation(generation, ranked)
-        shown = list(enumerate(ranked, start=1))[: None if self._elites == "all" else 1]
-        for rank, evaluation in reversed(shown):  # the best last: its rollout is the one that stays
-            writer.rollout(generation.index, rank, evaluation, self._hz)
+        writer.generation(generation)
+        for evaluation in best_tools(generation.ranking)[:1]:
+            writer.rollout(generation.index, evaluation, self._hz)
 
     def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
         try:

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import os
-import signal
 import socket
 import subprocess
 import sys
@@ -15,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
 from urllib.parse import quote
 
 from core.errors import UsageError, UserError
@@ -24,60 +21,39 @@ from core.support.cli import folders_and_overrides, say
 
 HERE = "127.0.0.1"
 USAGE = "usage: vlmgineer view FOLDER [web=true] [port=N]; FOLDER, or runs=FOLDER, is a run's or a multirun's"
-_RERUN = "import sys, rerun_cli.__main__ as rerun; sys.exit(rerun.main())"  # as its console script does
 _END_S = 5.0
 
 
 def recordings(run: Path) -> list[Path]:
-    """The recordings in the folder of a run or a multirun; or ``run`` itself, if it is a recording.
+    """The recordings in the folder of a run or a multirun.
 
     Raises:
         UserError: there is no recording.
     """
-    if run.suffix == ".rrd" and run.is_file():
-        return [run]
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    files = [
-        file for pattern in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(pattern)) if file.is_file()
-    ]
+    files = [file for pattern in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(pattern))]
     if not files:
         raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
     return files
 
 
-def start_viewer(*arguments: str, output: IO[bytes] | int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
-    """Start Rerun's viewer, bound to this machine, in a process group of its own, which the terminal's Ctrl-C does not
-    reach.
+def viewer_binary() -> str:
+    """The viewer's file, in the package that Rerun's makers deliver it in.
 
     Raises:
         UserError: Rerun is not installed.
     """
-    if importlib.util.find_spec("rerun_cli") is None:
+    spec = importlib.util.find_spec("rerun_cli")
+    if spec is None or spec.origin is None:
         raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
-    words = [sys.executable, "-c", _RERUN, *arguments, "--bind", HERE]
-    return subprocess.Popen(  # noqa: S603
-        words, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
-    )
-
-
-def end(viewer: subprocess.Popen[bytes]) -> None:
-    """End a viewer and its child processes."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(viewer.pid, number)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            viewer.wait(_END_S)
-            return
+    return str(Path(spec.origin).with_name("rerun"))
 
 
 def listens(port: int, host: str = HERE) -> bool:
     """True if a server listens on the port."""
-    try:
-        with socket.create_connection((host, port), timeout=1.0):
-            return True
-    except OSError:
-        return False
+    with socket.socket() as client:
+        return client.connect_ex((host, port)) == 0
 
 
 def free_port(wanted: int = 0) -> int:
@@ -86,15 +62,12 @@ def free_port(wanted: int = 0) -> int:
     Raises:
         UserError: the port is taken.
     """
-    with socket.socket() as server:
-        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            server.bind((HERE, wanted))
-        except (OSError, OverflowError) as error:
-            raise UserError(
-                f"port {wanted} of {HERE} is not free ({error}); choose another with port=N, or any with port=0"
-            ) from error
-        return int(server.getsockname()[1])
+    try:
+        with socket.create_server((HERE, wanted)) as server:
+            return int(server.getsockname()[1])
+    except (OSError, OverflowError) as error:
+        mend = "choose another with port=N, or any with port=0"
+        raise UserError(f"port {wanted} of {HERE} is not free ({error}); {mend}") from error
 
 
 def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
@@ -105,20 +78,22 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     """
     page, data = free_port(port) if web else 0, free_port()
     server = ("--serve-web", "--web-viewer-port", str(page)) if web else ()
+    words = [viewer_binary(), *map(str, files), *server, "--port", str(data), "--bind", HERE]
     with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
-        viewer = start_viewer(*map(str, files), *server, "--port", str(data), output=output)
+        viewer = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=output)  # noqa: S603
         try:
-            if web:
-                while viewer.poll() is None and not (listens(page) and listens(data)):
-                    time.sleep(0.05)
-                if viewer.poll() is None:
-                    say("Ctrl-C ends it", file=sys.stderr)  # before the address, whose reader may interrupt at once
-                    stream = quote(f"rerun+http://{HERE}:{data}/proxy", safe="")
-                    say(f"http://{HERE}:{page}/?url={stream}")
-                    sys.stdout.flush()
+            while web and viewer.poll() is None and not (listens(page) and listens(data)):
+                time.sleep(0.05)
+            if web and viewer.poll() is None:
+                say("Ctrl-C ends it", file=sys.stderr)  # before the address, whose reader may interrupt at once
+                say(f"http://{HERE}:{page}/?url={quote(f'rerun+http://{HERE}:{data}/proxy', safe='')}")
+                sys.stdout.flush()
             status = viewer.wait()
         finally:
-            end(viewer)
+            viewer.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                viewer.wait(_END_S)
+            viewer.kill()
         output.seek(0)
         last = (output.read().decode(errors="replace").strip() or "it printed nothing").splitlines()[-1]
         if web or status:

@@ -7,13 +7,14 @@ There are two timelines. ``sim_time`` runs through the recorded rollouts, one af
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 import trimesh
 from scipy.spatial.transform import Rotation
 
@@ -25,27 +26,25 @@ from core.robot.frames import bearer_frames, link_frames, tool_values
 from core.robot.kinematics import arm_of
 from core.robot.meshes import link_visuals
 from core.robot.trajectory import Motion
-from core.scene import Color, State
+from core.scene import Camera, Color, State
 from core.simulation.rollout import prepare
 from core.solids.contacts import find_contacts, make_trace, up_to_each
-from core.solids.held import as_held, solids
+from core.solids.held import solids
 from core.solids.record_rate import subset
+from core.support.text import clean
 from core.task import reward_of
-from plugins.listeners.rerun.layout import layout
-from plugins.listeners.rerun.lineage import Lineage
-from plugins.listeners.rerun.words import design_text, tools_text
 
 _FLUSH_S, _END_S = 10.0, 5.0  # until all data are on the disk
 
 _PAUSE_S = 0.5  # between two rollouts
-_GAP_M = 0.08  # between two tools side by side
-_LEAST_M = 0.15  # of the row for a tool
 _PATH_COLOR = (230, 120, 20)
-_LABEL_COLOR = (90, 90, 90)
-_ELITE_COLOR = (20, 120, 60)
 _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200)}
 _SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
+
+MAX_NAME = 200
+MAX_TEXT = 4000
+_INDENT = "    "  # before every line of a model's, so that it can't be taken for one of ours
 
 _Place = tuple[str, ...]
 
@@ -65,17 +64,14 @@ class Writer:
         self._stream.set_sinks(rr.FileSink(file))
         self._stream.send_recording_name(f"{run.task.name}, {run.folder.name}")
         self._clock = 0.0
-        self._lineage = Lineage()
         self._loose: set[str] = set()  # the tools' components with a joint
         self._visible: set[_Place] = set()  # of the meshes that come and go
-        self._row = 0.0
-        self._arranged: tuple[float, bool] | None = None
         self._robot = run.task.robot
         self._hand: dict[str, trimesh.Trimesh] = {}  # the gripper's links
 
     def begin(self) -> None:
         """Write what does not change: the layout, the scene and the arm."""
-        self._arrange()
+        self._stream.send_blueprint(layout(self._run.task.camera))
         self._scene()
         always = links(self._robot, gripper=False)
         both = links(self._robot, gripper=True) if self._robot.gripper else {}
@@ -86,19 +82,12 @@ class Writer:
             self._log(("search", "reward", name), rr.SeriesLines(colors=color, names=name, widths=2.0), static=True)
         self._flush()
 
-    def generation(self, generation: Generation, tools: Sequence[Evaluation]) -> None:
-        """Write a generation's rewards, its best ``tools`` side by side, and the designs that they derive from."""
+    def generation(self, generation: Generation) -> None:
+        """Write a generation's rewards."""
         self._at(generation.index)
         for name, reward in (("best", generation.best_reward), ("mean", generation.mean_reward)):
             if reward is not None:
                 self._log(("search", "reward", name), rr.Scalars(reward))
-        designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
-        self._side_by_side(designed)
-        self._write("tools", tools_text(designed, self._run.budget.reward_save))
-        self._lineage.add(generation.index, tools)
-        if self._lineage.places:
-            self._log(("lineage",), *self._lineage.graph())
-        self._arrange()
         self._flush()
 
     def close(self) -> None:
@@ -109,7 +98,7 @@ class Writer:
         if ending.is_alive():
             rr.unregister_shutdown()
 
-    def rollout(self, generation: int, rank: int, evaluation: Evaluation, hz: float) -> None:
+    def rollout(self, generation: int, evaluation: Evaluation, hz: float) -> None:
         """Write the arm, the tool and the scene in motion, the reward, and the model's description; or the reason why
         the rollout can't be shown.
         """
@@ -128,7 +117,7 @@ class Writer:
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
         text = design_text(evaluation, float(rewards[-1]))
-        self._write("design", f"generation {generation}, rank {rank}\n{text}")
+        self._write("design", f"generation {generation}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
         for name, poses in tracks(self._robot, candidate.tool, recording.arm, recording.fingers).items():
@@ -161,36 +150,6 @@ class Writer:
         self._loose |= placed.keys() - set(_MOUNTS)
         for mount in (*_MOUNTS, *sorted(self._loose)):
             self._show(("world", "robot", mount, "tool"), joined(placed[mount]) if mount in placed else None)
-
-    def _side_by_side(self, tools: Sequence[Evaluation]) -> None:
-        """Show each tool as it hangs from the arm at home, in a row along x, ranks from left to right from -y."""
-        alone = [joined(as_held(e.candidate.tool, self._robot)) for e in tools if e.candidate.tool is not None]
-        boxes = [mesh.bounds for mesh in alone]
-        widths = [max(high[0] - low[0], _LEAST_M) + _GAP_M for low, high in boxes]
-        if sum(widths) > 1.2 * self._row:
-            self._row = sum(widths)
-        under = -max((high[2] - low[2] for low, high in boxes), default=0.0) - _GAP_M
-        x = -sum(widths) / 2
-        for rank in range(1, self._run.budget.k_top + 1):
-            path = ("tools", f"rank_{rank}")
-            if rank > len(alone):
-                self._show(path, None)
-                continue
-            (low, high), middle = boxes[rank - 1], x + widths[rank - 1] / 2
-            alone[rank - 1].apply_translation([middle - (low[0] + high[0]) / 2, 0.0, -high[2]])
-            self._show(path, alone[rank - 1])
-            reward = tools[rank - 1].reward
-            color = _ELITE_COLOR if reward > self._run.budget.reward_save else _LABEL_COLOR
-            label = rr.Points3D([(middle, 0.0, under)], labels=f"{rank}: {reward:.2f}", colors=color, radii=0.001)
-            self._log((*path, "label"), label)
-            x += widths[rank - 1]
-
-    def _arrange(self) -> None:
-        """Send the layout, again where there is something new to see."""
-        shown = self._row, bool(self._lineage.edges)
-        if shown != self._arranged:
-            self._stream.send_blueprint(layout(self._run.task.camera, *shown))
-            self._arranged = shown
 
     # --- Rerun --------------------------------------------------------------------------------------------------
 
@@ -229,6 +188,25 @@ class Writer:
     def _move(self, path: _Place, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
         poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
         self._columns(path, times, generation, poses)
+
+
+def layout(camera: Camera) -> rrb.Blueprint:
+    """Arrange the viewer: the scene, the words and the rewards."""
+    eye = rrb.EyeControls3D(position=camera.position, look_target=camera.target, eye_up=(0.0, 0.0, 1.0))
+    unit = rrb.ScalarAxis(range=(-0.05, 1.05))
+    figures = rrb.Vertical(
+        rrb.TextDocumentView(origin="/text/design", name="design"),
+        rrb.TimeSeriesView(origin="/reward", name="reward in the rollout", axis_y=unit),
+        rrb.TimeSeriesView(origin="/search/reward", name="reward by generation", axis_y=unit),
+        row_shares=[3, 2, 2],
+    )
+    scene = rrb.Spatial3DView(origin="/world", name="rollout", eye_controls=eye, line_grid=False)
+    return rrb.Blueprint(
+        rrb.Horizontal(scene, figures, column_shares=[3, 2]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", fps=1.0, play_state="playing", loop_mode="all"),
+    )
 
 
 def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording, Array]:
@@ -309,3 +287,45 @@ def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Ar
         name: np.hstack([positions, Rotation.from_matrix(rotations).as_quat()])
         for name, (rotations, positions) in frames.items()
     }
+
+
+def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") -> str:
+    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout.
+
+    It is shown as plain text, never as Markdown, which can fetch pictures and hide the targets of links.
+    """
+    candidate = evaluation.candidate
+    lines = [
+        f"candidate {candidate.id}, reward {evaluation.reward:.3f}, distance {evaluation.distance_m:.2f} m",
+        _descent(candidate),
+    ]
+    if replayed is not None and abs(replayed - evaluation.reward) > 1e-6:
+        lines.append(f"the recorded rollout earned {replayed:.3f}")
+    lines += [note] if note else []
+    tool = candidate.tool
+    if tool is not None and tool.components:
+        lines += ["", "tool, in the model's words:", *_quoted(tool.name, tool.description)]
+    lines += ["", "strategy, in the model's words:", *_quoted(candidate.strategy_name, candidate.strategy_description)]
+    if candidate.action_description:
+        lines += ["", "motion, in the model's words:", *_quoted(candidate.action_description)]
+    if tool is not None and tool.components:
+        lines += ["", "components:"]
+        for component in tool.components:
+            name, parent = clean(component.name, MAX_NAME), clean(component.parent, MAX_NAME)
+            lines.append(f"{_INDENT}{name} on {parent}, {1000 * component.mass:.0f} g")
+    return "\n".join(lines) + "\n"
+
+
+def _descent(candidate: Candidate) -> str:
+    match candidate.parents:
+        case ():
+            return "a fresh design"
+        case (parent,):
+            return f"a mutation of {parent}"
+        case parents:
+            return f"a crossover of {' and '.join(parents)}"
+
+
+def _quoted(*texts: str) -> list[str]:
+    lines = [line for text in texts for line in clean(text, MAX_TEXT, lines=True).splitlines()]
+    return [f"{_INDENT}{line}" for line in lines] or [f"{_INDENT}(nothing)"]

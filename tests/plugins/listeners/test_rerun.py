@@ -22,8 +22,7 @@ from core.events import Generation, Result, Run
 from core.interfaces import Budget, RolloutSettings
 from core.plugins import event_hub, installed
 from core.simulation.rollout import evaluate_batch
-from plugins.listeners.rerun.words import MAX_TEXT
-from plugins.listeners.rerun.writer import replay
+from plugins.listeners.rerun.writer import MAX_TEXT, replay
 from tests import solutions
 from tests.panda import ARM
 
@@ -45,8 +44,8 @@ def simulator():
 
 @pytest.fixture(scope="module")
 def generations(simulator):
-    """One with a hook, the same in a hostile model's words, and a reject; then one with a bare hand that derives from
-    both, and stays where it is.
+    """One with a hook and a reject; the same hook in a hostile model's words; a bare hand that derives from both, and
+    stays where it is.
     """
     hook = replace(read_designs(load_designs(SOLUTION), URDF, SpawnRules(TASK, 0))[0], action=0)
     hostile = replace(
@@ -61,9 +60,9 @@ def generations(simulator):
     lost = Candidate(None, np.zeros((0, 6)), 0, 2, problem="no boxes")
     parents = (hook.id, hostile.id)
     hand = Candidate(Tool(gripper=True), np.array([[0.5, 0, 0.5, 0, 0, 0, 1.0]]), 1, parents=parents)
-    first = evaluate_batch(TASK, simulator, [hook, hostile, lost], 0, RolloutSettings())
-    second = evaluate_batch(TASK, simulator, [hand], 0, RolloutSettings())
-    return Generation(0, tuple(first)), Generation(1, tuple(second))
+    rounds = ([hook, lost], [hostile], [hand])
+    tried = [evaluate_batch(TASK, simulator, candidates, 0, RolloutSettings()) for candidates in rounds]
+    return tuple(Generation(i, tuple(evaluations)) for i, evaluations in enumerate(tried))
 
 
 def run_in(folder, simulator) -> Run:
@@ -117,13 +116,13 @@ class Recording:
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory, simulator, generations):
     folder = tmp_path_factory.mktemp("run")
-    play(run_in(folder, simulator), generations, elites="all")
+    play(run_in(folder, simulator), generations)
     return Recording(folder / "recording.rrd"), folder / "recording.rrd"
 
 
 def test_on_by_default():
     cfg = load("config", [])
-    assert dict(cfg.listener.rerun) == {"elites": "best", "hz": 25.0}
+    assert dict(cfg.listener.rerun) == {"hz": 25.0}
     assert "progress" in cfg.listener
 
 
@@ -138,19 +137,19 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
     for path in (*links, "/world/scene/cube"):
         assert recording.column(path, "sim_time") == times
         numbers = recording.column(path, "generation")
-        assert sorted(set(numbers)) == [0, 1]
+        assert sorted(set(numbers)) == [0, 1, 2]
         assert numbers == sorted(numbers)
     assert 0.03 < np.median(np.diff(times)) < 0.05  # 25 frames a second
 
     starts = np.flatnonzero(np.diff(times, prepend=-1.0) > 0.4)  # a pause lies between rollouts
     assert len(starts) == 3
-    last = starts[2] - 1  # of the second rollout: the first generation's best is shown last
+    last = starts[1] - 1
     assert recording.column(f"/reward/{solved.id}", "sim_time")[-1] == times[last]
     (place,) = recording.column("/world/robot/tool_mount", "translation")[last]
     assert np.allclose(place, solved.plan.poses[-1, :3], atol=0.01)
     (cube,) = recording.column("/world/scene/cube", "translation")[last]
     assert np.allclose(cube[:2], (0.6, 0.0), atol=0.05)
-    (home,) = recording.column("/world/robot/tool_mount", "translation")[starts[2]]
+    (home,) = recording.column("/world/robot/tool_mount", "translation")[starts[1]]
     assert np.allclose(home, TASK.home.position, atol=0.01)
 
 
@@ -158,18 +157,18 @@ def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(recorded, 
     recording, _ = recorded
     solved = generations[0].best.candidate
     tool = "/world/robot/tool_mount/tool"
-    assert recording.column(tool, "generation") == [0, 0, 1]
+    assert recording.column(tool, "generation") == [0, 1, 2]
     shown = recording.column(tool, "vertex_positions")
     assert [bool(vertices) for vertices in shown] == [True, True, False]
     assert recording.column(tool, "is_recursive")[2] == [True]  # taken off
-    low, high = np.min(shown[1], axis=0), np.max(shown[1], axis=0)
+    low, high = np.min(shown[0], axis=0), np.max(shown[0], axis=0)
     placed = solved.tool.placed()
     corners = [placed[c.name][1].apply(c.shape.to_trimesh().vertices) for c in solved.tool.components]
     assert np.allclose(low, np.min(np.concatenate(corners), axis=0), atol=1e-6)
     assert np.allclose(high, np.max(np.concatenate(corners), axis=0), atol=1e-6)
     for finger in ("panda_hand", "left_finger", "right_finger"):
         meshes = [row["generation"] for row in recording.rows[f"/world/robot/{finger}"] if row.get("vertex_positions")]
-        assert meshes == [1]
+        assert meshes == [2]
 
 
 def test_the_path_is_the_way_of_the_end_effector(recorded):
@@ -194,7 +193,7 @@ def test_the_reward_in_the_rollout_ends_at_what_was_earned(recorded, generations
 def test_what_a_generation_came_to(recorded, generations):
     recording, _ = recorded
     rewards = [[e.reward for e in g.evaluations if e.status == "ok"] for g in generations]
-    assert recording.column("/search/reward/best", "generation") == [0, 1]
+    assert recording.column("/search/reward/best", "generation") == [0, 1, 2]
     assert recording.values("/search/reward/best", "scalars") == [max(r) for r in rewards]
     assert recording.values("/search/reward/mean", "scalars") == pytest.approx([np.mean(r) for r in rewards])
 
@@ -202,41 +201,17 @@ def test_what_a_generation_came_to(recorded, generations):
 def test_what_belongs_to_a_generation_is_there_while_it_is_shown(recorded):
     recording, _ = recorded
     moving = recording.rows["/world/robot/tool_mount"]
-    begins = {g: min(row["sim_time"] for row in moving if row["generation"] == g) for g in (0, 1)}
-    for path in ("/search/reward/best", "/text/tools", "/lineage"):
+    begins = {g: min(row["sim_time"] for row in moving if row["generation"] == g) for g in (0, 1, 2)}
+    for path in ("/search/reward/best", "/text/design"):
         found = {row["generation"]: row["sim_time"] for row in recording.rows[path]}
         assert found == pytest.approx(begins)
 
 
-def test_the_best_tools_stand_side_by_side(recorded):
+def test_a_models_words_are_plain_text_that_can_fake_nothing(recorded, generations):
     recording, _ = recorded
-    first, second = (recording.column(f"/tools/rank_{rank}", "vertex_positions") for rank in (1, 2))
-    assert np.max(first[0], axis=0)[0] < np.min(second[0], axis=0)[0]
-    assert not first[1]  # a bare hand is no tool
-    (label,) = recording.values("/tools/rank_1/label", "labels")
-    assert re.fullmatch(r"1: [01]\.\d\d", label)
-    text = recording.values("/text/tools", "text")[0]
-    assert [line.split(",")[0] for line in text.splitlines() if re.match(r"\d:", line)] == [
-        "1: an elite",
-        "2: no elite",
-    ]
-    assert "/tools/rank_3" not in recording.rows
-
-
-def test_lineage(recorded, generations):
-    recording, _ = recorded
-    (hook, hostile, _), (hand,) = ([e.candidate.id for e in g.evaluations] for g in generations)
-    assert recording.column("/lineage", "node_ids") == [[hook, hostile], [hook, hostile, hand]]
-    edges = [(edge["first"], edge["second"]) for edge in recording.column("/lineage", "edges")[-1]]
-    assert edges == [(hook, hand), (hostile, hand)]
-    assert f"a crossover of {hook} and {hostile}" in recording.values("/text/design", "text")[-1]
-
-
-def test_a_models_words_are_plain_text_that_can_fake_nothing(recorded):
-    recording, _ = recorded
-    shown = recording.values("/text/design", "text") + recording.values("/text/tools", "text")
-    for path in ("/text/design", "/text/tools"):
-        assert set(map(tuple, recording.column(path, "media_type"))) == {("text/plain",)}
+    shown = recording.values("/text/design", "text")
+    assert set(map(tuple, recording.column("/text/design", "media_type"))) == {("text/plain",)}
+    assert f"a crossover of {generations[0].best.candidate.id} and " in shown[-1]
     assert any("http://evil.example" in text for text in shown)
     for text in shown:
         assert len(text) < 8 * MAX_TEXT
@@ -249,7 +224,7 @@ def test_a_models_words_are_plain_text_that_can_fake_nothing(recorded):
 
 def test_it_opens_arranged(recorded):
     recording, _ = recorded
-    for view in ("rollout", "best tools", "lineage", "design", "reward by generation"):
+    for view in ("rollout", "design", "reward by generation"):
         assert view in recording.blueprint
     assert "sim_time" in recording.blueprint
 
@@ -257,14 +232,6 @@ def test_it_opens_arranged(recorded):
 def test_it_is_small(recorded):
     _, file = recorded
     assert file.stat().st_size < 5_000_000
-
-
-def test_the_best_alone_unless_all_are_asked_for_and_no_views_of_nothing(tmp_path, simulator, generations, capfd):
-    play(run_in(tmp_path, simulator), generations)
-    recording = Recording(tmp_path / "recording.rrd")
-    best = [f"/reward/{g.best.candidate.id}" for g in generations]
-    assert sorted(path for path in recording.rows if path.startswith("/reward/")) == best
-    assert said(capfd) == []
 
 
 # --- failures ---------------------------------------------------------------------------------------------------
@@ -323,7 +290,7 @@ def test_a_rollout_that_breaks_is_reported_in_its_place(tmp_path, generations, c
     play(run_in(tmp_path, None), generations)
     recording = Recording(tmp_path / "recording.rrd")
     assert "the rollout can't be shown: the run has no simulator" in recording.values("/text/design", "text")[0]
-    assert len(recording.values("/search/reward/best", "scalars")) == 2
+    assert len(recording.values("/search/reward/best", "scalars")) == 3
     assert said(capfd) == []
 
 
@@ -337,7 +304,7 @@ def test_a_generation_of_rejects_only(tmp_path, simulator, capfd):
 
 def test_wrong_settings():
     create = installed().create
-    for settings in ({"hz": 0.0}, {"elites": "some"}, {"elite": "all"}):
+    for settings in ({"hz": 0.0}, {"elites": "all"}):
         with pytest.raises(UsageError, match=next(iter(settings))):
             create("listener", "rerun", settings)
 

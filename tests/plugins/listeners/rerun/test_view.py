@@ -115,9 +115,8 @@ def test_a_mistake_is_one_line(tmp_path, words, said):
     assert said in line
 
 
-def test_recordings_of_a_run_of_a_multirun_or_named(folder, tmp_path):
-    file = folder / "recording.rrd"
-    assert recordings(folder) == recordings(file) == [file]
+def test_recordings_of_a_run_or_of_a_multirun(folder, tmp_path):
+    assert recordings(folder) == [folder / "recording.rrd"]
     for job in ("0_seed=0", "1_seed=1"):
         (tmp_path / job).mkdir()
         (tmp_path / job / "recording.rrd").touch()
