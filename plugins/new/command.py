@@ -1,4 +1,4 @@
-"""``vlmgineer new KIND NAME``: write a plugin package to start from, or add a part to one; or a scene file.
+"""``vlmgineer new KIND NAME``: write a plugin package to start from, or a scene file.
 
 Covered by `tests/plugins/new/test_packages.py`.
 """
@@ -13,7 +13,7 @@ from plugins.new.packages import TEMPLATES, write
 from plugins.new.scenes import write_scene
 
 USAGE = f"""\
-usage: vlmgineer new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER_OR_PACKAGE]
+usage: vlmgineer new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER]
        vlmgineer new scene NAME [output=NEW_FILE.yaml]"""
 
 

@@ -1,4 +1,4 @@
-"""Write a plugin package to start from, or add a part to a package that is there."""
+"""Write a plugin package to start from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import jinja2
 
 from core.errors import UsageError, UserError, choices
 from core.plugins import KINDS, installed
-from plugins.new.existing import find_package, with_entry_point
 
 
 @dataclass(frozen=True)
@@ -48,33 +47,27 @@ TEMPLATES = {
 
 
 def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]:
-    """Write a part into the folder ``output`` (default: one of its name, here); return the folder and its module.
-
-    In a folder that holds a plugin package the part becomes a subpackage with an entry point of its own; of what is
-    there only ``pyproject.toml`` changes.
+    """Write a package into the folder ``output`` (default: one of its name, here); return that and the part's module.
 
     Raises:
-        UserError: an unknown kind, a name that can't be used, or a folder to which the part can't be added.
+        UserError: an unknown kind, a name that can't be used, or a folder that holds something or can't be written.
     """
     if kind not in TEMPLATES:
         raise choices("kind", kind, (*TEMPLATES, "scene"), "vlmgineer new")
     template = TEMPLATES[kind]
     snake = check_name(template.group, name)
     folder = output or Path(snake)
-    project = folder / "pyproject.toml"
     cls = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
     values = {"name": name, "kind": template.group, "what": template.what, "cls": cls, "module": template.module}
     values |= {"hook": KINDS[template.group].hook, "package": snake}
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        parent = find_package(folder)
-        values["package"] = f"{parent.name}.{snake}"
-        code, changed = parent / snake, with_entry_point(project, snake, values["package"])
-    else:
-        if importlib.util.find_spec(snake) is not None:
-            raise UsageError(f"{name!r} can't be a name: a module {snake!r} is there already; choose another name")
-        code, changed = folder / snake, render("pyproject.toml", values)
+        raise UserError(f"{folder} is there already; choose another folder with output=DIR")
+    if importlib.util.find_spec(snake) is not None:
+        raise UsageError(f"{name!r} can't be a name: a module {snake!r} is there already; choose another name")
+    code = folder / snake
     module = code / f"{template.module}.py"
     new = {
+        folder / "pyproject.toml": render("pyproject.toml", values),
         code / "__init__.py": render("init.py", values),
         module: render(f"{kind}.py", values),
         folder / "tests" / f"test_{snake}.py": render(template.test, values),
@@ -84,11 +77,8 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         new[code / "conf" / template.group / f"{name}.yaml"] = render(f"{kind}.yaml", values)
     if template.data is not None:
         new[code / template.data] = render(f"{kind}{Path(template.data).suffix}", values)
-    for file in (*new, code, code.with_suffix(".py")):
-        if file.exists():
-            raise UserError(f"{file} is there already; choose another name, or another folder with output=DIR")
     try:
-        for file, text in (new | {project: changed}).items():
+        for file, text in new.items():
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
     except OSError as error:
