@@ -9,7 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from core.values.efforts import HOLDS, Effort
+from core.values.efforts import Effort, holds
 from core.values.margins import Margin
 from core.values.observations import Observation
 from core.values.plans import ActionPlan, Waypoints, digest
@@ -161,8 +161,8 @@ class Evaluation:
 
     @property
     def holds(self) -> bool:
-        """Whether the mean reward of its trials is at least `HOLDS` in each engine."""
-        return bool(self.trials) and min(float(np.mean(own)) for own in self.by_engine.values()) >= HOLDS
+        """Whether its trials hold in each engine (`core.values.efforts.holds`)."""
+        return bool(self.trials) and holds(min(float(np.mean(own)) for own in self.by_engine.values()))
 
     @property
     def stopped(self) -> bool:

@@ -23,7 +23,7 @@ from core.store.database import FILE
 from core.store.reader import RunCost, StoredRun, rollouts
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from core.support.files import read_untrusted
-from core.values.efforts import HOLDS, Effort
+from core.values.efforts import Effort, holds
 from plugins.results.pages.formats import Column, Table, columns
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
@@ -102,7 +102,7 @@ class RunResult:
         lowest = min(map(mean, self.rewards.values()), default=0.0)
         if not rules.references:
             return lowest
-        return self.effort.saved(rules.references[task]) if self.effort is not None and lowest >= HOLDS else 0.0
+        return self.effort.saved(rules.references[task]) if self.effort is not None and holds(lowest) else 0.0
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.geometry import Box, Pose
-from core.values.efforts import Effort, front
+from core.values.efforts import Effort, front, holds
 from core.values.margins import Margin
 
 REFERENCE = Effort(8.0, 0.2, 0.4)
@@ -24,6 +24,12 @@ def test_the_reference_scores_1_and_there_is_no_upper_bound():
     assert replace(REFERENCE, motion_s=0.8, mass_kg=0.002).saved(REFERENCE) == pytest.approx(10)
     assert math.isfinite(Effort(0.0, 0.0, 0.4).saved(REFERENCE))  # the bare hand
     assert Effort(8.0, 0.2).saved(REFERENCE) == 1  # a task that says no margins
+
+
+def test_a_mean_that_is_the_limit_but_for_rounding_holds():
+    assert sum([0.95] * 12) / 12 < 0.95
+    assert holds(sum([0.95] * 12) / 12)
+    assert not holds(0.9499)
 
 
 @pytest.mark.parametrize("numbers", [(-1.0, 0.2), (math.nan, 0.2), (1.0, math.inf), (1.0, 0.2, 1.5)])
