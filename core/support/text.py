@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
@@ -84,6 +84,8 @@ def hydra_word(value: object) -> str:
         return "null"
     if isinstance(value, list | tuple):
         return f"[{','.join(map(hydra_word, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{','.join(f'{hydra_word(key)}:{hydra_word(item)}' for key, item in value.items())}}}"
     if isinstance(value, bool):
         return str(value).lower()
     text = str(value)

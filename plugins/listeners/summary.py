@@ -10,10 +10,14 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from omegaconf import OmegaConf
+
 from core.design import best_tools
+from core.errors import UserError
 from core.hooks import hookimpl
+from core.plugins import TASK
 from core.support.cli import print_table, say
-from core.support.text import by_reason, clean, number
+from core.support.text import by_reason, clean, hydra_word, number
 
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 60  # letters of a name
 _REASONS = 5  # why candidates earned nothing or less
+_CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")  # with their settings, what a reward depends on
 
 
 @hookimpl
@@ -141,6 +146,33 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
         return
     yield f"vlmgineer report {folder}"
     yield f"vlmgineer gallery {folder}"
+    design = f"designs={hydra_word(_short(run.folder / 'best' / 'design.json'))}"
+    yield shlex.join(["python", "-m", "core.evaluate", *_settings(run), design])
+
+
+def _settings(run: Run) -> Iterable[str]:
+    """Return the words by which ``core.evaluate`` tries a design as this run did."""
+    from core.config.compose import load
+
+    config = {key: run.config.get(key) or {} for key in (*_CHOSEN, "rollout")}
+    config["task"] = {key: value for key, value in config["task"].items() if key not in TASK.own_keys}
+    words = [f"{kind}={config[kind]['name']}" for kind in _CHOSEN if "name" in config[kind]]
+    try:
+        usual = load("evaluate", words)
+    except UserError:  # the user's own file, which that command does not find: all that it says is set
+        words.remove(f"material={config['material']['name']}")
+        usual = load("evaluate", words)
+    resolved: Any = OmegaConf.to_container(usual, resolve=True)
+    return [*words, *_different(config, resolved), f"seed={run.seed}"]
+
+
+def _different(config: Mapping[Any, Any], usual: Mapping[Any, Any], path: str = "") -> Iterable[str]:
+    """Yield the words that set what differs from ``usual``."""
+    for key, value in config.items():
+        if isinstance(value, Mapping) and isinstance(usual.get(key), Mapping):
+            yield from _different(value, usual[key], f"{path}{key}.")
+        elif key not in usual or usual[key] != value:
+            yield f"{'' if key in usual else '+'}{path}{key}={hydra_word(value)}"
 
 
 def _short(path: Path) -> str:

@@ -67,6 +67,7 @@ def test_values_as_the_command_line_has_them(value, word):
 
 def test_lists_are_lists():
     assert hydra_word(["a", 1, [False]]) == "[a,1,[false]]"
+    assert hydra_word([{"name": "a b", "x": 1}]) == "[{name:'a b',x:1}]"
 
 
 def test_nothing_else_is_in_the_package_itself():

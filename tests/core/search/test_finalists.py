@@ -89,6 +89,9 @@ def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
     assert winner(first, second, worse)[0] == 1
     assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [0, 1]
     assert finalists(result((0.0, 0.5, ""), (0.0, 0.6, ""))) == []
+    tried, other = result(first, second).generations[0].evaluations
+    near = Result((Generation(0, (tried, replace(other, same_as=tried.candidate.id))),), 1.0)
+    assert finalists(near) == [tried]  # a reward that its own rollout earned
     assert winner((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")) == (0, {})
 
 

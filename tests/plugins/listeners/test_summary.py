@@ -1,16 +1,24 @@
-"""What is said at the end of a run."""
+"""What is said at the end of a run, and that ``core.evaluate`` gives its reward again by the words that it names."""
 
+import json
 import shlex
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from core import evaluate
+from core.config.compose import load
 from core.design import Candidate, Evaluation, Trial
 from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
 from core.scene import Margin
+from core.search.orchestration import run
+from core.support.text import hydra_word
+from plugins.new.scenes import write_scene
 from tests.core.run_folders import hook
+from tests.outside_arm import write_arm
 
 
 def summary(capsys, *rewards, replies=(), name="hook", more=(), **settings):
@@ -28,7 +36,8 @@ def summary(capsys, *rewards, replies=(), name="hook", more=(), **settings):
             evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
-    config = {"listener": {"rerun": {}}}
+    chosen = {kind: {"name": name} for kind, name in {**parts, "fitness": "nominal"}.items()}
+    config = {"listener": {"rerun": {}}, **chosen}
     task = installed().create("task", "BringCube")
     run = Run(Path("runs/it's here/x=1"), config, parts, "m", task, None, None, 3, None, None)
     events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
@@ -41,7 +50,7 @@ def rows(said):
 
 def commands(said):
     """The commands to type next."""
-    return [line for line in said.splitlines() if line.startswith("vlmgineer ")]
+    return [line for line in said.splitlines() if line.startswith(("vlmgineer ", "python -m "))]
 
 
 def test_generations_and_tools(capsys):
@@ -113,4 +122,48 @@ def test_commands_are_quoted(capsys):
         ["vlmgineer", "view", folder],
         ["vlmgineer", "report", folder],
         ["vlmgineer", "gallery", folder],
+        [
+            *("python", "-m", "core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "fitness=nominal"),
+            *("seed=3", f"designs={hydra_word(f'{folder}/best/design.json')}"),
+        ],
     ]
+
+
+KINDS = {
+    "nominal": "sim.time_step=0.004 material=pla material.infill=0.5 rollout.segment_s=0.7",
+    "robust": "fitness=robust fitness.sims=[{name:mujoco,time_step:0.004}] fitness.seeds=[1,2] fitness.stop_below=0.01",
+    "layouts": "fitness=layouts fitness.layouts=2 fitness.combine=worst fitness.unseen=1 task.variation=wide "
+    "action=anchored rollout.perception.position=0.01 budget.n_tool=1",
+    "buildable": "task=OneBook fitness=buildable material=pla fitness.plate_mm=[400,400,400]",
+    "lean": "protocol=lean fitness.layouts=2 fitness.unseen=0 fitness.references.BringCube=[4,0.5,null]",
+    "another arm": "robot=ur5 robot.base=[-0.1,0,0,0.2] material=steel evolution.refine=2",
+    "own arm": "robot=urdf robot.path=outside_arm/urdf/arm.urdf robot.flange=tool0 robot.home=[0,0.35,1.5,0,1.29,0]",
+    "joints": "tool=boxes tool.joints=true",
+    "solids": "tool=solids task=OneBook",
+    "given tool": "tool=none",
+    "scene file": "task=file task.file=scene.yaml",
+}
+
+QUICK = ("layouts", "scene file")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("inline")
+@pytest.mark.parametrize("kind", [k if k in QUICK else pytest.param(k, marks=pytest.mark.thorough) for k in KINDS])
+def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, capsys):
+    """To the last bit, whatever is not as it usually is."""
+    monkeypatch.chdir(tmp_path)
+    if kind == "scene file":
+        write_scene("PushBlock", Path("scene.yaml"))
+    if kind == "own arm":
+        write_arm(Path())
+    sizes = ["budget.n_agent=1", "budget.n_tool=3", "budget.n_action=1", "budget.n_iteration=0"]
+    others = ["listener=[summary]", "film=false", "prompt.picture=false", "sim=mujoco", "seed=1"]
+    result = run(load("config", [*sizes, *others, *KINDS[kind].split()]), tmp_path / "run")
+    *_, line = commands(capsys.readouterr().err)
+    _, _, command, *words = shlex.split(line)
+    assert command == "core.evaluate"
+    evaluate.main([*words, "output=rewards.json"])
+    (tried,) = json.loads(Path("rewards.json").read_text())
+    assert tried["reward"] == result.best.reward
+    assert tried["distance_m"] == result.best.distance_m
