@@ -149,9 +149,9 @@ class VLM(ABC):
 class ToolRepresentation(Variable[Tool], ABC):
     """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
-    robot: Robot | None = None  # the arm that tools are for; the program sets it before `parse`
+    robot: Robot  # the arm that tools are for; the program makes a representation for one
     shapes: tuple[str, ...] = ("box",)  # what a component may be: box, cylinder, capsule, sphere
-    material: Material = PAPER  # the program sets it, and weighs by it what `parse` and `given` return
+    material: Material = PAPER  # the program makes it for one, and weighs by it what `parse` and `given` return
 
     @abstractmethod
     def instructions(self, brief: Brief) -> str:

@@ -41,7 +41,7 @@ class Task(ABC):
     variations: ClassVar[Mapping[str, Ranges]] = {}  # by name: what `draw` draws at random, and from which range
     variation: str = NONE
     language: ClassVar[str] = "python"  # of the source that a model is shown
-    robot: Robot  # the arm that performs the task; the program sets it
+    robot: Robot  # the arm that performs the task; the program makes a task for one
 
     def __init__(self, variation: str = NONE) -> None:
         if variation not in (NONE, *self.variations):

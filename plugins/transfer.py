@@ -24,8 +24,8 @@ from core.design import Candidate, Evaluation
 from core.designs.feedback import statistics
 from core.designs.rules import SpawnRules
 from core.errors import UserError
-from core.interfaces import RolloutSettings
-from core.plugins import EXECUTOR, RobotPart, TaskPart
+from core.interfaces import RolloutSettings, Task
+from core.plugins import EXECUTOR, PluginPart, RobotPart
 from core.search.evolution import evaluate_all
 from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
@@ -167,7 +167,7 @@ def trials(
                 yield CandidateInWorld(**named, world=world, evaluator=evaluator)
 
 
-def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Candidate]]:
+def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str, list[Candidate]]:
     """Read the designs for each robot, by its rules and with the names of mounts that ``cfg.robot`` has.
 
     On a robot that can't even start the task, each design has that as its problem.
@@ -175,16 +175,16 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Ca
     Raises:
         UserError: no robot can start it, or the designs can't be read; one line.
     """
-    representation = tool_part(cfg).create()
     aliases = task_part(cfg).create().robot.aliases
     read: dict[str, list[Candidate]] = {}
     problems: dict[str, str] = {}
     for robot, own in tasks.items():
-        task = own.create()
-        if not {*aliases} <= {*task.robot.aliases}:
-            task.robot = replace(task.robot, aliases=(*task.robot.aliases, *aliases))
+        arm = own.create().robot
+        if not {*aliases} <= {*arm.aliases}:
+            arm = replace(arm, aliases=(*arm.aliases, *aliases))
         try:
-            chosen = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))
+            rules = SpawnRules(own.create(robot=arm), cfg.seed)
+            chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), rules)
             read[robot] = [evaluation.candidate for evaluation in chosen]
         except UserError as error:
             problems[robot] = str(error)

@@ -2,11 +2,11 @@
 
 from typing import TypeVar
 
-from core.interfaces import Task
+from core.interfaces import Task, ToolRepresentation
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 
-T = TypeVar("T", bound=Task)
+T = TypeVar("T", bound=Task | ToolRepresentation)
 
 PANDA = installed().default_robot
 ARM = arm_of(PANDA)
@@ -14,7 +14,7 @@ ARM_JOINTS, FINGER_JOINTS = PANDA.arm_joints, PANDA.finger_joints
 HOME_JOINTS, FINGER_OPEN = PANDA.home, PANDA.opening_m
 
 
-def on_panda(task: T) -> T:
-    """Give a task that was made by hand the Panda."""
-    task.robot = PANDA
-    return task
+def on_panda(part: T) -> T:
+    """Give a task or a tool representation that was made by hand the Panda."""
+    part.robot = PANDA
+    return part

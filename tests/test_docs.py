@@ -303,13 +303,10 @@ def test_example_designs_are_read():
     seen = Seen({"cube": Pose(np.array([0.6, 0.0, 0.0])), "goal": Pose(np.array([0.6, -0.2, 0.0]))})
     waypoints = installed().create("action", "anchored").parse(plan, gripper=False).resolve(seen)
     np.testing.assert_allclose(waypoints.poses[1, :3], [0.6, 0.06, 0.12])
-    robot, parts = installed().default_robot, installed()
     boxes["tool_components"][1] |= joint
     component = {"name": "shell", "solid": solid, "position": [0, 0, -0.2]}
     for name, data in (("boxes", boxes), ("solids", {"tool_solids": [component]})):
-        representation = parts.create("tool", name, {"joints": True})
-        representation.robot = robot
-        tool = representation.parse(data, gripper=False)
+        tool = installed().create("tool", name, {"joints": True}).parse(data, gripper=False)
         assert len(tool.bearers) == (name == "boxes")
     assert len(tool.components[0].shape.convex_parts()) > 1
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, TypeVar, cast, overload
 
 from hydra import compose, initialize_config_module
@@ -19,7 +19,8 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandat
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, TaskPart, ToolPart, installed
+from core.interfaces import Task, ToolRepresentation
+from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, installed
 from core.values.materials import Material
 
 T = TypeVar("T")
@@ -230,7 +231,7 @@ def robot_part(config: DictConfig) -> RobotPart:
         UserError: see `part`.
     """
     found = part(ROBOT, config)
-    return RobotPart(found.kind, found.name, found.settings, _hashable(list(config.get("base") or (0.0,) * 4)))
+    return RobotPart(found.kind, found.name, found.settings, base=_hashable(list(config.get("base") or (0.0,) * 4)))
 
 
 def listed(
@@ -266,26 +267,26 @@ def listed(
     return found
 
 
-def task_part(config: DictConfig) -> TaskPart:
-    """Return the task of a command's configuration, with the robot that it names, if it does.
+def task_part(config: DictConfig) -> PluginPart[Task]:
+    """Return the task of a command's configuration, for the robot that it names, if it does.
 
     Raises:
         UserError: see `part`.
     """
-    found, robot = part(TASK, config.task), config.get("robot")
-    return TaskPart(found.kind, found.name, found.settings, robot_part(robot) if robot else None)
+    robot = config.get("robot")
+    return replace(part(TASK, config.task), robot=robot_part(robot) if robot else None)
 
 
-def tool_part(config: DictConfig) -> ToolPart:
-    """Return the tool representation of a configuration, with the material that it names; without one, ``paper``.
+def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
+    """Return the tool representation of a configuration, for the robot and the material (else ``paper``) it names.
 
     Raises:
         UserError: see `part`; or the material can't be used.
     """
-    found = part(TOOL, config.tool)
+    robot = config.get("robot")
     try:
         merged = OmegaConf.merge(OmegaConf.structured(Material), config.get("material") or {})
         material = node(cast(DictConfig, merged), Material)
     except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
         raise UserError(f"material: {first_line(error)}") from error
-    return ToolPart(found.kind, found.name, found.settings, material)
+    return replace(part(TOOL, config.tool), robot=robot_part(robot) if robot else None, material=material)

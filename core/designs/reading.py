@@ -19,7 +19,7 @@ from core.design import Candidate, DesignError, Tool
 from core.designs.planning import NO_PLAN, guarded, named_actions, parse_plan
 from core.designs.rules import SpawnRules, check_tool, given_tool
 from core.errors import UserError
-from core.interfaces import ActionRepresentation, Robot, ToolRepresentation, Waypoints
+from core.interfaces import ActionRepresentation, ToolRepresentation, Waypoints
 from core.plugins import describe_part
 from core.support.files import read_text
 from core.support.text import clean, kind, shorten
@@ -161,7 +161,9 @@ def _read_tool(
     try:
         name = _read_text(strategy, "tool_name", MAX_NAME)
         description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
-        tool = replace(_parsed(representation, strategy, spawn.robot, gripper), name=name, description=description)
+        if gripper and spawn.robot.gripper is None:
+            raise DesignError(f"{spawn.robot.title} has no gripper; design one rigid tool, with 'gripper' false")  # noqa: TRY301
+        tool = replace(_parsed(representation, strategy, gripper), name=name, description=description)
         check_tool(tool, spawn.robot, representation.material)
         spawn.check(tool)
     except DesignError as error:
@@ -169,15 +171,12 @@ def _read_tool(
     return tool, None
 
 
-def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], robot: Robot, gripper: bool) -> Tool:
+def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
     """Parse a strategy's tool.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
-    if gripper and robot.gripper is None:
-        raise DesignError(f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false")
-    representation.robot = robot
     with guarded(representation, "parse"):
         tool = representation.parse(strategy, gripper=gripper)
     if not isinstance(tool, Tool) or tool.gripper != gripper:

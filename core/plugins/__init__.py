@@ -25,8 +25,6 @@ from core.plugins.registry import (
     PluginPart,
     Plugins,
     RobotPart,
-    TaskPart,
-    ToolPart,
     check_settings,
     describe_part,
     installed,
@@ -34,5 +32,5 @@ from core.plugins.registry import (
 
 __all__ = ["ACTION", "COMMAND", "EVOLUTION", "EXECUTOR", "FITNESS", "KINDS", "LISTENER", "MODEL", "ROBOT", "SIMULATOR"]
 __all__ += ["TASK", "TOOL", "Kind", "event_hub"]
-__all__ += ["Discovery", "Failure", "Offer", "PluginPart", "Plugins", "RobotPart", "TaskPart", "ToolPart"]
+__all__ += ["Discovery", "Failure", "Offer", "PluginPart", "Plugins", "RobotPart"]
 __all__ += ["PluginError", "check_settings", "culprit", "describe_failure", "describe_part", "installed"]

@@ -80,10 +80,19 @@ class Plugins(Discovery):
     def create(self, kind: Kind[T], name: str, settings: Settings = ..., **given: Any) -> T: ...
     @overload
     def create(self, kind: str, name: str, settings: Settings = ..., **given: Any) -> Any: ...
-    def create(self, kind: Kind[Any] | str, name: str, settings: Settings = None, **given: Any) -> Any:
+    def create(
+        self,
+        kind: Kind[Any] | str,
+        name: str,
+        settings: Settings = None,
+        *,
+        robot: Robot | None = None,
+        material: Material = PAPER,
+        **given: Any,
+    ) -> Any:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
-        A tool representation gets the default robot, until another is set.
+        A task or tool representation is made for ``robot``, by default for the default one, and weighs by ``material``.
 
         Raises:
             UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
@@ -105,7 +114,9 @@ class Plugins(Discovery):
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
         if isinstance(part, Task | ToolRepresentation):
-            part.robot = self.default_robot
+            part.robot = robot or self.default_robot
+        if isinstance(part, ToolRepresentation):
+            part.material = material
         return part
 
     @cached_property
@@ -197,14 +208,20 @@ def installed() -> Plugins:
 
 @dataclass(frozen=True)
 class PluginPart(Generic[T_co]):
-    """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`."""
+    """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`.
+
+    A task or tool representation is made for ``robot`` (None: the default robot) and weighs by ``material``.
+    """
 
     kind: str
     name: str
     settings: tuple[tuple[str, Any], ...] = ()
+    robot: RobotPart | None = None
+    material: Material = PAPER
 
     def create(self, **given: Any) -> T_co:
-        part: T_co = installed().create(self.kind, self.name, dict(self.settings), **given)
+        made_for = {"robot": self.robot and _robot(self.robot), "material": self.material}
+        part: T_co = installed().create(self.kind, self.name, dict(self.settings), **(made_for | given))
         return part
 
 
@@ -234,28 +251,3 @@ class RobotPart(PluginPart[Robot]):
 def _robot(part: RobotPart) -> Robot:
     """Make a robot once per process, so that what is computed from it is found again."""
     return part.create()
-
-
-@dataclass(frozen=True)
-class TaskPart(PluginPart[Task]):
-    """A task by name and settings, and the robot that performs it; None: the default robot."""
-
-    robot: RobotPart | None = None
-
-    def create(self, **given: Any) -> Task:
-        task = super().create(**given)
-        if self.robot is not None:
-            task.robot = _robot(self.robot)
-        return task
-
-
-@dataclass(frozen=True)
-class ToolPart(PluginPart[ToolRepresentation]):
-    """A tool representation by name and settings, and the material of its tools."""
-
-    material: Material = PAPER
-
-    def create(self, **given: Any) -> ToolRepresentation:
-        representation = super().create(**given)
-        representation.material = self.material
-        return representation

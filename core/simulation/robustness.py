@@ -15,13 +15,13 @@ from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task
-from core.plugins import SIMULATOR, PluginPart, TaskPart
+from core.plugins import SIMULATOR, PluginPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
 
 
 @dataclass(frozen=True)
-class PerturbedPart(TaskPart):
+class PerturbedPart(PluginPart[Task]):
     """A task with a perturbed scene."""
 
     perturbation: PerturbationRange = field(default_factory=PerturbationRange)
@@ -66,8 +66,7 @@ def _spawn_rules(task: PluginPart[Task], seed: int) -> SpawnRules:
 def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) -> Evaluator:
     """Perturb an evaluator's scene by draw number ``draw``."""
     of = evaluator.task
-    robot = of.robot if isinstance(of, TaskPart) else None
-    task = PerturbedPart(of.kind, of.name, of.settings, robot, perturbation, draw)
+    task = PerturbedPart(of.kind, of.name, of.settings, of.robot, perturbation=perturbation, draw=draw)
     return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 

@@ -106,18 +106,17 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
-        self.task = installed().create(TASK, task, task_settings)
-        if robot is not None or robot_settings:
-            chosen = {"name": robot or self.task.robot.name, **(robot_settings or {})}
-            self.task.robot = robot_part(OmegaConf.create(chosen)).create()
+        chosen = {"name": robot or installed().default_robot.name, **(robot_settings or {})}
+        arm = robot_part(OmegaConf.create(chosen)).create() if robot is not None or robot_settings else None
+        self.task = installed().create(TASK, task, task_settings, robot=arm)
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
         self.simulator = installed().create(SIMULATOR, sim, sim_settings)
         made_of = {**load("evaluate", [f"material={material}"]).material, **(material_settings or {})}
-        representation = tool_part(OmegaConf.create({"tool": {"name": tool}, "material": made_of})).create()
+        tools = tool_part(OmegaConf.create({"tool": {"name": tool}, "material": made_of}))
         self.tool = Tool(gripper=gripper)
         if designs is not None:
-            self.tool = _tool(Path(designs), strategy, representation, self.task)
+            self.tool = _tool(Path(designs), strategy, tools.create(robot=self.task.robot), self.task)
         self.control_mode = control_mode
         self.render_mode = render_mode
         self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=width, height=height)

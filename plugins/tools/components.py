@@ -169,8 +169,7 @@ class ComponentTools(VariedTools):
 
     def _read(self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]) -> Iterator[Component]:
         """Yield components after their parents, each with its pose in its parent's frame."""
-        robot = self.robot
-        aliases, own = dict(robot.aliases) if robot is not None else {}, robot_names(robot)
+        aliases, own = dict(self.robot.aliases), robot_names(self.robot)
         known = _KEYS.union(self.keys, ("joint",) if self.joints else ())
         read: dict[str, Component] = {}  # with their poses in the mount's frame
         for number, item in enumerate(items, start=1):
@@ -258,14 +257,12 @@ def parents_first(parents: Mapping[str, str], mounts: tuple[str, ...], what: str
 
 
 @lru_cache(maxsize=8)
-def robot_names(robot: Robot | None) -> frozenset[str]:
+def robot_names(robot: Robot) -> frozenset[str]:
     """Collect the names of the robot's links and joints, with and without its gripper, and of its mounts."""
-    names = {*Tool().mounts, *Tool(gripper=True).mounts}
-    if robot is not None:
-        names.update(name for name, _ in robot.aliases)
-        for gripper in {False, robot.gripper is not None}:
-            arm = assembled(robot, Tool(gripper=gripper))
-            names.update(arm.links, arm.named)
+    names = {*Tool().mounts, *Tool(gripper=True).mounts, *(name for name, _ in robot.aliases)}
+    for gripper in {False, robot.gripper is not None}:
+        arm = assembled(robot, Tool(gripper=gripper))
+        names.update(arm.links, arm.named)
     return frozenset(names)
 
 

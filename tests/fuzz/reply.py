@@ -22,8 +22,8 @@ with atheris.instrument_imports(
     from core.design import Candidate, DesignError
     from core.designs.reading import parse_reply, read_designs
     from plugins.tools.urdf.representation import UrdfTools
-
 from tests.hostile import REPLIES, TOOLS, reply_of, sound, spawn_rules
+from tests.panda import on_panda
 from tests.soundness import check_candidate
 
 json.scanner.make_scanner = json.scanner.py_make_scanner  # in Python, so that its branches are traced
@@ -38,7 +38,7 @@ def one(data: bytes) -> None:
         text = data[1:].decode("latin-1")
     if data[:1] and data[0] % 2 == 0:
         document: object = {"strategies": [{"gripper": data[0] % 4 == 0, "tool_urdf": text, "action_sets": [PLAN]}]}
-        candidates = read_designs(document, UrdfTools(), spawn_rules())
+        candidates = read_designs(document, on_panda(UrdfTools()), spawn_rules())
     else:
         candidates = reading(text)
     for candidate in candidates:
@@ -47,7 +47,7 @@ def one(data: bytes) -> None:
 
 def reading(text: str) -> list[Candidate]:
     try:
-        return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), most=(10, 10))
+        return read_designs(parse_reply(text), on_panda(UrdfTools()), spawn_rules(), most=(10, 10))
     except DesignError:
         return []
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from core.config.compose import part, robot_part, tool_part
+from core.config.compose import task_part, tool_part
 from core.design import DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import Material, Robot, ToolRepresentation
+from core.interfaces import Material, Robot, Task, ToolRepresentation
 from core.solids.held import as_held
 from core.store.database import FILE
 from core.store.reader import Key, StoredDesign, StoredEvaluation
@@ -58,19 +58,15 @@ class Winner:
         return f"reward {number(self.reward, 3)}, {size(self.tool, self.robot)}"
 
 
-def _part(run: FinishedRun, kind: str) -> Any:
-    chosen = {name: run.config.get(name, {}) for name in (kind, *(["material"] if kind == "tool" else []))}
-    return _created(kind, json.dumps(chosen, sort_keys=True))
+def _parts(run: FinishedRun) -> tuple[Task, ToolRepresentation]:
+    chosen = {name: run.config.get(name, {}) for name in ("task", "tool", "material", "robot")}
+    return _created(json.dumps(chosen, sort_keys=True))
 
 
 @lru_cache(maxsize=256)
-def _created(kind: str, settings: str) -> Any:
+def _created(settings: str) -> tuple[Task, ToolRepresentation]:
     config = OmegaConf.create(json.loads(settings))
-    if kind == "tool":
-        return tool_part(config).create()
-    if kind == "robot":
-        return robot_part(config.robot).create()
-    return part(kind, config[kind]).create()
+    return task_part(config).create(), tool_part(config).create()
 
 
 def given_tool(run: FinishedRun) -> Tool | None:
@@ -79,10 +75,8 @@ def given_tool(run: FinishedRun) -> Tool | None:
     Raises:
         UserError: the run's task or tool representation is not installed here.
     """
-    task = _part(run, "task")
-    task.robot = _part(run, "robot")
-    representation = _part(run, "tool")
-    given: Tool | None = representation.given(task)
+    task, representation = _parts(run)
+    given = representation.given(task)
     return given and representation.material.made(given)
 
 
@@ -125,8 +119,7 @@ def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winn
     """
     if not run.store.exists:
         raise UserError(f"{run.folder} has no {FILE}, and so no designs")
-    given, representation, robot = given_tool(run), _part(run, "tool"), _part(run, "robot")
-    representation.robot = robot
+    given, (_, representation) = given_tool(run), _parts(run)
     tried = [e for e in run.store.evaluations() if e.status == "ok" and generation in (None, e.design[0])]
     finished = [e for e in tried if not e.stopped] or tried
     best: dict[Key, StoredEvaluation] = {}
@@ -135,7 +128,7 @@ def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winn
         best.setdefault(evaluation.design, evaluation)
     designs = run.store.designs()
     for key, evaluation in best.items():
-        yield _winner(run, evaluation, designs[key], given, representation, robot)
+        yield _winner(run, evaluation, designs[key], given, representation)
 
 
 def _winner(
@@ -144,9 +137,8 @@ def _winner(
     stored: StoredDesign,
     given: Tool | None,
     representation: ToolRepresentation,
-    robot: Robot,
 ) -> Winner:
-    design = stored.written
+    design, robot = stored.written, representation.robot
     try:
         tool = given or representation.parse(design, gripper=bool(design["gripper"]))
         if given is None:

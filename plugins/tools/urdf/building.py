@@ -62,9 +62,7 @@ class _Holder(NamedTuple):
 _Holders = tuple[list[_Holder], Pose | None]
 
 
-def build_tool(
-    root: Element, gripper: bool, robot: Robot | None = None, *, masses: bool = True, loose: bool = False
-) -> Tool:
+def build_tool(root: Element, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False) -> Tool:
     """The tool whose links and joints are the children of ``root``, for ``robot``; ``masses``: read those too.
 
     Raises:
@@ -72,7 +70,7 @@ def build_tool(
     """
     _check_counts(root)
     mounts = Tool(gripper=gripper).mounts
-    own, aliases = robot_names(robot), dict(robot.aliases) if robot is not None else {}
+    own, aliases = robot_names(robot), dict(robot.aliases)
     materials = _read_materials(root)
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}  # by child

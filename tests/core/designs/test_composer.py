@@ -635,9 +635,9 @@ def test_a_base_that_stands_elsewhere() -> None:
 def test_the_example_of_a_tool_can_be_used(robot: Robot, gripper: bool) -> None:
     if gripper and robot.gripper is None:
         return
-    brief = for_robot(robot, gripper=gripper, representation=UrdfTools())
+    brief = for_robot(robot, gripper=gripper, representation=installed().create("tool", "urdf", robot=robot))
     example = brief.representation.instructions(brief).partition("Example of one link and its joint:\n")[2]
-    tool = UrdfTools().parse({"tool_urdf": example}, gripper=gripper)
+    tool = brief.representation.parse({"tool_urdf": example}, gripper=gripper)
     check_tool(tool, robot)
     SpawnRules(brief.task, 0).check(tool)
     assert "mm diameter and 4 mm thickness" in brief.representation.instructions(brief) or robot is PANDA

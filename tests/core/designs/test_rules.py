@@ -125,7 +125,7 @@ def test_a_link_of_five_grams_may_have_many_boxes_and_small_ones():
     shapes = [(0.2, 0.2, 0.01), *[(0.01, 0.01, 0.01)] * 60]
     text = "".join(f'<collision><geometry><box size="{x:g} {y:g} {z:g}"/></geometry></collision>' for x, y, z in shapes)
     joint = '<joint name="j" type="fixed"><parent link="tool_mount"/><child link="a"/></joint>'
-    check_tool(UrdfTools().parse({"tool_urdf": f'<link name="a">{text}</link>{joint}'}, gripper=False), PANDA)
+    check_tool(on_panda(UrdfTools()).parse({"tool_urdf": f'<link name="a">{text}</link>{joint}'}, gripper=False), PANDA)
 
 
 def test_extent():

@@ -18,7 +18,6 @@ from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings, Waypoints
-from core.plugins import ToolPart
 from core.prompt import compose
 from core.simulation.rollout import Evaluator, PluginPart
 from core.values.materials import Material
@@ -53,7 +52,7 @@ def fitness(evaluator, **settings):
 def scoop():
     """The anchored solution of MoveBall, of PLA."""
     document = json.loads(Path("tests/tasks/anchored/MoveBall.json").read_text())
-    boxes = ToolPart("tool", "boxes", (), PLA).create()
+    boxes = PluginPart("tool", "boxes", material=PLA).create()
     (candidate,) = read_designs(document, boxes, SpawnRules(moving_ball().task.create(), 0))
     assert candidate.problem is None
     return candidate

@@ -10,10 +10,9 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, DesignError, Too
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from plugins.tools.boxes import BoxTools
-from tests.panda import PANDA
+from tests.panda import PANDA, on_panda
 
-TOOLS = BoxTools()
-TOOLS.robot = PANDA
+TOOLS = on_panda(BoxTools())
 
 lengths = st.floats(0.0005, 2.0)
 numbers = st.floats(-1.5, 1.5)

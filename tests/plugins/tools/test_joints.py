@@ -13,7 +13,7 @@ from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.joints import hinge, hinged, sliding, tongs
 from tasks.bring_cube import BringCube
-from tests.panda import PANDA, on_panda
+from tests.panda import on_panda
 
 NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 SPRUNG = ToolJoint("hinge", (0.6, 0.0, 0.8), -1.0, 2.0, (0.01, 0.02, 0.1), 0.01, 0.02, 0.1, 0.3)
@@ -26,9 +26,7 @@ TOOLS = {
 
 
 def made(name, **settings):
-    representation = installed().create("tool", name, settings)
-    representation.robot = PANDA
-    return representation
+    return installed().create("tool", name, settings)
 
 
 @pytest.fixture(params=["urdf", "boxes", "solids"])

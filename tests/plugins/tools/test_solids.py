@@ -14,12 +14,11 @@ from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere, 
 from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools
-from tests.panda import PANDA
+from tests.panda import PANDA, on_panda
 
 pytestmark = pytest.mark.slow
 
-TOOLS = SolidTools()
-TOOLS.robot = PANDA
+TOOLS = on_panda(SolidTools())
 
 BALL = {"sphere": 0.03}
 BOWL = {"difference": [{"sphere": 0.03}, {"sphere": 0.027}, {"box": [0.1, 0.1, 0.1], "at": [0, 0, 0.05]}]}
@@ -314,7 +313,7 @@ def test_what_would_need_very_many_parts_is_refused(solid):
 
 @pytest.mark.parametrize("axis", [[-0.00566, -0.00933, 0.01587], [0, 0, 1], [1, -1, 0]])
 def test_a_joint_is_written_as_it_is_read(axis):
-    tools = SolidTools(joints=True)
+    tools = on_panda(SolidTools(joints=True))
     joint = {"kind": "hinge", "axis": axis, "at": [0.00310324, 0.0169375, -0.0118702], "lower": -0.2, "upper": 0.3}
     tool = tools.parse({"tool_solids": [item(BALL, rpy=[0, 2.36756533, 0], joint=joint)]}, gripper=False)
     written = tools.dump(tool)

@@ -9,6 +9,7 @@ from core.design import Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Material
+from core.plugins import installed
 from core.robot import description as robot
 from plugins.actions.waypoints import WaypointActions
 from plugins.tools.urdf.building import DEFAULT_COLOR
@@ -16,8 +17,7 @@ from plugins.tools.urdf.representation import UrdfTools
 from tasks.one_book import OneBook
 from tests.panda import PANDA, on_panda
 
-URDF = UrdfTools()
-URDF.robot = PANDA
+URDF = on_panda(UrdfTools())
 BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
 
 
@@ -81,8 +81,9 @@ def test_a_robots_other_names_of_mounts_are_read(alias, mount):
     named, usual = (parse(link("a") + joint(parent, "a"), gripper=gripper) for parent in (alias, mount))
     assert named == usual
     assert [c.parent for c in named.components] == [mount]
+    ur5 = installed().create("tool", "urdf", robot=installed().create("robot", "ur5"))
     with pytest.raises(DesignError, match=f"'{alias}', which is neither"):
-        UrdfTools().parse({"tool_urdf": link("a") + joint(alias, "a")}, gripper=gripper)
+        ur5.parse({"tool_urdf": link("a") + joint(alias, "a")}, gripper=gripper)
 
 
 def test_a_visual_alone_collides_too():
@@ -320,7 +321,7 @@ def test_dump_and_parse_give_the_same_tool(tool):
 
 
 def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
-    made_of_pla = UrdfTools()
+    made_of_pla = on_panda(UrdfTools())
     made_of_pla.robot, made_of_pla.material = PANDA, Material("pla", 1240)
     text = " ".join(
         made_of_pla.instructions(

@@ -12,7 +12,7 @@ from core.designs.excerpts import helpers, task_source
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
 from core.interfaces import JointTrajectory, Rollout
-from core.plugins import TaskPart
+from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from core.scene import Goal
 from plugins.conformance.suites import SUITES, examine
@@ -84,7 +84,7 @@ def test_a_model_is_shown_the_file(scaffold, tmp_path):
 
 
 def test_workers_make_the_same_task(scaffold):
-    part = pickle.loads(pickle.dumps(TaskPart("task", "file", (("file", scaffold), ("variation", "wide")))))
+    part = pickle.loads(pickle.dumps(PluginPart("task", "file", (("file", scaffold), ("variation", "wide")))))
     task, again = part.create(), pickle.loads(pickle.dumps(part.create()))
     assert task.name == again.name == "PushBlock"
     assert task.scene(5) == again.scene(5)
