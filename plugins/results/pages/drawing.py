@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+import trimesh
 
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Box, Pose
 from core.robot.frames import open_mounts
 from core.solids.held import as_held
 from core.values.robots import Robot
-
-if TYPE_CHECKING:
-    import trimesh
 
 Pixels = npt.NDArray[np.uint8]
 Color = tuple[float, float, float, float]
@@ -27,10 +24,9 @@ FINGER = Box((0.021, 0.012, 0.054))  # a finger, roughly
 
 _OVER = 2  # samples per pixel, along each side
 _MARGIN = 0.06  # of the picture's smaller side
-_LIGHT = np.array([0.35, -0.45, 0.82])
-_EDGE = 0.25  # of the colour, where a face ends
-_STEP = 0.004  # of the picture's size: an edge is drawn where one of two parallel faces stands out more
-_SMOOTH = 0.9  # cosine of the angle between two faces up to which no edge is drawn
+_LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
+_EDGE = 0.25  # of the colour, where a surface ends
+_SMOOTH = np.deg2rad(25.0)  # between two faces of one surface
 _BEHIND = 0.05  # pixels by which a face must be nearer to cover another: of two in one plane the first stays
 
 
@@ -66,65 +62,54 @@ def draw(solids: Sequence[Painted], width: int = 480, height: int = 360) -> Pixe
     fine = np.array([width, height]) * _OVER
     room = fine - 2 * _MARGIN * fine.min()
     scale = float((room / np.maximum(high - low, 1e-9)[:2]).min())
-    canvas = _Canvas(int(fine[0]), int(fine[1]))
-    for number, (each, points) in enumerate(zip(solids, corners, strict=True)):
-        points = (points - (low + high) / 2) * scale
+    canvas = _Canvas(*fine[::-1])
+    surfaces = 0
+    for each, points in zip(solids, corners, strict=True):
+        mesh, points = each.solid, (points - (low + high) / 2) * scale
         points[:, :2] += fine / 2
-        normals = np.asarray(each.solid.face_normals)
-        for face, normal in zip(np.asarray(each.solid.faces), normals, strict=True):
-            if normal @ toward > 1e-6:
-                canvas.triangle(points[face], _shade(each.color, normal), axes @ normal, number)
-    return canvas.picture(_STEP * float(fine.min()))
-
-
-def _shade(color: Color, normal: Array) -> Array:
-    light = 0.7 + 0.3 * float(normal @ (_LIGHT / np.linalg.norm(_LIGHT)))
-    return np.clip(np.array(color[:3]) * light, 0.0, 1.0)
+        smooth = mesh.face_adjacency[mesh.face_adjacency_angles < _SMOOTH]
+        numbers = surfaces + trimesh.graph.connected_component_labels(smooth, node_count=len(mesh.faces))
+        surfaces = int(numbers.max()) + 1
+        light = 0.7 + 0.3 * np.asarray(mesh.face_normals) @ _LIGHT
+        for k in np.flatnonzero(np.asarray(mesh.face_normals) @ toward > 1e-6):
+            color = np.clip(light[k] * np.array(each.color[:3]), 0.0, 1.0)
+            canvas.triangle(points[mesh.faces[k]], color, numbers[k])
+    return canvas.picture()
 
 
 class _Canvas:
-    """The colour, normal, depth and number of the solid in front, by pixel (height, width, 8); row 0 is the lowest."""
+    """The colour, depth and number of the surface in front, by pixel (height, width); row 0 is the lowest."""
 
-    def __init__(self, width: int, height: int) -> None:
-        self.pixels = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -np.inf, -1.0], (height, width, 1))
+    def __init__(self, height: int, width: int) -> None:
+        self.color = np.zeros((height, width, 3))
+        self.depth = np.full((height, width), -np.inf)
+        self.surface = np.full((height, width), -1)
 
-    def triangle(self, corners: Array, color: Array, normal: Array, number: int) -> None:
-        """Draw a triangle; corners (3, 3) and normal (3,) are column, row, and depth toward the eye."""
+    def triangle(self, corners: Array, color: Array, surface: int) -> None:
+        """Draw a triangle; corners (3, 3) are column, row, and depth toward the eye."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners.tolist()
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if abs(area) < 1e-9:
             return
-        height, width, _ = self.pixels.shape
+        height, width = self.depth.shape
         x0, x1 = max(0, int(min(ax, bx, cx))), min(width, int(max(ax, bx, cx)) + 2)
         y0, y1 = max(0, int(min(ay, by, cy))), min(height, int(max(ay, by, cy)) + 2)
         x, y = np.meshgrid(np.arange(x0, x1) + 0.5, np.arange(y0, y1) + 0.5)
         b = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
         c = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
         depth = az + b * (bz - az) + c * (cz - az)
-        window = self.pixels[y0:y1, x0:x1]
-        front = (b >= 0) & (c >= 0) & (b + c <= 1) & (depth > window[..., 6] + _BEHIND)
-        window[front] = [*color, *normal, 0.0, number]
-        window[front, 6] = depth[front]
+        window = np.s_[y0:y1, x0:x1]
+        front = (b >= 0) & (c >= 0) & (b + c <= 1) & (depth > self.depth[window] + _BEHIND)
+        self.color[window][front], self.surface[window][front], self.depth[window][front] = color, surface, depth[front]
 
-    def picture(self, step: float) -> Pixels:
+    def picture(self) -> Pixels:
         """The picture with edges, at its final size, row 0 on top."""
-        colors, normals, depth, number = np.split(self.pixels, [3, 6, 7], axis=-1)
-        depth, number = depth[..., 0], number[..., 0]
-        solid = number >= 0
-        edge = np.zeros_like(solid)
-        right, above = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])
-        for along, (here, there) in enumerate((right, above)):
-            both = solid[here] & solid[there]
-            normal = normals[here]
-            slope = -normal[..., along] / np.maximum(normal[..., 2], 1e-6)  # of the face, from pixel to pixel
-            with np.errstate(invalid="ignore"):  # ground behind ground
-                apart = np.abs(depth[there] - depth[here] - slope) > step
-            bent = (normal * normals[there]).sum(axis=-1) < _SMOOTH
-            edge[here] |= (number[here] != number[there]) | (both & (bent | apart))
-        color = np.where((edge & solid)[..., None], colors * _EDGE, colors)
-        alpha = solid.astype(np.float64)
-        height, width = alpha.shape
+        solid, edge = self.surface >= 0, np.zeros_like(self.surface, dtype=bool)
+        edge[:, :-1] |= self.surface[:, :-1] != self.surface[:, 1:]
+        edge[:-1] |= self.surface[:-1] != self.surface[1:]
+        color = np.where((edge & solid)[..., None], self.color * _EDGE, self.color)
+        height, width = solid.shape
         blocks = (height // _OVER, _OVER, width // _OVER, _OVER)
-        cover = alpha.reshape(blocks).mean(axis=(1, 3))
-        mixed = (color * alpha[..., None]).reshape(*blocks, 3).mean(axis=(1, 3)) / np.maximum(cover, 1e-9)[..., None]
+        cover = solid.reshape(blocks).mean(axis=(1, 3))
+        mixed = (color * solid[..., None]).reshape(*blocks, 3).mean(axis=(1, 3)) / np.maximum(cover, 1e-9)[..., None]
         return (np.dstack([mixed, cover])[::-1] * 255 + 0.5).astype(np.uint8)

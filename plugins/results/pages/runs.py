@@ -1,7 +1,4 @@
-"""Run folders, read without a change: the result of a run, or why it has none.
-
-RunFigures are from ``result.json``; the configuration, and what stands in for a result, is from the store.
-"""
+"""Run folders, read without a change: the result of a run as its store has it, or why it has none."""
 
 from __future__ import annotations
 
@@ -18,16 +15,11 @@ from core.config.trust import read_stored_yaml
 from core.errors import UserError
 from core.store.database import FILE
 from core.store.reader import StoredRun
-from core.store.rows import Best, RunFigures, parsed, validated
-from core.support.files import read_untrusted
+from core.store.rows import Best, RunFigures
 from core.support.text import by_reason, clean
 
 RESULT, HYDRA = "result.json", ".hydra"
-# The choices, by name in a result:
-CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "fitness", "budget")
 MAX_DEPTH = 6  # of a run's folder below one that the user names
-
-MAX_BYTES = 20_000_000  # of a result
 
 _LONGEST = 300
 
@@ -70,7 +62,7 @@ class FinishedRun:
     @property
     def reasons(self) -> list[str]:
         """Why candidates were rejected, failed, or earned less than their rollout did, by candidate."""
-        return by_reason((e.candidate, e.reason) for e in self.store.evaluations()) if self.store.exists else []
+        return by_reason((e.candidate, e.reason) for e in self.store.evaluations())
 
     def recordings(self) -> dict[str, Path]:
         """The recordings that it left, by kind."""
@@ -115,7 +107,7 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
         entries = {entry.name: entry for entry in os.scandir(folder)}
     except OSError as error:
         raise UserError(f"{folder} can't be read: {error.strerror}") from error
-    if RESULT in entries or FILE in entries:
+    if {FILE, RESULT} & entries.keys():
         return [folder]
     skipped = (HYDRA, "best", "requests", "replies")
     below = [name for name, entry in entries.items() if entry.is_dir(follow_symlinks=False) and name not in skipped]
@@ -131,32 +123,20 @@ def natural(name: str) -> list[tuple[int, int | str]]:
 
 def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     """Read a run from its folder."""
-    for name in (FILE, RESULT):
-        if (folder / name).is_symlink():
-            return LeftOutRun(folder, "unreadable", f"{name} is a link, which is not followed")
-    store, result = StoredRun(folder), folder / RESULT
-    if not store.exists and not result.exists():
+    store = StoredRun(folder)
+    if (folder / FILE).is_symlink():
+        return LeftOutRun(folder, "unreadable", f"{FILE} is a link, which is not followed")
+    if not store.exists:
         config = _hydra_config(folder)
-        return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _task(config), config)
+        reason = f"it has no {FILE}: it ended before it began, or that was deleted"
+        return LeftOutRun(folder, "failed", reason, _task(config), config)
     try:
-        config, stored = (store.config(), store.result()) if store.exists else ({}, None)
+        config, figures = store.config(), store.result()
     except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
-    if not result.exists() and stored is None:
+    if figures is None:
         config = config or _hydra_config(folder)
         return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
-    try:
-        figures = (
-            validated(RunFigures, parsed(read_untrusted(result, MAX_BYTES)))
-            if stored is None or result.exists()
-            else stored
-        )
-        if stored not in (None, figures):
-            raise ValueError("it is not what the run stored")  # noqa: TRY301
-    except (UserError, ValueError) as error:
-        mend = "" if stored is None else f"; delete it, and {FILE} is read in its place"
-        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {error}{mend}"), _task(config), config)
-    config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES if getattr(figures, kind)}
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
     if figures.best is None:
@@ -195,6 +175,5 @@ def _progress(store: StoredRun) -> str:
 
 def _why_nothing(store: StoredRun) -> str:
     """The reason why a run that ended has no best candidate."""
-    evaluations = store.evaluations() if store.exists else []
-    reason = next((f"; the first reason: {e.reason}" for e in evaluations if e.status != "ok"), "")
+    reason = next((f"; the first reason: {e.reason}" for e in store.evaluations() if e.status != "ok"), "")
     return "no candidate could be tried" + short(reason)

@@ -19,7 +19,6 @@ from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Material, Robot, Task, ToolRepresentation
 from core.solids.held import as_held
-from core.store.database import FILE
 from core.store.reader import Key, StoredDesign, StoredEvaluation
 from core.support.text import clean, number
 from plugins.results.pages.runs import FinishedRun
@@ -117,8 +116,6 @@ def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winn
     Raises:
         UserError: as `winners`.
     """
-    if not run.store.exists:
-        raise UserError(f"{run.folder} has no {FILE}, and so no designs")
     given, (_, representation) = given_tool(run), _parts(run)
     tried = [e for e in run.store.evaluations() if e.status == "ok" and generation in (None, e.design[0])]
     finished = [e for e in tried if not e.stopped] or tried

@@ -96,7 +96,7 @@ def page(
     sections = (
         Section("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
         Section("results", "Rewards", ("rewards",), ("rewards",)),
-        Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
+        Section("methods", "Over all tasks", ("intervals",), ("methods",)),
         Section("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
         Section("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
         Section("models", "Models", (), ("models",)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
@@ -95,15 +94,13 @@ def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tu
     names = {}
     for method in methods:
         differences = [{i for i in range(len(keys)) if other[i] != method[i]} for other in methods if other != method]
-        pairs = itertools.chain.from_iterable(itertools.combinations(range(len(keys)), length) for length in (1, 2))
-        found = (set(pair) for pair in pairs if all(not found.isdisjoint(pair) for found in differences))
-        chosen = next(found, None) or _least(differences, len(keys))
+        chosen = _least(differences, len(keys))
         names[method] = " ".join(_say(keys[i], method[i]) for i in sorted(chosen))
     return names
 
 
 def _least(differences: Sequence[set[int]], count: int) -> set[int]:
-    """Return keys of which none can be left out, the first rather than the last: the fewest take too long to find."""
+    """Return keys of which none can be left out, the first rather than the last."""
     chosen = set(range(count))
     for i in reversed(range(count)):
         if all(found & (chosen - {i}) for found in differences):

@@ -17,8 +17,6 @@ from core.geometry import Array
 
 Statistic = Literal["mean", "interquartile mean"]
 
-LEAST_DIVISOR = 0.01  # of a normalised improvement: below it a hundredth of reward would count as a hundredfold gain
-
 CONFIDENCE = 0.95  # of the bootstrap intervals
 RESAMPLES = 10_000
 _BATCH = 1000  # resamples in memory at a time
@@ -78,11 +76,3 @@ def _averaged(*tasks: Sequence[float] | Array, axis: int = -1) -> Any:
 
 
 _STATISTICS = {"mean": _averaged, "interquartile mean": _pooled}
-
-
-def normalised(gains: Sequence[float] | Array, divisors: Sequence[float] | Array) -> tuple[float | None, int]:
-    """The mean over tasks of gain over divisor, and the number of tasks, where the divisor is at least `LEAST_DIVISOR`;
-    None where there is no such task.
-    """
-    shares = [gain / divisor for gain, divisor in zip(gains, divisors, strict=True) if divisor >= LEAST_DIVISOR]
-    return (mean(shares) if shares else None), len(shares)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from core.store.reader import RunCost, StoredEvaluation, StoredRequest, known_sum
 from core.values.efforts import front as unbeaten
@@ -19,14 +16,12 @@ from plugins.results.report.learning_curves import efforts
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
     CONFIDENCE,
-    LEAST_DIVISOR,
     RESAMPLES,
     deviation,
     interquartile_mean,
     interval,
     mean,
     mean_of_tasks,
-    normalised,
 )
 from plugins.results.report.verify import verification
 
@@ -35,7 +30,7 @@ REASONS = 12  # of a run
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    makers = (rewards, methods, improvements, efforts, generations, reasons, tools, runs, left_out, models)
+    makers = (rewards, methods, efforts, generations, reasons, tools, runs, left_out, models)
     every = [
         *(make(results) for make in (*makers, front, parameters, costs, versions)),
         *entry_tables(results.entries),
@@ -98,27 +93,6 @@ def methods(results: Results) -> Table:
         "compared by these."
     )
     return Table("methods", "Methods over all their tasks", head, tuple(rows), note)
-
-
-def improvements(results: Results) -> Table:
-    """Each method against those that are worse on the tasks that both have."""
-    head = columns(
-        "method A|over method B|tasks:0|mean of A:3|mean of B:3|of B's shortfall (%):1|tasks with a shortfall:0"
-        "|of B's value (%):1|tasks with a value:0"
-    )
-    rows: list[tuple[Cell, ...]] = []
-    for a, b in itertools.permutations(results.methods, 2):
-        tasks = results.shared(a, b)
-        x, y = (np.array([mean(g.rewards) for g in results.of(method, tasks)]) for method in (a, b))
-        if tasks and x.mean() >= y.mean():
-            gains = [normalised(100 * (x - y), divisors) for divisors in (1 - y, y)]
-            rows.append((a, b, len(tasks), float(x.mean()), float(y.mean()), *gains[0], *gains[1]))
-    note = (
-        "Average normalised improvement of A over B, from the averages over runs: the mean over tasks of (A - B) / "
-        "(1 - B), the share of B's shortfall that A makes up, and of (A - B) / B. Tasks where the divisor is below "
-        f"{LEAST_DIVISOR} can't be counted; how many are counted stands beside it."
-    )
-    return Table("improvements", "Improvement of one method over another", head, tuple(rows), note)
 
 
 def generations(results: Results) -> Table:
@@ -185,12 +159,12 @@ def models(results: Results) -> Table:
         asked: defaultdict[Model, list[StoredRequest]] = defaultdict(list)
         earned: defaultdict[Model, list[StoredEvaluation]] = defaultdict(list)
         for run in g.runs:
-            answers = run.store.answers() if run.store.exists else []
+            answers = run.store.answers()
             for request, reply in answers:
                 asked[Model(reply.model, "critiques" if request.critique else "designs")].append(request)
             # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
             designers = {(r.generation, r.agent): reply.model for r, reply in answers if not r.critique}
-            for evaluation in run.store.evaluations() if answers else ():
+            for evaluation in run.store.evaluations():
                 if (name := designers.get(evaluation.design[:2])) is not None:
                     earned[Model(name, "designs")].append(evaluation)
         for model in sorted(asked) if len(asked) > 1 else ():
@@ -245,7 +219,7 @@ def costs(results: Results) -> Table:
     )
     rows = []
     for g in results.groups:
-        spent = [RunCost.of(run.store.requests()) for run in g.runs if run.store.exists]
+        spent = [RunCost.of(run.store.requests()) for run in g.runs]
         seconds, tried = sum(run.figures.wall_time_s for run in g.runs), sum(map(_rollouts, g.runs))
         rows.append(
             (
@@ -284,20 +258,7 @@ def runs(results: Results) -> Table:
         for g in results.groups
         for run in g.runs
     ]
-    return Table("runs", "Runs", head, tuple(rows), _repeats(results))
-
-
-def _repeats(results: Results) -> str:
-    """A warning where runs are not independent."""
-    again = defaultdict(list)
-    for g in results.groups:
-        for seed, n in Counter(run.seed for run in g.runs).items():
-            if n > 1:
-                again[f"{g.task}, {g.method}"].append(f"seed {seed} {n} times")
-    if not again:
-        return ""
-    listed = "; ".join(f"{what}: {', '.join(seeds)}" for what, seeds in again.items())
-    return f"Seeds that were run more than once are counted as often as they were run ({listed})."
+    return Table("runs", "Runs", head, tuple(rows))
 
 
 def tools(results: Results) -> Table:
@@ -324,7 +285,7 @@ def front(results: Results) -> Table:
     judged: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
     for g in results.groups:
         for run in g.runs if all(run.config.get("fitness", {}).get("name") == "lean" for run in g.runs) else ():
-            for each in run.store.evaluations() if run.store.exists else ():
+            for each in run.store.evaluations():
                 known = each.details.figures
                 if each.status == "ok" and {"lean", "motion_s", "mass_kg"} <= known.keys():
                     cost = (1000 * known["mass_kg"], known["motion_s"], known["lean"])

@@ -9,7 +9,7 @@ import pytest
 from lxml import etree
 
 from plugins.results.report.command import report
-from tests.core.run_folders import hook, result, write_run
+from tests.core.run_folders import edit, hook, result, write_run
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def hostile(tmp_path_factory):
     folder = root / "runs" / "javascript:alert(1) <b>&\"'\x1b[31m\u202e"
     write_run(folder, rewards=[[0.5], [0.7]], tools=[hook(0.2, HOSTILE, HOSTILE)], name=HOSTILE)
     bad = write_run(root / "runs" / "<i>bad", rewards=[[0.5]])
-    (bad / "result.json").write_text(json.dumps(result(bad) | {"seed": HOSTILE}))
+    edit(bad, "UPDATE run SET result = ?", json.dumps(result(bad) | {"seed": HOSTILE}))
     report([root / "runs"], root / "out")
     return root / "out"
 
@@ -101,6 +101,6 @@ def test_figures_are_pictures_with_a_description(made):
 
 def test_tools_that_cannot_be_shown_are_said(tmp_path):
     folder = write_run(tmp_path / "run", rewards=[[0.5]])
-    (folder / "run.sqlite").unlink()
+    edit(folder, "UPDATE run SET config = replace(config, '\"urdf\"', '\"gone\"')")
     report([folder], tmp_path / "out")
     assert "Tools that can&#39;t be shown: BringCube" in (tmp_path / "out" / "index.html").read_text()

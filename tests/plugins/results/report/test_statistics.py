@@ -3,7 +3,7 @@ import pytest
 import scipy.stats
 
 from plugins.results.report import statistics
-from plugins.results.report.statistics import deviation, interquartile_mean, interval, mean_of_tasks, normalised
+from plugins.results.report.statistics import deviation, interquartile_mean, interval, mean_of_tasks
 
 # Twelve tasks of five runs, and what rliable 1.2.0 says of them: aggregate_iqm, aggregate_mean, and
 # get_interval_estimates with 50,000 repetitions from RandomState(0).
@@ -63,12 +63,3 @@ def test_the_middle_half():
 def test_one_value_has_no_deviation():
     assert deviation([0.2, 0.4]) == pytest.approx(0.02**0.5)
     assert deviation([0.2]) is None
-
-
-def test_normalised_improvement():
-    assert normalised([0.4, 0.5, -0.2], [0.5, 0.5, 0.8]) == (pytest.approx(np.mean([0.8, 1.0, -0.25])), 3)
-
-
-def test_tasks_without_a_divisor_are_left_out_and_counted():
-    assert normalised([0.9, 0.001, 0.1], [0.0, 0.998, 0.5]) == (pytest.approx((0.001 / 0.998 + 0.2) / 2), 2)
-    assert normalised([0.0], [0.0]) == (None, 0)
