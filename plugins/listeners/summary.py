@@ -20,7 +20,7 @@ from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 
 if TYPE_CHECKING:
-    from core.events import Generation, Result, Run
+    from core.events import Result, Run
     from core.interfaces import Reply
 
 _LONGEST = 60  # letters of a name
@@ -34,8 +34,9 @@ def listeners() -> Mapping[str, Callable[..., Any]]:
 
 
 class SummaryListener:
-    """Prints a table of the generations, one of the ``top`` best tools, and the commands to type next; to standard
-    error, so that standard output stays free for results.
+    """Prints a table of the ``top`` best tools, what spoke against candidates, and the commands to type next.
+
+    All goes to standard error, so that standard output stays free for results.
     """
 
     def __init__(self, top: int = 3) -> None:
@@ -48,25 +49,10 @@ class SummaryListener:
 
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
-        _print_generations(result.generations)
         if result.best is not None:
             _print_tools(result, self.top)
-        said = (remark for of in (_reasons, _tied, _margin, _unseen, _saved) for remark in of(result))
+        said = (remark for of in (_reasons, _tied, _margin, _unseen) for remark in of(result))
         say(*said, _spent(self._replies), *_commands(run, result), file=sys.stderr)
-
-
-def _print_generations(generations: Iterable[Generation]) -> None:
-    columns = ("generation", "best", "so far", "mean", "s.d.", "candidates", "rejected", "failed")
-    so_far = 0.0
-    rows = []
-    for g in generations:
-        rewards = [e.reward for e in g.evaluations if e.status == "ok"]
-        so_far = max([so_far, *rewards])
-        deviation = statistics.stdev(rewards) if len(rewards) > 1 else None
-        figures = (number(x, 3) for x in (max(rewards, default=None), so_far, g.mean_reward, deviation))
-        counts = (len(g.evaluations), g.count("rejected"), g.count("failed"))
-        rows.append((str(g.index), *figures, *map(str, counts)))
-    print_table(columns, rows, columns, sys.stderr)
 
 
 def _print_tools(result: Result, top: int) -> None:
@@ -115,15 +101,6 @@ def _unseen(result: Result) -> Iterable[str]:
             f"in {len(rewards)} unseen layouts the best earned {number(statistics.fmean(rewards), 3)} on the mean, "
             f"{number(min(rewards), 3)} in the worst ({engine})"
         )
-
-
-def _saved(result: Result) -> Iterable[str]:
-    """Say what was not tried, or not to the end, if there is something."""
-    rollouts, seconds, near_duplicates = result.saved
-    if rollouts:
-        yield f"{rollouts} rollout{'s' * (rollouts > 1)} saved, about {seconds:.0f} s of processor time"
-    if near_duplicates:
-        yield f"{near_duplicates} near-duplicate{'s' * (near_duplicates > 1)} of earlier candidates not tried"
 
 
 def _spent(replies: list[Reply]) -> str:

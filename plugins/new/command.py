@@ -9,8 +9,7 @@ from pathlib import Path
 
 from core.errors import UsageError
 from core.support.cli import say
-from plugins.new.packages import TEMPLATES, write
-from plugins.new.scenes import write_scene
+from plugins.new.packages import TEMPLATES, write, write_scene
 
 USAGE = f"""\
 usage: vlmgineer new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER]

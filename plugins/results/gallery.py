@@ -17,7 +17,7 @@ from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import slug
 from plugins.results.pages.page import data_address, in_viewer, render
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, short
-from plugins.results.pages.tools import Shape, Winner, another, size, winners
+from plugins.results.pages.tools import Winner, distinct, size, winners
 from plugins.results.report.methods import label
 from plugins.results.workshop.printing import PrintedPart, grams, to_3mf, to_stl
 from plugins.results.workshop.settings import Printer
@@ -86,8 +86,9 @@ def gallery(
     entries = []
     methods = dict(zip(finished, label([(run.task, run.config) for run in finished]), strict=True))
     for task in sorted({run.task for run in finished}):
-        best = _best([w for run in finished if run.task == task for w in best_of[run]], top)
-        for place, winner in enumerate(best, 1):
+        made = [w for run in finished if run.task == task for w in best_of[run] if w.tool.components]
+        best = ranked(made, lambda winner: (winner.reward, winner.distance_m))
+        for place, winner in enumerate(distinct(best, top, APART), 1):
             folder = Path(slug(task, 40)) / f"{place}_{slug(winner.name, 40) or 'tool'}"
             entries.append(Exhibit(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
@@ -112,14 +113,6 @@ def gallery(
     )
     write_bytes(output / "index.html", page.encode())
     return entries, left_out
-
-
-def _best(tools: Sequence[Winner], top: int) -> list[Winner]:
-    """The best tools, each of another shape."""
-    shapes: list[Shape] = []
-    made = [winner for winner in tools if winner.tool.components]
-    best = ranked(made, lambda winner: (winner.reward, winner.distance_m))
-    return [winner for winner in best if len(shapes) < top and another(winner, shapes, APART)]
 
 
 def _why(run: LeftOutRun) -> str:

@@ -11,7 +11,8 @@ import textwrap
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from core.support.text import clean
 
@@ -22,27 +23,6 @@ COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0
 """M. Okabe and K. Ito's, which the colour-blind can distinguish."""
 
 INK = "#1b1f24"
-
-_STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "text.parse_math": False,  # names are text, dollars and all
-    "text.color": INK,
-    "axes.facecolor": "none",
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.titlesize": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "grid.color": INK,
-    "grid.alpha": 0.15,
-    "figure.titlesize": 12,
-    "legend.frameon": False,
-    "svg.fonttype": "path",  # looks the same where the font is missing
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +41,8 @@ class FigurePage:
         buffer = io.BytesIO()
         undated = {"png": {"Software": None}, "pdf": {"CreationDate": None}}
         metadata = undated.get(format_, {"Date": None, "Creator": None})
-        with matplotlib.rc_context(_STYLE | {"svg.hashsalt": self.name}), warnings.catch_warnings():
+        style = Path(__file__).parent / "templates" / "figure.mplstyle"
+        with matplotlib.rc_context({"svg.hashsalt": self.name}, style), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a name in a script that the font lacks
             figure = self.paint()
             if titled:

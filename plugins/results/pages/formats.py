@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,12 @@ class Table:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
+
+
+def only(table: Table, places: Sequence[int]) -> Table:
+    """The table with some of its columns."""
+    rows = tuple(tuple(row[k] for k in places) for row in table.rows)
+    return replace(table, columns=tuple(table.columns[k] for k in places), rows=rows)
 
 
 def printed(cell: Cell, column: Column) -> str:

@@ -7,7 +7,6 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,14 +48,13 @@ class FinishedRun:
         assert self.figures.best is not None
         return self.figures.best
 
-    @cached_property
-    def best_so_far(self) -> list[float]:
-        """The best reward up to and with each generation; 0 before anything could be tried."""
-        return list(itertools.accumulate((g.best_reward or 0.0 for g in self.figures.generations), max))
+    @property
+    def rollouts(self) -> int:
+        return self.figures.n_evaluations if self.figures.rollouts is None else self.figures.rollouts
 
-    def course(self, length: int) -> list[float]:
-        """`best_so_far` made ``length`` long: a run that stopped early keeps its last."""
-        so_far = self.best_so_far or [0.0]
+    def best_so_far(self, length: int) -> list[float]:
+        """The best reward up to and with each of ``length`` generations; a run that stopped early keeps its last."""
+        so_far = list(itertools.accumulate((g.best_reward or 0.0 for g in self.figures.generations), max)) or [0.0]
         return (so_far + so_far[-1:] * length)[:length]
 
     @property

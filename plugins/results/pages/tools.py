@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -24,7 +23,6 @@ from core.support.text import clean, number
 from plugins.results.pages.runs import FinishedRun
 
 SAME = 1e-4  # metres by which corners of equal tools may differ
-Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it
 _FARTHEST, _THINNEST = 100.0, 1e-6  # metres
 
 
@@ -82,29 +80,32 @@ def given_tool(run: FinishedRun) -> Tool | None:
 def winners(
     run: FinishedRun, count: int | None = None, generation: int | None = None, apart: float = SAME
 ) -> list[Winner]:
-    """The tools with the highest rewards, of all generations or of one, each of another shape (see `another`), the
-    best first.
+    """The tools with the highest rewards, of all generations or of one, each of another shape (`distinct`), the best
+    first.
 
     Raises:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
-    shapes: list[Shape] = []
-    tools = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
-    return list(itertools.islice(tools, count))
+    return distinct(every_tool(run, generation), count, apart)
 
 
-def another(winner: Winner, shapes: list[Shape], apart: float) -> bool:
-    """True if the tool's shape is none of ``shapes``, to which it is then added. Two shapes are the same where they
-    have equally many components, and all corners are less than ``apart`` metres from the other's.
+def distinct(tools: Iterable[Winner], count: int | None, apart: float) -> list[Winner]:
+    """The first ``count`` tools, each of another shape. Two shapes are the same where they have equally many
+    components, and all corners are less than ``apart`` metres from the other's.
     """
-    shape = [np.asarray(solid.vertices) for _, solid in as_held(winner.tool, winner.robot)]
-    if any(_alike(shape, known, apart) for known in shapes):
-        return False
-    shapes.append(shape)
-    return True
+    chosen: list[Winner] = []
+    shapes: list[list[Array]] = []  # corners (V, 3) of each component, as the arm holds it
+    for winner in tools:
+        shape = [np.asarray(solid.vertices) for _, solid in as_held(winner.tool, winner.robot)]
+        if not any(_alike(shape, known, apart) for known in shapes):
+            shapes.append(shape)
+            chosen.append(winner)
+        if len(chosen) == count:
+            break
+    return chosen
 
 
-def _alike(a: Shape, b: Shape, apart: float) -> bool:
+def _alike(a: list[Array], b: list[Array], apart: float) -> bool:
     return [p.shape for p in a] == [q.shape for q in b] and all(
         float(np.linalg.norm(p - q, axis=1).max()) < apart for p, q in zip(a, b, strict=True)
     )

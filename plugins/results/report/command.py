@@ -10,16 +10,14 @@ from pathlib import Path
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
-from core.support.text import number
 from plugins.results.pages.figure import FigurePage
-from plugins.results.pages.formats import Table, printed, to_csv
+from plugins.results.pages.formats import Table, only, printed, to_csv
 from plugins.results.pages.page import figure_address, in_viewer, render
 from plugins.results.pages.runs import find_runs, short
 from plugins.results.report.figures import figure_pages
 from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_entries, read_entry
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import deviation, mean
-from plugins.results.report.tables import tables
+from plugins.results.report.tables import rewards, tables
 from plugins.results.report.verify import verification, verify
 
 USAGE = (
@@ -42,16 +40,6 @@ class ReportConfig:
     name: str = ""
     entries: list[str] = field(default_factory=list)
     verify: str = ""
-
-
-@dataclass(frozen=True)
-class Section:
-    """A section of the page."""
-
-    id: str
-    title: str
-    pictures: tuple[str, ...] = ()
-    tables: tuple[str, ...] = ()
 
 
 def report(
@@ -93,15 +81,15 @@ def page(
 ) -> str:
     """The page with all tables and figures, as it will lie in ``folder``."""
     evolutions = tuple(picture.name for picture in drawn if picture.name.startswith("evolution_"))
-    sections = (
-        Section("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
-        Section("results", "Rewards", ("rewards",), ("rewards",)),
-        Section("methods", "Over all tasks", ("intervals",), ("methods",)),
-        Section("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
-        Section("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
-        Section("models", "Models", (), ("models",)),
-        Section("runs", "Runs", (), ("left_out", "runs")),
-        Section("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
+    sections: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (  # id, title, pictures, tables
+        ("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
+        ("results", "Rewards", ("rewards",), ("rewards",)),
+        ("methods", "Over all tasks", (), ("methods",)),
+        ("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
+        ("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
+        ("models", "Models", (), ("models",)),
+        ("runs", "Runs", (), ("left_out", "runs")),
+        ("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
     )
     there = {table.name for table in listed} | {*drawings}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
@@ -114,7 +102,7 @@ def page(
         title="Tools and their rewards",
         summary=f"{runs} of {methods} on {tasks}.",
         warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
-        sections=[section for section in sections if there & {*section.pictures, *section.tables}],
+        sections=[section for section in sections if there & {*section[2], *section[3]}],
         tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
         drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
@@ -124,20 +112,12 @@ def page(
 
 def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
-    numbers = ("runs", "best", "average", "s.d.", "distance m")
-    rows = [
-        (
-            *(g.task, g.method, str(len(g.runs)), number(g.best.best.reward, 3), number(mean(g.rewards), 3)),
-            *(number(deviation(g.rewards), 3), number(g.best.best.distance_m, 2)),
-        )
-        for g in results.groups
-    ]
-    if rows:
-        print_table(("task", "method", *numbers), rows, numbers)
-    for table in (*entry_tables(results.entries)[:1], *filter(lambda of: of.rows, [verification(results.verified)])):
-        cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]
-        digits = [column.name for column in table.columns if column.digits is not None]
-        print_table([column.name for column in table.columns], cells, digits)
+    short_rewards = only(rewards(results), (0, 1, 2, 4, 5, 6, 8))
+    for table in (short_rewards, *entry_tables(results.entries)[:1], verification(results.verified)):
+        if table.rows:
+            cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]
+            digits = [column.name for column in table.columns if column.digits is not None]
+            print_table([column.name for column in table.columns], cells, digits)
     for run in results.left_out:
         say(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}")
 

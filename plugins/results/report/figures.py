@@ -1,9 +1,9 @@
-"""The figures of a report: bars by task, intervals over all tasks, curves, and tools side by side."""
+"""The figures of a report: bars by task, curves, and tools side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,23 +12,13 @@ from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, sl
 from plugins.results.pages.tools import Winner
 from plugins.results.report.learning_curves import POINTS, read_courses
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import (
-    CONFIDENCE,
-    Statistic,
-    deviation,
-    interquartile_mean,
-    interval,
-    mean,
-    mean_of_tasks,
-)
+from plugins.results.report.statistics import CONFIDENCE, deviation, interval, mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MAX_GENERATIONS = 5  # side by side in a row of tools
-
-_BANDS = f"bands: {100 * CONFIDENCE:g} % stratified bootstrap intervals."
 
 
 def figure_pages(results: Results) -> list[FigurePage]:
@@ -38,7 +28,6 @@ def figure_pages(results: Results) -> list[FigurePage]:
     tasks, methods = _comparable(results)
     pages = [
         rewards(results),
-        intervals(results, tasks, methods),
         anytime(results, tasks, methods),
         gallery(results),
         *(evolution(method, rows, i + 1) for i, (method, rows) in enumerate(results.tools.courses.items())),
@@ -51,7 +40,7 @@ def _comparable(results: Results) -> tuple[list[str], list[str]]:
     everywhere = [method for method in results.methods if len(results.of(method)) == len(results.tasks)]
     if everywhere:
         return results.tasks, everywhere
-    shared = results.shared(*results.methods)
+    shared = [t for t in results.tasks if {*results.methods} <= {g.method for g in results.groups if g.task == t}]
     return shared, results.methods if shared else []
 
 
@@ -106,39 +95,6 @@ def rewards(results: Results) -> FigurePage:
     return FigurePage("rewards", "Reward by task and method", caption, paint)
 
 
-def intervals(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:
-    """Mean and interquartile mean with their intervals, of the methods that were run on the same tasks."""
-    if not methods:
-        return None
-
-    def paint() -> Figure:
-        figure = new_figure(7.5, 1.4 + 0.45 * len(methods))
-        axes = figure.subplots(1, 2, sharey=True, sharex=True)
-        for ax, statistic in zip(axes, get_args(Statistic), strict=True):
-            for y, method in enumerate(methods):
-                scores = [g.rewards for g in results.of(method, tasks)]
-                color = _look(results, method, "ls")["color"]
-                middle = mean_of_tasks(scores) if statistic == "mean" else interquartile_mean(np.concatenate(scores))
-                span = interval(scores, statistic)
-                if span is not None:
-                    ax.barh(y, span[1] - span[0], 0.5, left=span[0], color=color, alpha=0.4)
-                ax.plot([middle, middle], [y - 0.3, y + 0.3], color=color, lw=2.5)
-            ax.set(title=statistic, xlabel="reward (0 to 1)")
-            ax.use_sticky_edges = False
-            ax.grid(axis="x")
-        axes[0].set_yticks(range(len(methods)), [wrapped(method, 36) for method in methods])
-        axes[0].set_ylim(len(methods) - 0.5, -0.5)
-        return figure
-
-    missing = [method for method in results.methods if method not in methods]
-    caption = (
-        f"Lines: the mean over tasks of each task's average, and the interquartile mean of all runs; {_BANDS} None "
-        f"where a task has one run only. Tasks: {', '.join(tasks)}."
-        + (f" Not run on all of these tasks, and left out: {', '.join(missing)}." if missing else "")
-    )
-    return FigurePage("intervals", "Methods over all tasks, with intervals", caption, paint)
-
-
 def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:
     """The mean best reward so far against rollouts, over the tasks that the methods share, with its interval."""
     courses = {method: [read_courses(g.runs) for g in results.of(method, tasks)] for method in methods}
@@ -167,7 +123,8 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
         return figure
 
     caption = (
-        f"The best reward after each number of rollouts, averaged over runs and then over {len(tasks)} tasks; {_BANDS} "
+        f"The best reward after each number of rollouts, averaged over runs and then over {len(tasks)} tasks "
+        f"({', '.join(tasks)}); bands: {100 * CONFIDENCE:g} % stratified bootstrap intervals. "
         "A run that ended early keeps its last."
     )
     return FigurePage("anytime", "Reward by rollouts", caption, paint)

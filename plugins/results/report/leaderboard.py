@@ -5,7 +5,6 @@ An entry is made of runs, or read from the results file of one that was made els
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -144,15 +143,6 @@ class Entry:
     def runs(self) -> list[RunResult]:
         return [run for task in self.tasks.values() for run in task.runs]
 
-    @property
-    def means(self) -> dict[str, float]:
-        """All means, by what they are of."""
-        scores = {f"the score of {task}": result.score for task, result in self.tasks.items()}
-        engines = {
-            f"{t} in {name}": value for t, result in self.tasks.items() for name, value in result.engines.items()
-        }
-        return {"the score": self.score, **scores, **engines}
-
     def dump(self) -> bytes:
         return TypeAdapter(Entry).dump_json(self, indent=2) + b"\n"
 
@@ -178,10 +168,14 @@ def _computed(read: Entry) -> Entry:
         UserError: they are not those that it has.
     """
     entry = Entry.of(read, {task: result.runs for task, result in read.tasks.items()})
-    said = read.means
-    for what, own in entry.means.items():
-        if not abs(said.get(what, math.nan) - own) <= SAME:
-            raise UserError(f"{what} is {said.get(what)}, where its rewards have a mean of {own:.3f}")
+    means: dict[str, tuple[float | None, float]] = {"the score": (read.score, entry.score)}
+    for task, own in entry.tasks.items():
+        said = read.tasks[task]
+        means[f"the score of {task}"] = said.score, own.score
+        means |= {f"{task} in {name}": (said.engines.get(name), value) for name, value in own.engines.items()}
+    for what, (claimed, value) in means.items():
+        if claimed is None or not abs(claimed - value) <= SAME:
+            raise UserError(f"{what} is {claimed}, where its rewards have a mean of {value:.3f}")
     return entry
 
 

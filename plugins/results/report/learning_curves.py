@@ -65,26 +65,20 @@ def read_courses(runs: Sequence[FinishedRun]) -> list[Course]:
     return [course for run in runs if (course := read_course(run.store)) is not None]
 
 
-def effort(courses: Sequence[Course]) -> tuple[int, list[float | None]]:
-    """Compute the expected effort to reach `ENOUGH`, see `efforts`: runs that did; rollouts, calls, dollars."""
-    ends = [course.reached(ENOUGH) for course in courses]
-    reached = sum(end is not None for end in ends)
-    last = [-1 if end is None else end for end in ends]
-    names = ("rollouts", "requests", "cost")
-    ends_of = list(zip(courses, last, strict=True))
-    spent = [sum(float(getattr(course, name)[end]) for course, end in ends_of) for name in names]
-    return reached, [total / reached if reached else None for total in spent]
-
-
 def efforts(results: Results) -> Table:
     """What it takes to reach `ENOUGH`, by task and method."""
     head = columns("task|method|runs:0|reached:0|rollouts:0|calls of the model:1|cost (USD):2")
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
         courses = read_courses(g.runs)
-        reached, spent = effort(courses)
+        ends = [course.reached(ENOUGH) for course in courses]
+        reached = sum(end is not None for end in ends)
+        last = [(course, -1 if end is None else end) for course, end in zip(courses, ends, strict=True)]
+        spent = [
+            sum(float(getattr(course, of)[end]) for course, end in last) for of in ("rollouts", "requests", "cost")
+        ]
         if courses:
-            rows.append((g.task, g.method, len(courses), reached, *spent))
+            rows.append((g.task, g.method, len(courses), reached, *(x / reached if reached else None for x in spent)))
     note = (
         f"Expected effort until a run's best reward is {ENOUGH:g}: what all runs spent until they reached it, or until "
         "their end, divided by the number of runs that did (the expected running time of N. Hansen et al., "

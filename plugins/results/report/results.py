@@ -59,10 +59,6 @@ class Results:
         """The groups of a method, on ``tasks`` or on all its tasks."""
         return [g for g in self.groups if g.method == method and (tasks is None or g.task in tasks)]
 
-    def shared(self, *methods: str) -> list[str]:
-        """The tasks that all of these methods have runs of."""
-        return [task for task in self.tasks if {*methods} <= {g.method for g in self.groups if g.task == task}]
-
     @cached_property
     def tools(self) -> BestTools:
         """The tools of the best runs, but for the bare hand."""

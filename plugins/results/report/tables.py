@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 from core.store.reader import RunCost, StoredEvaluation, StoredRequest, known_sum
 from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table, columns
-from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.learning_curves import efforts
@@ -104,7 +103,7 @@ def generations(results: Results) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
         for index in range(max(len(run.figures.generations) for run in g.runs)):
-            so_far = [run.course(index + 1)[index] for run in g.runs]
+            so_far = [run.best_so_far(index + 1)[index] for run in g.runs]
             there = [run.figures.generations[index] for run in g.runs if index < len(run.figures.generations)]
             candidates = sum(f.n_candidates for f in there)
             lost = (sum(f.n_rejected for f in there), sum(f.n_failed for f in there))
@@ -145,28 +144,23 @@ def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
 
 def models(results: Results) -> Table:
     """What each model was asked, what that cost and earned; where a method has several, or a critic."""
-
-    class Model(NamedTuple):
-        name: str
-        asked_for: str
-
     head = columns(
         "task|method|model|asked for|replies:0|of them failed:0|prompt tokens:0|completion tokens:0|cost (USD):4"
         "|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
     )
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
-        asked: defaultdict[Model, list[StoredRequest]] = defaultdict(list)
-        earned: defaultdict[Model, list[StoredEvaluation]] = defaultdict(list)
+        asked: defaultdict[tuple[str, str], list[StoredRequest]] = defaultdict(list)
+        earned: defaultdict[tuple[str, str], list[StoredEvaluation]] = defaultdict(list)
         for run in g.runs:
             answers = run.store.answers()
             for request, reply in answers:
-                asked[Model(reply.model, "critiques" if request.critique else "designs")].append(request)
+                asked[reply.model, "critiques" if request.critique else "designs"].append(request)
             # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
             designers = {(r.generation, r.agent): reply.model for r, reply in answers if not r.critique}
             for evaluation in run.store.evaluations():
                 if (name := designers.get(evaluation.design[:2])) is not None:
-                    earned[Model(name, "designs")].append(evaluation)
+                    earned[name, "designs"].append(evaluation)
         for model in sorted(asked) if len(asked) > 1 else ():
             tried = [e for e in earned[model] if e.status != "rejected"]
             rewards = [e.reward for e in tried if e.status == "ok"]
@@ -220,7 +214,7 @@ def costs(results: Results) -> Table:
     rows = []
     for g in results.groups:
         spent = [RunCost.of(run.store.requests()) for run in g.runs]
-        seconds, tried = sum(run.figures.wall_time_s for run in g.runs), sum(map(_rollouts, g.runs))
+        seconds, tried = sum(run.figures.wall_time_s for run in g.runs), sum(run.rollouts for run in g.runs)
         rows.append(
             (
                 *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
@@ -234,11 +228,6 @@ def costs(results: Results) -> Table:
     return Table("costs", "Time and money", head, tuple(rows), note)
 
 
-def _rollouts(run: FinishedRun) -> int:
-    """The rollouts of a run; of an older one its candidates."""
-    return run.figures.n_evaluations if run.figures.rollouts is None else run.figures.rollouts
-
-
 def runs(results: Results) -> Table:
     """All runs that are counted."""
     head = columns(
@@ -249,7 +238,7 @@ def runs(results: Results) -> Table:
         (
             *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
             *(getattr(run.best.margin, "margin", None), run.best.distance_m, run.best.generation),
-            *(run.best.candidate, _rollouts(run), run.figures.wall_time_s),
+            *(run.best.candidate, run.rollouts, run.figures.wall_time_s),
             *(
                 CellLink(run.folder.name, run.folder),
                 tuple(CellLink(what, file) for what, file in run.recordings().items()),

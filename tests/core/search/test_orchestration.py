@@ -8,7 +8,7 @@ import pytest
 from core import Experiment
 from core.config.compose import load
 from core.search.orchestration import run
-from plugins.new.scenes import write_scene
+from plugins.new.packages import write_scene
 from plugins.results.pages.runs import find_runs
 
 SAVING = ["fitness=robust", "fitness.sims=[mujoco]", "fitness.seeds=[1,2]"]

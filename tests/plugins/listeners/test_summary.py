@@ -53,10 +53,8 @@ def commands(said):
     return [line for line in said.splitlines() if line.startswith(("vlmgineer ", "python -m "))]
 
 
-def test_generations_and_tools(capsys):
+def test_the_best_tools(capsys):
     said = rows(summary(capsys, [0.2, 0.4, None], [0.3, 0.1]))
-    assert ["0", "0.400", "0.400", "0.300", "0.141", "3", "1", "0"] in said
-    assert ["1", "0.300", "0.400", "0.200", "0.141", "2", "0", "0"] in said
     tools = [line for line in said if line[-1:] == ["hook"]]
     assert [line[0] for line in tools] == ["0.400", "0.300", "0.200"]
     assert tools[0] == ["0.400", "1.50", "2", "10", "g0-a0-s1-p0", "hook"]
@@ -88,15 +86,6 @@ def test_what_the_model_took(capsys):
     assert "1 reply\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
 
 
-def test_what_was_saved(capsys):
-    more = {"trials": (Trial(),), "planned": 4, "saved_s": 1.6}
-    assert "3 rollouts saved, about 2 s of processor time\n" in summary(capsys, [0.5], more=more)
-    assert "1 near-duplicate of earlier candidates not tried\n" in summary(
-        capsys, [0.5], more=more | {"same_as": "g0-a0-s0-p0"}
-    )
-    assert not {"saved", "near-duplicate"} & set(summary(capsys, [0.5]).split())
-
-
 def test_the_least_margin_of_the_best(capsys):
     margins = (Margin.at_most("force on board", 6, 15, "N"),)
     said = summary(capsys, [0.5], more={"trials": (Trial(), Trial(margins=margins))})
@@ -111,7 +100,7 @@ def test_a_models_words_stay_words(capsys):
 
 def test_nothing_could_be_tried(capsys):
     said = summary(capsys, [None])
-    assert ["0", "–", "0.000", "–", "–", "1", "1", "0"] in rows(said)
+    assert "g0-a0-s0-p0: heavy" in said
     assert len(commands(said)) == 1  # no report of nothing
 
 

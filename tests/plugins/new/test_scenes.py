@@ -3,7 +3,7 @@ import pytest
 from core.errors import UsageError, UserError
 from core.plugins import installed
 from plugins.new import command
-from plugins.new.scenes import write_scene
+from plugins.new.packages import write_scene
 
 
 def test_the_command_writes_a_scene_and_says_how_to_go_on(tmp_path, monkeypatch, capsys):

@@ -29,7 +29,7 @@ def test_a_finished_run(tmp_path):
     assert isinstance(run, FinishedRun)
     assert (run.task, run.seed) == ("BringCube", 4)
     assert vars(run.best) == result(folder)["best"]
-    assert run.best_so_far == [0.2, 0.5]
+    assert run.best_so_far(3) == [0.2, 0.5, 0.5]
     assert [g.n_rejected for g in run.figures.generations] == [1, 0]
     assert run.config["budget"]["name"] == "quick"
     spent = RunCost.of(run.store.requests())

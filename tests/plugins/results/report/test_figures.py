@@ -12,7 +12,7 @@ from plugins.results.report.command import report
 from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 
-FIGURES = {"rewards", "intervals", "anytime", "gallery"}
+FIGURES = {"rewards", "anytime", "gallery"}
 
 
 def test_figures_are_there_and_not_blank(made):
@@ -57,7 +57,7 @@ def test_one_run_is_enough_for_a_report(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.5]])
     report([tmp_path / "run"], tmp_path / "out")
     drawn = {f.stem for f in (tmp_path / "out" / "data").glob("*.png")}
-    assert drawn == {"rewards", "intervals", "gallery"}
+    assert drawn == {"rewards", "gallery"}
     assert read_csv(tmp_path / "out" / "data" / "methods.csv")[0]["IQM, low"] == ""
 
 

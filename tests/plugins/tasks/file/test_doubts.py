@@ -2,7 +2,7 @@
 
 import pytest
 
-from plugins.new.scenes import write_scene
+from plugins.new.packages import write_scene
 from plugins.tasks.file.doubts import find_doubts
 from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.test_task import task_of

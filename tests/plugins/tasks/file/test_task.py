@@ -16,7 +16,7 @@ from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from core.scene import Goal
 from plugins.conformance.suites import SUITES, examine
-from plugins.new.scenes import write_scene
+from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.words import describe_goals
 from tests.engines import every_simulator, simulator
