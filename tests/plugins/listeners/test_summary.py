@@ -16,7 +16,7 @@ from core.plugins import event_hub, installed
 from core.scene import Margin
 from core.search.orchestration import run
 from core.support.text import hydra_word
-from plugins.new.scenes import write_scene
+from plugins.new.packages import write_scene
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm
 
