@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from core.geometry import Pose
 from core.goals import goals_margins, goals_reward, needs_trace
 from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
+from core.task import Task, margins_of
 from core.values.traces import TRACE_HZ
 
 RED = (1, 0, 0, 1)
@@ -279,3 +280,26 @@ def test_margins_of_speed_and_time():
     moving = at(cube=(0.5, -0.3, 0.05))
     moving = replace(moving, linear_velocities=np.full_like(moving.positions, 0.01 / np.sqrt(3)))
     assert margins(Goal(bodies=("cube",), rest=True), end=moving)["speed of cube"] == (0.5, 1.0, 0.5)
+
+
+@pytest.mark.parametrize(("reward", "success", "margin"), [(0.975, 0.95, 0.5), (0.95, 0.95, 0.0), (0.9, 0.95, -1.0)])
+def test_without_a_limit_the_margin_is_what_the_reward_exceeds_success_by(reward, success, margin):
+    (found,) = margins_of(Untold(success), START, START, None, reward)
+    assert (found.name, found.value, found.limit) == ("reward", reward, success)
+    assert found.margin == pytest.approx(margin)
+    assert margins_of(Untold(1.0), START, START, None, reward) == ()  # no room above success
+
+
+class Untold(Task):
+    """A task that says neither goals nor margins."""
+
+    goals = ()
+
+    def __init__(self, success):
+        self.success_reward = success
+
+    def scene(self, seed):
+        return SCENE
+
+    def reward(self, start, end):
+        return end.position("cube")[..., 0]
