@@ -111,6 +111,7 @@ def test_the_result(tiny):
     result = result_of(tiny[0])
     assert list(result) == [
         *(
+            "name",
             "task",
             "robot",
             "sim",

@@ -88,8 +88,9 @@ class SearchConfig(TrialConfig):
 
 @dataclass
 class RunConfig(SearchConfig):
-    """Settings of ``python -m core.run``."""
+    """Settings of ``python -m core.run``. ``name``: what reports call the method; empty: what distinguishes it."""
 
+    name: str = ""
     listener: dict[str, Any] = field(default_factory=dict)
     film: bool = True
 

@@ -279,6 +279,7 @@ def _write(file: Path, text: str) -> None:
 def report(run: Run, result: Result) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     return {
+        "name": run.config.get("name", ""),
         **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")},
         "material": run.representation.material.name,
         "budget": run.config["budget"]["name"],

@@ -162,6 +162,7 @@ class RunFigures:
     generations: tuple[GenerationFigures, ...]
     n_evaluations: Count
     wall_time_s: Amount
+    name: str = ""  # of the method
     robot: str = ""  # of runs before there was a choice
     sim: str = ""
     vlm: str = ""
@@ -240,6 +241,7 @@ class _Budget(_Schema):
 
 
 class _Config(_Schema):
+    name: str = ""
     task: Chosen = {}
     robot: dict[str, Any] = {}
     sim: Chosen = {}

@@ -272,6 +272,8 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
     for run in runs:
         if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
             raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
+    if len(methods := {*label([(run.task, {**run.config, "name": ""}) for run in runs])}) > 1:
+        raise UserError(f"its runs differ in more than task and seed: {', '.join(sorted(methods))}")
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
     versions: dict[str, set[str]] = {}

@@ -13,7 +13,7 @@ from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 CHOICES = ("tool", "evolution", "vlm", "action", "robot", "material", "prompt", "sim", "budget")
 """The choices that describe a method best, in this order; others follow."""
 
-_NO_METHOD = ("seed", "film", "listener", "executor", "protocol", "task.name", "task.paper")
+_NO_METHOD = ("name", "seed", "film", "listener", "executor", "protocol", "task.name", "task.paper")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,14 @@ def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) 
 
 
 def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Name the method of each (task, configuration): the shortest list of settings that distinguishes it.
+    """Name the method of each (task, configuration): by the user's ``name``, or else as `_distinguished`."""
+    given = [short(name) if isinstance(name := config.get("name"), str) else "" for _, config in configs]
+    others = iter(_distinguished([pair for pair, name in zip(configs, given, strict=True) if not name]))
+    return [name or next(others) for name in given]
+
+
+def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """Return the shortest list of settings that distinguishes the method of each (task, configuration).
 
     Choices (``tool=none``) distinguish methods wherever they differ. Another setting does where two runs of one task
     with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method

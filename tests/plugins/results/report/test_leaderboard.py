@@ -136,6 +136,15 @@ def test_runs_that_change_what_is_fixed_are_no_entry(tmp_path, word):
     assert "where the protocol varied has" in problem
 
 
+def test_runs_of_one_name_are_one_entry_if_nothing_else_differs(tmp_path):
+    write(tmp_path / "one", "name=ours")
+    write(tmp_path / "other", "name=ours", "seed=1")
+    assert entries(tmp_path)[1][0].startswith("no entry of the track varied: ours: it lacks CleanTable, ")
+    write(tmp_path / "more", "name=ours", "task.tool_kinds=[gripper]", task="OneBook")
+    write(tmp_path / "most", "name=ours", task="OneBook")
+    assert "ours: its runs differ in more than task and seed: task.tool_kinds" in entries(tmp_path)[1][0]
+
+
 def test_what_may_be_chosen_and_runs_without_a_protocol(tmp_path):
     write(tmp_path / "run", "tool=boxes", "fitness.layouts=8", "budget.n_agent=1", "sim=sapien")
     write_run(tmp_path / "other", "protocol=none")

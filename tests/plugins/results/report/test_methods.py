@@ -43,6 +43,15 @@ def test_methods_are_named_by_the_least_that_tells_them_apart():
     assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
 
 
+def test_a_method_is_called_as_the_user_says():
+    ours = config(sim="sapien") | {"name": "ours"}
+    assert labels(config(), ours, config() | {"name": ""}, config(evolution="sampling"), ours) == [
+        *("evolution=vlmgineer", "ours", "evolution=vlmgineer", "evolution=sampling", "ours")
+    ]
+    assert labels(ours, config(seed=1) | {"name": "ours"}) == ["ours"] * 2  # whatever else differs
+    assert labels(config() | {"name": ["no name"]}) == ["tool=urdf evolution=vlmgineer vlm=offline"]
+
+
 def test_runs_on_several_robots_are_not_one_methods():
     assert labels(config(robot="one"), config(robot="two")) == ["robot=one", "robot=two"]
     moved = config(robot={"name": "one", "base": [0.1, 0, 0, 0]}), config(robot={"name": "one", "base": [0, 0, 0, 0]})
