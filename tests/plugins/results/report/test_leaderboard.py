@@ -208,6 +208,31 @@ def test_pipes_and_large_files_are_not_read(tmp_path):
         read_entry(tmp_path / "large.json")
 
 
+RECORDS = sorted((ROOT / "docs/entries").glob("*.json"))
+
+
+@pytest.mark.parametrize("file", RECORDS, ids=lambda file: file.stem)
+def test_records_follow_their_protocol_and_hold_their_designs(file):
+    entry = read_entry(file)
+    assert all(run.design for run in entry.runs)
+    if entry.protocol == "lean" and entry.name == "reference":  # by definition, but for rounded references
+        assert [task.score for task in entry.tasks.values()] == pytest.approx([1] * len(entry.tasks), abs=1e-3)
+
+
+def test_a_record_earns_its_score_again(monkeypatch, inline):
+    quick = ["fitness.unseen=1", "fitness.unseen_sims=[mujoco]"]
+    monkeypatch.setattr(verify, "load", lambda name, words: load(name, [*words, *quick]))
+    entry = read_entry(ROOT / "docs/entries/lean_hard_reference.json")
+    (run,) = entry.tasks["StopCart"].runs
+    assert verify.earned(entry, "StopCart", run) == pytest.approx(run.score(protocol("lean"), "StopCart"), rel=0.1)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("file", RECORDS, ids=lambda file: file.stem)
+def test_each_record_is_verified(file):
+    assert [run for run in verify.verify(read_entry(file)) if not run.same] == []
+
+
 @pytest.mark.thorough
 def test_designs_of_a_results_file_are_tried_again(entry, monkeypatch):
     """A reference solution earns what is claimed; another tool does not, and a run without a design can't."""
