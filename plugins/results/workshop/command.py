@@ -6,9 +6,10 @@ Nothing here commands a robot. Covered by `tests/plugins/results/workshop/test_e
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
+import os
 import shutil
-import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -128,21 +129,40 @@ def export(cfg: DictConfig) -> Export:
 def whole(folder: Path) -> Iterator[Path]:
     """Give a folder beside ``folder`` to write to. At the end it becomes ``folder``; after an error it is removed.
 
+    Its name is always the same, so that what a killed export left there is found, and removed.
+
     Raises:
-        UserError: ``folder`` has something in it, or can't be written.
+        UserError: ``folder`` has something in it, can't be written, or is being written by another export.
     """
     folder = folder.resolve()
-    beside = folder.with_name(f".{folder.name[:50]}.{uuid.uuid4().hex[:8]}")
+    beside = folder.with_name(f".{folder.name[:50]}.part")
     try:
         if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
             raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
-        beside.mkdir(parents=True)
-        yield beside
-        beside.rename(folder)
+        beside.mkdir(parents=True, exist_ok=True)
+        with _locked(beside):
+            for left in beside.iterdir():
+                shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
+            try:
+                yield beside
+                beside.rename(folder)
+            finally:
+                shutil.rmtree(beside, ignore_errors=True)
+    except BlockingIOError as error:
+        raise UserError(f"another export is writing {folder}") from error
     except OSError as error:
         raise UserError(f"can't write {folder}: {error}") from error
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Lock a folder; the lock ends with the process. Raises BlockingIOError where another one has it."""
+    handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        os.close(handle)
 
 
 def _export(cfg: DictConfig, output: Path) -> Export:

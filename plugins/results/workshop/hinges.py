@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import Bearer, Tool
+from core.design import ToolJoint
 from core.geometry import Array, Pose
-from plugins.results.workshop.printing import Check, grown, piece_name
+from plugins.results.workshop.links import ToolLink
+from plugins.results.workshop.printing import Check
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Placed, hull, rod, union
 
@@ -38,26 +39,24 @@ class Hinges:
     hardware: list[str] = field(default_factory=list)
 
 
-def make_hinges(tool: Tool, fit: Fit, printer: Printer) -> Hinges:
+def make_hinges(links: Sequence[ToolLink], fit: Fit, printer: Printer) -> Hinges:
     """Make the hinges that can be made; of the other joints a check says what is missing."""
-    made = Hinges()
-    for joint in tool.bearers:
-        missing = "a guide is not part of the solids"
-        if joint.joint.kind == "hinge":
-            missing = _make_hinge(tool, joint, fit, printer, made)
-        if missing:
-            made.checks.append(Check(f"joint of {joint.name}", False, missing))
+    made, named = Hinges(), {link.bearer: link for link in links}
+    for link in links:
+        if link.joint is not None:
+            missing = "a guide is not part of the solids"
+            if link.joint.kind == "hinge":
+                missing = _make_hinge(link, named[link.parent], link.joint, fit, printer, made)
+            if missing:
+                made.checks.append(Check(f"joint of {link.name}", False, missing))
     return made
 
 
-def _make_hinge(tool: Tool, joint: Bearer, fit: Fit, printer: Printer, made: Hinges) -> str:
-    """Add a hinge; return why there is none."""
-    pose = tool.placed()[joint.name][1]
-    (component,) = (c for c in tool.components if c.name == joint.name)
-    axis, at = pose.rotation.apply(joint.joint.axis), (pose @ component.link).position
-    links = {name: _link(tool, name) for name in (joint.name, joint.parent)}
-    stretches = {name: _on_axis(union(shapes), axis, at) for name, shapes in links.items()}
-    tongue, fork = sorted(links, key=lambda name: float(np.ptp(stretches[name])))
+def _make_hinge(link: ToolLink, parent: ToolLink, joint: ToolJoint, fit: Fit, printer: Printer, made: Hinges) -> str:
+    """Add the hinge of a link on its parent; return why there is none."""
+    axis, at = link.frame.rotation.apply(joint.axis), link.frame.position
+    stretches = {each: _on_axis(union(each.shapes), axis, at) for each in (link, parent)}
+    tongue, fork = sorted(stretches, key=lambda each: float(np.ptp(stretches[each])))
     (t0, t1), (f0, f1) = stretches[tongue], stretches[fork]
     cheek = _CHEEK_MM + fit.hinge_mm
     if t1 - t0 < _CHEEK_MM or f0 > t0 - cheek or f1 < t1 + cheek:
@@ -65,35 +64,28 @@ def _make_hinge(tool: Tool, joint: Bearer, fit: Fit, printer: Printer, made: Hin
     pins = [length for length in PINS_MM if t1 - t0 + 2 * _CHEEK_MM <= length <= f1 - f0 + 0.1]
     if not pins or f1 - f0 > PINS_MM[-1] + 0.1:
         return f"{_NONE}; it would be {f1 - f0:.0f} mm long"
-    sign = -1.0 if fork == joint.name else 1.0  # how the tongue turns as the fork sees it
-    swept = _swept(_link(tool, tongue, fit.hinge_mm), at, sign * axis, joint.joint.lower, joint.joint.upper)
-    whole = union(links[fork])
+    turning = -axis if fork is link else axis  # the tongue's axis as the fork sees it
+    swept = _swept(tongue.grown(fit.hinge_mm), at, turning, joint.lower, joint.upper)
+    whole = union(fork.shapes)
     left = whole - union(swept)
     if left.volume() < (1 - LOST) * whole.volume() or len(left.decompose()) > 1:
-        return f"{_NONE}: too little is left of {piece_name(fork)} where {piece_name(tongue)} turns"
+        return f"{_NONE}: too little is left of {fork.name} where {tongue.name} turns"
     radius, bores = fit.axle_mm / 2, []
-    for name, solid, (start, end), bore in (
-        (tongue, union(links[tongue]), (t0, t1), radius + fit.hinge_mm),
+    for each, solid, (start, end), bore in (
+        (tongue, union(tongue.shapes), (t0, t1), radius + fit.hinge_mm),
         (fork, left, (f0, t0 - fit.hinge_mm), radius),
         (fork, left, (t1 + fit.hinge_mm, f1), radius),
     ):
         around = (bore + 2 * printer.min_wall_mm) / 1000
         tube = union([rod(at + axis * start / 1000, at + axis * end / 1000, around)])
         if (tube ^ solid).volume() < FULL * tube.volume():
-            return f"{_NONE}: {piece_name(name)} is too thin about the axis for one of {fit.axle_mm:g} mm"
-        bores.append((name, rod(at + axis * (start - 1) / 1000, at + axis * (end + 1) / 1000, bore / 1000)))
-    for name, hole in [*((fork, shape) for shape in swept), *bores]:
-        made.cuts.setdefault(name, []).append(hole)
-    made.hardware.append(
-        f"1 pin {fit.axle_mm:g} m6 x {max(pins)} for the hinge of {joint.name}: "
-        f"tight in {piece_name(fork)}, free in {piece_name(tongue)}"
-    )
+            return f"{_NONE}: {each.name} is too thin about the axis for one of {fit.axle_mm:g} mm"
+        bores.append((each, rod(at + axis * (start - 1) / 1000, at + axis * (end + 1) / 1000, bore / 1000)))
+    for each, hole in [*((fork, shape) for shape in swept), *bores]:
+        made.cuts.setdefault(each.bearer, []).append(hole)
+    fits = f"tight in {fork.name}, free in {tongue.name}"
+    made.hardware.append(f"1 pin {fit.axle_mm:g} m6 x {max(pins)} for the hinge of {link.name}: {fits}")
     return ""
-
-
-def _link(tool: Tool, name: str, by: float = 0.0) -> list[Placed]:
-    """The shapes of a link, each side moved out by millimetres."""
-    return grown([c for c in tool.components if tool.borne[c.name][0] == name], tool, by)
 
 
 def _swept(shapes: Sequence[Placed], at: Array, axis: Array, lower: float, upper: float) -> tuple[Placed, ...]:

@@ -5,15 +5,16 @@ Lengths of settings are millimetres, all else metres, in the frame of the mount.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import RIGID_MOUNT, Component, Tool
+from core.design import RIGID_MOUNT, Component
 from core.errors import UserError
 from core.geometry import Array, Cylinder, Mesh, Pose, resized
 from core.robot.extents import fingers_of
@@ -21,6 +22,7 @@ from core.robot.frames import link_poses
 from core.robot.solids import corners, robot_solids
 from core.values.materials import Material
 from core.values.robots import Robot
+from plugins.results.workshop.links import ToolLink
 from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import Placed, Workpiece, box, hull, rod, union
@@ -39,13 +41,14 @@ CLAMP_MM = 6.0  # thickness of plastic around a clamping insert
 
 @dataclass(frozen=True)
 class Mount:
-    """A solid that is fitted to the arm; ``added``: what was added for it as components, to simulate.
+    """A solid that is fitted to the arm; ``added``: what was added for it, to simulate, and ``name``, what that is.
 
     ``hardware``: what is bought for it.
     """
 
     solid: Workpiece
-    added: tuple[Component, ...] = ()
+    name: str = ""
+    added: tuple[Placed, ...] = ()
     checks: tuple[Check, ...] = ()
     hardware: tuple[str, ...] = ()
 
@@ -60,8 +63,8 @@ class Mount:
         return self.solid.done("cut")
 
 
-def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], solid: Workpiece, fit: Fit) -> Mount:
-    """Make the plate of a rigid tool, whose components the solid is of.
+def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount:
+    """Make the plate of a rigid tool, whose link the solid is.
 
     The mount's origin is in the flange's face, and the tool extends toward -z, so that the plate is right below z = 0.
     What the tool has above it is cut away where the arm is. Descriptions agree: the last link's mesh ends at the frame
@@ -84,9 +87,9 @@ def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], solid: 
     arm = _arm(robot)
     clear = solid.cut(*arm)
     lost = max(_shared(shape, arm) / union([shape]).volume() for shape in solid.shapes)
-    bores, screws, covered = _screws(robot, tool, components, clear.add(plate).body, fit)
+    bores, screws, covered = _screws(robot, link, clear.add(plate).body, fit)
     ways = [way for _, way in bores]
-    opened = [c.name for c, shape in zip(components, solid.shapes, strict=True) if _shared(shape, ways) > WORTH_SAYING]
+    opened = [name for name, of in zip(link.names, solid.shapes, strict=True) if _shared(of, ways) > WORTH_SAYING]
     checks = [
         Check("clear of the arm", lost < MOST_LOST, f"at most {lost:.0%} of a component is cut away where the arm is"),
         _bolted(len(screws), flange.bolts, covered, bores, opened),
@@ -97,8 +100,7 @@ def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], solid: 
     fitted = clear.add(*added).cut(*cut)
     kinds = [f"{screws.count(kind)} x {kind}" for kind in dict.fromkeys(screws)]
     pin = [f"1 pin {1000 * flange.pin_m:g} m6 x 12"] * (flange.pin_angle is not None)
-    simulated = Component(_free("mount_plate", tool), RIGID_MOUNT, plate[1], plate[0])
-    return Mount(fitted, (simulated,), tuple(checks), (*kinds, *pin))
+    return Mount(fitted, "mount_plate", (plate,), tuple(checks), (*kinds, *pin))
 
 
 def _shared(shape: Placed, others: Sequence[Placed]) -> float:
@@ -111,11 +113,6 @@ def _upright(at: Sequence[float] | Array, low: float, high: float, radius: float
 
 def _on_circle(robot: Robot, angle: float) -> Array:
     return robot.flange.bolt_circle_m / 2 * np.array([math.cos(angle), math.sin(angle)])
-
-
-def _free(name: str, tool: Tool) -> str:
-    names = {component.name for component in tool.components}
-    return next(free for free in (name + "_" * n for n in range(len(names) + 1)) if free not in names)
 
 
 def _arm(robot: Robot) -> tuple[Placed, ...]:
@@ -131,7 +128,7 @@ def _arm(robot: Robot) -> tuple[Placed, ...]:
 
 
 def _screws(
-    robot: Robot, tool: Tool, components: Sequence[Component], before: Any, fit: Fit
+    robot: Robot, link: ToolLink, before: Any, fit: Fit
 ) -> tuple[list[tuple[Placed, Placed]], list[str], dict[str, int]]:
     """Find bores and ways of keys for the screws that can be driven, their kinds, and how many each component covers.
 
@@ -154,7 +151,7 @@ def _screws(
         seat, long = max(seats)
         way = _upright(at, -(seat + fit.driver_mm) / 1000, -seat / 1000, (head + 1) / 2000)
         bore = _upright(at, -seat / 1000 - 1e-4, 0.001, (size + fit.clearance_mm) / 2000)
-        blocking = _too_weak(tool, components, (bore, way))
+        blocking = _too_weak(link, (bore, way))
         if blocking is not None:
             covered[blocking] = covered.get(blocking, 0) + 1
             continue
@@ -172,12 +169,11 @@ def _depth(before: Any, at: Array, start: float) -> float:
     return 0.0
 
 
-def _too_weak(tool: Tool, components: Sequence[Component], cut: Sequence[Placed]) -> str | None:
+def _too_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
     """Name the component of which a screw's bore and way leave less than `LEFT` of a section along its own axes."""
     away = union(cut)
-    for component in components:
-        pose = tool.placed()[component.name][1]
-        own = union([(component.shape, pose)])
+    for name, (shape, pose) in zip(link.names, link.shapes, strict=True):
+        own = union([(shape, pose)])
         shared = own ^ away
         if shared.volume() < 1:
             continue
@@ -189,7 +185,7 @@ def _too_weak(tool: Tool, components: Sequence[Component], cut: Sequence[Placed]
                 solid.transform(np.column_stack([turn, -turn @ middle])).slice(0.0).area() for solid in (own, shared)
             ]
             if level[0] > 0 and 1 - level[1] / level[0] < LEFT:
-                return component.name
+                return name
     return None
 
 
@@ -205,14 +201,14 @@ def _bolted(
     return Check("screws", count >= 3 or (count == 2 and bool(apart > 0.04)), found)
 
 
-def on_finger(robot: Robot, tool: Tool, mount: str, solid: Workpiece, fit: Fit) -> Mount:
+def on_finger(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount:
     """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
 
     The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
     """
-    finger = next(finger for finger in fingers_of(robot) if finger.name == mount)
+    finger = next(finger for finger in fingers_of(robot) if finger.name == link.bearer)
     gap, wall, tip = fit.sleeve_mm / 1000, fit.sleeve_wall_mm / 1000, finger.tip
-    hulls = [s.pose.apply(corners(s.geometry)) for s in robot_solids(robot, True) if s.name == mount]
+    hulls = [s.pose.apply(corners(s.geometry)) for s in robot_solids(robot, True) if s.name == link.bearer]
     slid = [hull(np.vstack([points, points - 0.15 * tip])) for points in hulls]
     cavity = tuple((resized(shape, shape.bounds[1] + 2 * gap), Pose()) for shape in slid)
     low, high = _clasped(slid, tip, finger.face(tip), fit.sleeve_length_mm / 1000)
@@ -227,17 +223,19 @@ def on_finger(robot: Robot, tool: Tool, mount: str, solid: Workpiece, fit: Fit) 
     fitted = solid.add(walls, clamp).cut(*cavity).cut(bore)
     ends = [(axis, end) for axis in range(3) for end in (-1, 1) if end * tip[axis] >= 0]  # it is open at its base
     kept = [_sheet(low, high, wall, axis, end) for axis, end in ends]
-    names = [_free(f"{mount}_sleeve_{n}", tool) for n in range(len(kept) + 1)]
-    added = tuple(
-        Component(name, mount, pose, shape) for name, (shape, pose) in zip(names, [*kept, clamp], strict=True)
-    )
     before, lost = solid.body.volume(), (solid.body ^ union(cavity)).volume()
     checks = (
         Check("finger", lost < 0.5 * before, f"{lost / before:.0%} of the attachment is cut away where the finger is"),
         Check("sleeve", True, f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"),
     )
     held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
-    return Mount(fitted, added, checks, ("1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"))
+    return Mount(
+        fitted,
+        f"{link.bearer}_sleeve",
+        (*kept, clamp),
+        checks,
+        ("1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"),
+    )
 
 
 def _clasped(slid: Sequence[Mesh], tip: Array, end: float, length: float) -> tuple[Array, Array]:
@@ -255,11 +253,17 @@ def _sheet(low: Array, high: Array, wall: float, axis: int, end: int) -> Placed:
     return box(first, last)
 
 
-def weighed(mount: Mount, shapes: Sequence[Placed], material: Material) -> tuple[Component, ...]:
-    """Return what a mount adds, with the mass of what is not inside the tool's own shapes."""
+def weighed(mount: Mount, link: ToolLink, taken: Collection[str], material: Material) -> list[Component]:
+    """Return what a mount adds as components, whose names are not taken, with the mass of what is not in the link."""
     if not mount.added:
-        return ()
-    added = union([(component.shape, component.pose) for component in mount.added])
-    share = (added - union(shapes)).volume() / added.volume()
+        return []
+    added = union(mount.added)
+    share = (added - union(link.grown(0))).volume() / added.volume()
     density = share * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
-    return tuple(replace(c, mass=max(LEAST_KG, density * material.volume_of(c.shape))) for c in mount.added)
+    components = []
+    for number, (shape, pose) in enumerate(mount.added):
+        name = mount.name if len(mount.added) == 1 else f"{mount.name}_{number}"
+        name = next(free for n in itertools.count() if (free := name + "_" * n) not in taken)
+        mass = max(LEAST_KG, density * material.volume_of(shape))
+        components.append(Component(name, link.bearer, pose, shape, mass))
+    return components

@@ -10,21 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Compound, Mesh, resized
+from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
+from plugins.results.workshop.links import WELDS_MM
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
 
 if TYPE_CHECKING:
     import trimesh
 
-NAMES = {RIGID_MOUNT: "tool", GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # others have their joints' names
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
-
-# By how much each side of a component is moved out, so that components that touch, or nearly do, become one body: the
-# least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
-WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
 
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
@@ -53,7 +48,7 @@ class PrintedPart:
 
     Attributes:
         name: of the part.
-        link: what it is part of, see `piece_name`.
+        link: the name of the link that it is part of.
         solid: in the frame of its mount.
         mesh: as it lies on the plate, centred, its lowest point at 0.
         to_mount: (4, 4) from the mesh to the frame of its mount, millimetres.
@@ -80,11 +75,6 @@ class PrintedPart:
         return float(self.mesh.volume) / 1000
 
 
-def piece_name(bearer: str) -> str:
-    """Name a piece by what bears it."""
-    return NAMES.get(bearer, bearer)
-
-
 def print_part(
     name: str, link: str, solid: Workpiece, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
 ) -> PrintedPart:
@@ -102,21 +92,6 @@ def print_part(
         *([] if material.metal else [Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm")]),
     )
     return PrintedPart(name, link, solid, lying, back, weld_mm, weight_g(lying, material), checks)
-
-
-def grown(components: Sequence[Component], tool: Tool, by: float) -> list[Placed]:
-    """Shapes and their poses in their mount's frame, in metres, each side moved out by millimetres."""
-    placed = tool.placed()
-    return widened([(c.shape, placed[c.name][1]) for c in components], by)
-
-
-def widened(shapes: Sequence[Placed], by: float) -> list[Placed]:
-    """Move each side of shapes out by millimetres; by little, what is hollow stays: its inner walls would move, too."""
-    stays = by <= WELDS_MM[0]
-    return [
-        (shape if stays and isinstance(shape, Compound) else resized(shape, shape.bounds[1] + 0.002 * by), pose)
-        for shape, pose in shapes
-    ]
 
 
 def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer) -> Check:
@@ -231,5 +206,5 @@ def weight_g(mesh: trimesh.Trimesh, material: Material) -> float:
 
 
 def grams(parts: Sequence[PrintedPart]) -> float:
-    """The mass of the parts, printed solid in PLA."""
-    return PLA_G_PER_CM3 * math.fsum(part.volume_cm3 for part in parts)
+    """Return the mass of parts together."""
+    return math.fsum(part.mass_g for part in parts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
@@ -14,21 +15,41 @@ import numpy as np
 
 from core.design import RIGID_MOUNT, Tool
 from core.designs.weight import flange_moment
+from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Scene
+from core.solids.held import as_held
 from core.support.cli import write_bytes
+from core.support.text import clean, shorten
 from core.values.robots import Robot
-from plugins.results.pages.figure import FigurePage
+from plugins.results.pages.drawing import draw, painted
+from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure
 from plugins.results.workshop.payload import payload
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.sheet_drawing import draw_page
 from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.verdicts import carried, printable, strong
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from plugins.results.workshop.motion import Sampled
     from plugins.results.workshop.replay import PlayedMotion
     from plugins.results.workshop.tool import PrintedTool
+
+A4_MM = (210.0, 297.0)
+RED, GREEN, SOFT = "#c62828", "#1b7f3b", "#57606a"
+SCALES = (0.2, 0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20)  # millimetres of the tool to one on paper
+ROWS, VERDICTS, NUMBERED = 14, 9, 26
+# Title; which axes go right, up, and toward the reader, and with which sign.
+VIEWS = (
+    ("from the side", np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
+    ("from the front", np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])),
+    ("from above", np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])),
+)
+_CELLS = ((12.0, 204.0), (106.0, 204.0), (12.0, 136.0), (106.0, 136.0))  # lower left corners of views and picture, mm
+_CELL, _ROOM = (92.0, 66.0), (24.0, 20.0)  # of a view on paper, and of it for dimensions and the title, mm
+_EDGE = np.deg2rad(20.0)  # between two faces, above which their edge is drawn
 
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
@@ -107,3 +128,152 @@ def write_sheet(
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())
     return [Check(**verdict) for verdict in said["verdicts"]]
+
+
+def _notes(said: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Write the figures of the tool and of each piece, and what was checked, a line and its colour each."""
+    x, y, z = (1000 * value for value in said["center_m"])
+    lines = [
+        f"mass {said['mass_kg']:.3f} kg; centre of gravity ({x:.0f}, {y:.0f}, {z:.0f}) mm in {said['frame']}",
+        f"moment at the flange {said['moment_nm']:.2f} N m",
+    ]
+    for piece in said["pieces"]:
+        size = " × ".join(f"{side:.0f}" for side in piece["size_mm"])
+        lines.append(f"{piece['name']}: {size} mm as it lies; {piece['mass_g']:.0f} g")
+    lines += [f"joined by {joint}" for joint in said["joints"]]
+    lines += [f"flange: {said['flange']}"] if said["flange"] else []
+    lines += [f"bought: {'; '.join(said['hardware'])}"] if said["hardware"] else []
+    shown = sorted(said["verdicts"], key=lambda of: (of["passed"] is not False, of["passed"] is True))
+    looks = {True: ("✓", INK), False: ("✗", RED), None: ("–", SOFT)}
+    notes = [(line, INK) for line in [*lines, ""]]
+    notes += [(f"{looks[of['passed']][0]} {Check(**of)}", looks[of["passed"]][1]) for of in shown[:VERDICTS]]
+    failing = sum(of["passed"] is False for of in shown[VERDICTS:])
+    more = f"and {len(shown) - VERDICTS} more, {failing} of which fail"
+    return [*notes, (more, SOFT)] if len(shown) > VERDICTS else notes
+
+
+HEADS = ("", "component", "size, mm", "turned, °", "g", "load", "N", "lever, mm", "MPa", "safety", "bends, mm")
+_WIDTHS = (5, 29, 32, 22, 8, 30, 9, 15, 9, 12, 15)  # of the columns, mm
+
+
+def _row(number: int, part: Mapping[str, Any]) -> list[str]:
+    """Write the cells of a component."""
+    size = " × ".join(f"{side:g}" for side in part["size_mm"])
+    turned = " ".join(f"{angle:g}" for angle in part["turned_deg"]) if any(part["turned_deg"]) else ""
+    cells = [str(number), shorten(part["name"], 20), size, turned, f"{1000 * part['mass_kg']:.0f}"]
+    if "stress_pa" not in part:
+        return [*cells, *[""] * 6]
+    safety = "–" if part["safety"] is None else f"{part['safety']:.2f}" if part["safety"] < 100 else "> 100"
+    load = f"{part['load']}, {part['engine']}" if part["engine"] else part["load"]
+    cells += [shorten(load, 18), f"{part['newtons']:.1f}", f"{1000 * part['lever_m']:.0f}"]
+    return [*cells, f"{part['stress_pa'] / 1e6:.1f}", safety, f"{1000 * part['bend_m']:.1f}"]
+
+
+def draw_page(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
+    """Draw the whole sheet on A4: three views and a picture, text, and a table of the weakest components."""
+    figure = new_figure(A4_MM[0] / 25.4, A4_MM[1] / 25.4)
+    figure.set_layout_engine("none")
+    page = figure.add_axes((0, 0, 1, 1))
+    page.set(xlim=(0, A4_MM[0]), ylim=(0, A4_MM[1]))
+    page.axis("off")
+    page.text(12, 284, clean(str(said["tool"]), 60), fontsize=15, fontweight="bold", va="center")
+    origin = f"{said['task']}; {said['robot']}; {said['material']}; {said['date']}"
+    page.text(12, 277.5, origin, fontsize=8, color=SOFT, va="center")
+    verdict, color = ("ready to make", GREEN) if said["ready"] else ("not to be made as it is", RED)
+    page.text(198, 284, verdict, fontsize=11, fontweight="bold", color=color, ha="right", va="center")
+    _views(figure, tool, robot, said)
+    at = 130.0
+    for line, color in _notes(said):
+        wrapped = textwrap.wrap(clean(line, 600), 130, subsequent_indent="   ")
+        page.text(12, at, "\n".join(wrapped), fontsize=7.5, color=color, va="top", linespacing=1.25)
+        at -= 3.6 * len(wrapped) + 0.4
+    _table(page, at - 2, said)
+    page.text(12, 13, said["how"], fontsize=6, color=SOFT, va="top")
+    return figure
+
+
+def _table(page: Axes, top: float, said: Mapping[str, Any]) -> None:
+    """Draw a row for each component, the weakest first; what fails is red."""
+    from matplotlib.transforms import Bbox
+
+    parts = said["parts"][: min(ROWS, int((top - 24) / 3.6))]
+    rows = [_row(number, part) for number, part in enumerate(parts, 1)]
+    widths, height = np.array(_WIDTHS) / A4_MM[0], 3.6 * (len(rows) + 1) / A4_MM[1]
+    box = Bbox.from_bounds(12 / A4_MM[0], top / A4_MM[1] - height, float(widths.sum()), height)
+    grid = page.table([list(HEADS), *rows], colWidths=widths.tolist(), cellLoc="left", bbox=box, edges="")
+    grid.auto_set_font_size(False)
+    failing = {of["name"].partition(", ")[2] for of in said["verdicts"] if of["passed"] is False}
+    for (row, _), cell in grid.get_celld().items():
+        weight, bad = "normal" if row else "bold", row > 0 and parts[row - 1]["name"] in failing
+        cell.set(fontsize=7, linewidth=0)
+        cell.PAD = 0
+        cell.get_text().set(color=RED if bad else INK, fontweight=weight)
+    if left := len(said["parts"]) - len(parts):
+        page.text(12, top - A4_MM[1] * height - 1, f"and {left} stronger ones", fontsize=7, color=SOFT, va="top")
+
+
+def _views(figure: Figure, tool: Tool, robot: Robot, said: Mapping[str, Any]) -> None:
+    """Draw three views to one scale and a picture, in four cells."""
+    held = as_held(tool, robot)
+    solids = [(component.name, solid.apply_scale(1000.0)) for component, solid in held]
+    numbers = {part["name"]: number for number, part in enumerate(said["parts"], start=1)}
+    points = np.concatenate([solid.vertices for _, solid in solids])
+    masses = [component.mass for component, _ in held]
+    center = np.average([solid.center_mass for _, solid in solids], axis=0, weights=masses)
+    room = np.subtract(_CELL, _ROOM)
+    wanted = max(float((np.ptp(points @ axes[:2].T, axis=0) / room).max()) for _, axes in VIEWS)
+    scale = next((scale for scale in SCALES if scale >= wanted), wanted)
+    titles = [title for title, _ in VIEWS]
+    titles.append(f"1 : {scale:.3g}, millimetres, as held at home; + flange, × centre of gravity")
+    cells = []
+    for title, corner in zip(titles, _CELLS, strict=True):
+        ax = figure.add_axes((*np.divide(corner, A4_MM), *np.divide(_CELL, A4_MM)))
+        ax.text(0, 1, title, fontsize=7, color=SOFT, va="top", transform=ax.transAxes)
+        ax.axis("off")
+        cells.append(ax)
+    for (_, axes), ax in zip(VIEWS, cells, strict=False):
+        flat = points @ axes[:2].T
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        middle, half = (low + high) / 2 + scale * np.array([2.0, -1.0]), scale * np.array(_CELL) / 2
+        (left, bottom), (right, top) = middle - half, middle + half
+        ax.set(xlim=(left, right), ylim=(bottom, top))
+        _view(ax, solids, axes, numbers)
+        _dimensions(ax, low, high, scale)
+        for mark, at in (("+", np.zeros(3)), ("x", center)):
+            ax.plot(*(axes[:2] @ at), mark, color=RED, ms=4, mew=0.7)
+    cells[-1].imshow(draw(painted(tool, robot), 736, 480))
+
+
+def _view(ax: Axes, solids: Sequence[tuple[str, Any]], axes: Array, numbers: Mapping[str, int]) -> None:
+    """Draw solids in outline, the nearest last, and their numbers; those of solids at one place side by side."""
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.colors import to_rgb
+
+    for name, solid in sorted(solids, key=lambda of: float((of[1].vertices @ axes[2]).max())):
+        seen = np.asarray(solid.vertices) @ axes.T
+        front = np.asarray(solid.face_normals) @ axes[2] > 1e-6
+        sides = front[np.asarray(solid.face_adjacency)]
+        drawn = sides.any(axis=1) & ((np.asarray(solid.face_adjacency_angles) > _EDGE) | ~sides.all(axis=1))
+        color = 0.85 + 0.15 * np.array(to_rgb(COLORS[(numbers[name] - 1) % len(COLORS)]))
+        faces = seen[np.asarray(solid.faces)[front]][:, :, :2]
+        ax.add_collection(PolyCollection(list(faces), color=color, linewidths=0.1))
+        edges = seen[np.asarray(solid.face_adjacency_edges)[drawn]][:, :, :2]
+        ax.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.5))
+    apart = 0.045 * float(np.ptp(ax.get_xlim()))
+    places: dict[tuple[float, ...], list[int]] = {}
+    for name, solid in solids if len(solids) <= NUMBERED else ():
+        at = np.asarray(solid.bounds).mean(axis=0) @ axes[:2].T
+        places.setdefault(tuple(apart * np.round(at / apart)), []).append(numbers[name])
+    frame = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": INK, "lw": 0.4}
+    for (x, y), found in places.items():
+        ax.text(x, y, ", ".join(map(str, sorted(found))), fontsize=5, ha="center", va="center", bbox=frame)
+
+
+def _dimensions(ax: Axes, low: Array, high: Array, scale: float) -> None:
+    """Draw the overall width below, the overall height on the right."""
+    (x, y), (width, height), away = (low + high) / 2, high - low, 5 * scale
+    arrow = {"arrowstyle": "|-|,widthA=0.3,widthB=0.3", "lw": 0.5, "color": INK, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", (low[0], low[1] - away), (high[0], low[1] - away), arrowprops=arrow)
+    ax.annotate("", (high[0] + away, low[1]), (high[0] + away, high[1]), arrowprops=arrow)
+    ax.text(x, low[1] - 1.3 * away, f"{width:.1f}", fontsize=6.5, ha="center", va="top")
+    ax.text(high[0] + 1.3 * away, y, f"{height:.1f}", fontsize=6.5, ha="left", va="center")

@@ -4,34 +4,24 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Compound
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.geometry import Compound
 from core.support.cli import write_bytes
 from core.values.materials import PAPER, Material
 from core.values.robots import Robot
 from plugins.results.workshop.cutting import Dovetails, cut
 from plugins.results.workshop.hinges import make_hinges
+from plugins.results.workshop.links import WELDS_MM, ToolLink, links_of, widened
 from plugins.results.workshop.mounting import CORE_MM, Mount, at_flange, on_finger, weighed
-from plugins.results.workshop.printing import (
-    WELDS_MM,
-    Check,
-    PrintedPart,
-    grown,
-    joined,
-    piece_name,
-    print_part,
-    to_3mf,
-    to_stl,
-    widened,
-)
+from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, print_part, to_3mf, to_stl
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
 from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
@@ -65,7 +55,7 @@ class PrintedTool:
     def printed(self) -> Tool:
         """`mounted`, weighing what its parts weigh as printed: what an arm really bears."""
         volumes = [self.material.volume_of(component.shape) for component in self.mounted.components]
-        share = math.fsum(part.mass_g for part in self.parts) / 1000 / sum(volumes) if self.parts else 0.0
+        share = grams(self.parts) / 1000 / sum(volumes) if self.parts else 0.0
         pairs = zip(self.mounted.components, volumes, strict=True)
         own = tuple(replace(component, mass=share * volume) for component, volume in pairs)
         return replace(self.mounted, components=own) if self.parts else self.mounted
@@ -97,7 +87,7 @@ class PrintedTool:
         return {
             "printer": vars(self.printer),
             "material": self.material.name if self.material.density_kg_m3 else "pla, solid",
-            "mass_g": round(math.fsum(part.mass_g for part in self.parts), 3),
+            "mass_g": round(grams(self.parts), 3),
             "parts": parts,
             "joints": [str(joint) for joint in self.joints],
             "hardware": list(self.hardware),
@@ -115,51 +105,32 @@ def _as_data(checks: Sequence[Check]) -> dict[str, Any]:
 
 def pieces(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
     """Make the bodies of a tool, one for each mount and for what a joint moves, cut to the plate, without fitting."""
-    made, fit, nothing = list[PrintedPart](), Fit(), np.zeros((0, 3))
-    for bearer, components in _links(tool).items():
-        mount, weld = _welded(components, tool, Mount)
-        whole = joined([c.name for c in components], grown(components, tool, weld), weld, printer)
-        name, (cuts, joints) = piece_name(bearer), cut(mount.solid, printer, fit, _axes(components, tool), nothing)
-        glued = next((Check("joint", False, str(joint)) for joint in joints if not joint.tails), None)
-        for number, solid in enumerate(cuts, 1):
-            own = (name, whole) if len(cuts) == 1 else (f"{name}_{number}", glued or _single(solid))
-            made.append(print_part(own[0], name, solid, weld, own[1], printer, material))
+    made = list[PrintedPart]()
+    for link in links_of(tool):
+        fitted = _fitted(link, Mount, printer, Fit())
+        names = [link.name] if len(fitted.cuts) == 1 else [f"{link.name}_{n + 1}" for n in range(len(fitted.cuts))]
+        glued = tuple(Check("joint", False, str(joint)) for joint in fitted.joints if not joint.tails)[:1]
+        made += [replace(part, checks=(*glued, *part.checks)) for part in fitted.printed(names, printer, material)]
     return made
 
 
-def _axes(components: Sequence[Component], tool: Tool) -> Array:
-    """The directions (3 K, 3) of K components, to which cuts are square."""
-    return np.vstack([tool.placed()[c.name][1].rotation.as_matrix().T for c in components])
-
-
-def _links(tool: Tool) -> dict[str, list[Component]]:
-    """The components by what bears them: a mount or, for those that a joint moves, the component with the joint."""
-    links: dict[str, list[Component]] = {}
-    for component in tool.components:
-        links.setdefault(tool.borne[component.name][0], []).append(component)
-    return links
-
-
-def _welded(components: Sequence[Component], tool: Tool, fix: Callable[[Workpiece], Mount]) -> tuple[Mount, float]:
-    """Weld components by as little as makes them and their mount one body with a closed surface."""
-    for weld in WELDS_MM:
-        mount = fix(Workpiece("add", tuple(grown(components, tool, weld))))
-        if len(mount.solid.bodies) == 1 and closed(mount.solid.mesh):
-            break
-    return mount, weld
-
-
 @dataclass(frozen=True, eq=False)
-class _PrintedLink:
-    """What one bearer holds, fitted and cut; ``whole``: the check that it is in one piece."""
+class _FittedLink:
+    """A link, fitted to what bears it and cut; ``whole``: the check that it is in one piece."""
 
-    bearer: str
-    components: Sequence[Component]
+    link: ToolLink
     mount: Mount
     weld_mm: float
     whole: Check
     cuts: Sequence[Workpiece]
     joints: Sequence[Dovetails]
+
+    def printed(self, names: Iterable[str], printer: Printer, material: Material) -> list[PrintedPart]:
+        checks = [self.whole] if len(self.cuts) == 1 else map(_single, self.cuts)
+        return [
+            print_part(name, self.link.name, solid, self.weld_mm, whole, printer, material)
+            for solid, whole, name in zip(self.cuts, checks, names, strict=False)
+        ]
 
 
 def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit) -> PrintedTool:
@@ -168,27 +139,26 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     Raises:
         UserError: the robot's flange can't be fitted.
     """
-    parts, checks, joints, hardware = list[PrintedPart](), list[Check](), list[Dovetails](), list[str]()
     if material.metal:
         printer, fit = Printer([MILLED_MM] * 3, printer.min_wall_mm, "milled"), replace(fit, insert_mm=CORE_MM)
-    added, hinges = list[Component](), make_hinges(tool, fit, printer)
-    links = [_make_link(bearer, own, tool, robot, printer, fit, hinges.cuts) for bearer, own in _links(tool).items()]
-    for link in links:
-        added += weighed(link.mount, grown(link.components, tool, 0), material)
-        checks += [*link.mount.checks, *_faithful(link, tool)]
-        for number, joint in enumerate(link.joints, len(joints) + 1):
-            checks.append(Check(f"joint {number}", joint.tails > 0, str(joint)))
-        for number, solid in enumerate(link.cuts, len(parts) + 1):
-            whole = link.whole if len(link.cuts) == 1 else _single(solid)
-            of = piece_name(link.bearer), solid, link.weld_mm, whole, printer, material
-            parts.append(print_part(f"part_{number}", *of))
-        joints += link.joints
-        hardware += link.mount.hardware
-    checks += [*_apart(tool, links), *hinges.checks]
-    hardware += hinges.hardware
+    links = links_of(tool)
+    hinges = make_hinges(links, fit, printer)
+    fitted = [
+        _fitted(link, partial(_mounted, robot, link, fit, hinges.cuts.get(link.bearer, ())), printer, fit)
+        for link in links
+    ]
+    numbers = itertools.count(1)
+    parts = [p for each in fitted for p in each.printed((f"part_{n}" for n in numbers), printer, material)]
+    joints = [joint for each in fitted for joint in each.joints]
+    checks = [check for each in fitted for check in (*each.mount.checks, *_faithful(each))]
+    checks += [Check(f"joint {n}", joint.tails > 0, str(joint)) for n, joint in enumerate(joints, 1)]
+    checks += [*_apart(fitted), *hinges.checks]
+    hardware = [*(item for each in fitted for item in each.mount.hardware), *hinges.hardware]
+    taken = [component.name for component in tool.components]
+    added = [component for each in fitted for component in weighed(each.mount, each.link, taken, material)]
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
-        printed, simulated = math.fsum(part.mass_g for part in parts), 1000 * mounted.mass
+        printed, simulated = grams(parts), 1000 * mounted.mass
         said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
     return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)
@@ -199,43 +169,41 @@ def _single(solid: Workpiece) -> Check:
     return Check("one piece", count == 1, "one body" if count == 1 else f"it falls into {count} pieces")
 
 
-def _make_link(
-    bearer: str,
-    components: Sequence[Component],
-    tool: Tool,
-    robot: Robot,
-    printer: Printer,
-    fit: Fit,
-    hinges: Mapping[str, Sequence[Placed]],
-) -> _PrintedLink:
-    def fix(solid: Workpiece) -> Mount:
-        mount = Mount(solid)
-        if bearer == RIGID_MOUNT:
-            mount = at_flange(robot, tool, components, solid, fit)
-        elif bearer in GRIPPER_MOUNTS:
-            mount = on_finger(robot, tool, bearer, solid, fit)
-        return replace(mount, solid=mount.solid.cut(*hinges.get(bearer, ())))
+def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], solid: Workpiece) -> Mount:
+    """Fit a link's solid to what bears it: the flange, a finger, or the link that it is hinged to."""
+    mount = Mount(solid)
+    if link.bearer == RIGID_MOUNT:
+        mount = at_flange(robot, link, solid, fit)
+    elif link.bearer in GRIPPER_MOUNTS:
+        mount = on_finger(robot, link, solid, fit)
+    return replace(mount, solid=mount.solid.cut(*hinges))
 
-    mount, weld = _welded(components, tool, fix)
-    names = [*(c.name for c in components), *(f"mount {n}" for n in range(len(mount.adding)))]
-    whole = joined(names, [*grown(components, tool, weld), *widened(mount.adding, weld)], weld, printer)
-    if len(mount.solid.bodies) > 1:
+
+def _fitted(link: ToolLink, fix: Callable[[Workpiece], Mount], printer: Printer, fit: Fit) -> _FittedLink:
+    """Weld a link by as little as makes it and its mount one body with a closed surface, and cut it to the plate."""
+    for weld in WELDS_MM:
+        mount = fix(Workpiece("add", tuple(link.grown(weld))))
+        if len(mount.solid.bodies) == 1 and closed(mount.solid.mesh):
+            break
+    names = [*link.names, *(f"mount {n}" for n in range(len(mount.adding)))]
+    whole = joined(names, [*link.grown(weld), *widened(mount.adding, weld)], weld, printer)
+    if whole.passed and len(mount.solid.bodies) > 1:
         whole = _single(mount.solid)
     corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
-    cuts, joints = cut(mount.solid, printer, fit, _axes(components, tool), corners)
-    return _PrintedLink(bearer, components, mount, weld, whole, cuts, joints)
+    cuts, joints = cut(mount.solid, printer, fit, link.axes, corners)
+    return _FittedLink(link, mount, weld, whole, cuts, joints)
 
 
-def _faithful(link: _PrintedLink, tool: Tool) -> list[Check]:
+def _faithful(fitted: _FittedLink) -> list[Check]:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
-    off, whole, mount = link.weld_mm + EXACT_MM, link.mount.solid.body, link.mount
-    wide, narrow = (_batch([_offset(c, tool, by) for c in link.components]) for by in (off, -off))
+    off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid.body, fitted.mount
+    wide, narrow = (_batch([_offset(shape, by) for shape in fitted.link.shapes]) for by in (off, -off))
     excess = max(0.0, (whole - wide - union(mount.adding)).volume())
     lack = max(0.0, (narrow - union(mount.taking) - whole).volume())
     here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
     checks = [Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)]
-    if len(link.cuts) > 1:
-        together = _batch([solid.body for solid in link.cuts])
+    if len(fitted.cuts) > 1:
+        together = _batch([solid.body for solid in fitted.cuts])
         over, gaps = (together - whole).volume(), (whole - together).volume()
         rest = f"{over:.1f} mm³ too much; gaps of {gaps / whole.volume():.2%} of it"
         checks.append(Check("put together", over < _NOTHING_MM3 and gaps < 0.03 * whole.volume(), rest))
@@ -248,23 +216,23 @@ def _batch(bodies: Sequence[Any]) -> Any:
     return manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
 
 
-def _offset(component: Component, tool: Tool, by: float) -> Any:
-    """Move the sides of a component out, or in: of one that is not convex by Minkowski's sum with a cube."""
+def _offset(placed: Placed, by: float) -> Any:
+    """Move the sides of a shape out, or in: of one that is not convex by Minkowski's sum with a cube."""
     import manifold3d
 
-    if not isinstance(component.shape, Compound):
-        return union(grown([component], tool, by))
-    exact, cube = union(grown([component], tool, 0)), manifold3d.Manifold.cube((2 * abs(by),) * 3, True)
-    return exact.minkowski_sum(cube) if by > 0 else exact.minkowski_difference(cube)
+    if not isinstance(placed[0], Compound):
+        return union(widened([placed], by))
+    cube = manifold3d.Manifold.cube((2 * abs(by),) * 3, True)
+    return union([placed]).minkowski_sum(cube) if by > 0 else union([placed]).minkowski_difference(cube)
 
 
-def _apart(tool: Tool, links: Sequence[_PrintedLink]) -> list[Check]:
+def _apart(links: Sequence[_FittedLink]) -> list[Check]:
     """Check that bodies that joints part do not share space at rest."""
-    placed, checks = tool.placed(), list[Check]()
+    checks = []
     for one, other in itertools.combinations(links, 2):
-        if placed[one.components[0].name][0] == placed[other.components[0].name][0]:
+        if one.link.mount == other.link.mount:
             shared = (one.mount.solid.body ^ other.mount.solid.body).volume()
-            said = f"{piece_name(one.bearer)} and {piece_name(other.bearer)} share {shared / 1000:.2f} cm³ at rest"
+            said = f"{one.link.name} and {other.link.name} share {shared / 1000:.2f} cm³ at rest"
             if shared >= _NOTHING_MM3:
                 checks.append(Check("apart", False, said))
     return checks

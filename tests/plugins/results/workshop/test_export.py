@@ -282,6 +282,21 @@ def test_what_fails_half_way_leaves_no_folder(tmp_path):
     assert list((tmp_path / "there").iterdir()) == []
 
 
+def test_what_a_killed_export_left_is_removed_by_the_next_one(tmp_path):
+    out, killed = tmp_path / "out", "import os, sys; from plugins.results.workshop.command import whole; "
+    killed += "from pathlib import Path; beside = whole(Path(sys.argv[1])).__enter__(); "
+    killed += (
+        "(beside / 'tool').mkdir(); (beside / 'tool' / 'half').touch(); print(flush=True); os.kill(os.getpid(), 9)"
+    )
+    subprocess.run([sys.executable, "-c", killed, str(out)], check=False)
+    assert {file.name for file in tmp_path.rglob("*")} == {".out.part", "tool", "half"}
+    with whole(out) as beside:
+        (beside / "all").touch()
+        with pytest.raises(UserError, match=r"another export is writing .*out"), whole(out):
+            pass
+    assert [file.name for file in tmp_path.rglob("*")] == ["out", "all"]
+
+
 @pytest.mark.thorough
 def test_an_export_that_is_killed_half_way_is_none_and_the_next_one_is_whole(tmp_path, made):
     killed = (
