@@ -103,7 +103,7 @@ class Robot:
         base: where its base stands in the world.
         measured: how exact it is, by engine and figure (``vlmgineer facts``).
         programs: files for the arm's controller that an export has, as pairs of name and Jinja template
-            (`plugins.results.workshop.programs`).
+            (`plugins.results.workshop.texts`).
 
     Raises:
         UsageError: numbers of joints differ, or a number is not finite or not positive.

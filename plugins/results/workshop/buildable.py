@@ -20,8 +20,7 @@ from core.simulation.rollout import Evaluator
 from core.solids.self_collision import DEEP_M
 from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance
-from plugins.results.workshop.motion import sample
-from plugins.results.workshop.replay import RECORD_HZ, Unplayable, play
+from plugins.results.workshop.motion import RECORD_HZ, Unplayable, play, sample
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import make_tool

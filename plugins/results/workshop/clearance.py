@@ -1,4 +1,4 @@
-"""Measure how near an arm and its tool come to themselves and to the scene, and how near to the arm's limits."""
+"""Measure how near an arm and its tool come to themselves, to the scene and to its limits, and what the arm bears."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from core.design import Tool
-from core.geometry import Array
+from core.design import RIGID_MOUNT, Tool
+from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Recording
-from core.robot.description import assemble
+from core.robot.description import assemble, merged
+from core.robot.frames import open_mounts
 from core.robot.kinematics import arm_of
 from core.scene import Scene
 from core.solids.self_collision import self_distances
@@ -117,3 +118,26 @@ def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
         }
         for i, name in enumerate(robot.arm_joints)
     ]
+
+
+def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
+    """Return the tool's ``mass_kg``, ``center_m`` (3,) and ``inertia_kg_m2`` (3, 3) about it, in the axes of ``frame``.
+
+    ``frame`` is the link that bears the tool; attachments to fingers count where they are with the fingers open. A
+    joint of the tool counts at its rest.
+    """
+    mounts = open_mounts(robot, tool.gripper) | {RIGID_MOUNT: Pose()}
+    parts = []
+    for component in tool.components:
+        mount, pose = tool.placed()[component.name]
+        at = robot.mount @ mounts[mount] @ pose
+        turn, (center, tensor) = at.rotation.as_matrix(), mass_properties(component.shape, component.mass)
+        parts.append((component.mass, at.apply(center), turn @ tensor @ turn.T))
+    mass, center, tensor = merged(parts) if parts else (0.0, np.zeros(3), np.zeros((3, 3)))
+    return {
+        "frame": robot.mount_link,
+        "mass_kg": round(mass, 6),
+        "center_m": np.round(center, 6).tolist(),
+        "inertia_kg_m2": np.round(tensor, 9).tolist(),
+        "share_of_payload": round(mass / robot.payload_kg, 4),
+    }

@@ -32,17 +32,14 @@ from core.store.artifacts import save_design
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.values.materials import Material
-from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins
-from plugins.results.workshop.motion import STEP_S, Sampled, approach, cut, sample, to_csv, to_json
-from plugins.results.workshop.payload import payload
+from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins, payload
+from plugins.results.workshop.motion import STEP_S, PlayedMotion, Sampled, approach, cut, play, sample, to_csv, to_json
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.programs import write_programs
-from plugins.results.workshop.replay import PlayedMotion, play
 from plugins.results.workshop.ros import PACKAGE, write_package
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import write_sheet
-from plugins.results.workshop.texts import filled
-from plugins.results.workshop.tool import PrintedTool, make_tool, write_lists, write_tool
+from plugins.results.workshop.texts import filled, write_programs
+from plugins.results.workshop.tool import PrintedTool, make_tool, write_tool
 from plugins.results.workshop.verdicts import printable
 
 USAGE = (
@@ -177,11 +174,10 @@ def _export(cfg: DictConfig, output: Path) -> Export:
     planned = plan_task_motion(resolve(candidate.plan, task, cfg.seed, settings, scene), task, settings)
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
     solid = make_tool(tool, robot, representation.material, node(cfg.printer, Printer), node(cfg.fit, Fit))
-    built = solid.mounted
-    first, opening = motion.positions[0], float(motion.fingers[0])
+    built = solid.printed
     start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
     moves = {
-        "approach": approach(start, first, opening, arm, cfg.rate_hz),
+        "approach": approach(start, motion.positions[0], float(motion.fingers[0]), arm, cfg.rate_hz),
         "trajectory": motion,
         "trajectory_slow": sample(planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)),
     }
@@ -196,20 +192,16 @@ def _export(cfg: DictConfig, output: Path) -> Export:
     checks = [as_good("motion", "as exported", rewards, searched)]
     verdicts = printable((), checks)
     if solid.parts:
-        solid = write_tool(solid, output / "tool")
-        built = solid.printed
         mounted = {name: replay(name, built).reward for name in sims}
-        solid = replace(solid, checks=(*checks, as_good("mounted", "with its mount", mounted, rewards), *solid.checks))
-        write_lists(solid, output / "tool")
+        checks.append(as_good("mounted", "with its mount", mounted, rewards))
+        solid = write_tool(replace(solid, checks=(*checks, *solid.checks)), output / "tool")
         verdicts = write_sheet(solid, tool, task, scene, motion, replays, output)
-    shown = next(iter(replays.values()))
-    contacts = [at for replay in replays.values() if (at := replay.first_contact()) is not None]
-    contact_s = min(contacts, default=None)
+    contact_s = min((at for played in replays.values() if (at := played.first_contact()) is not None), default=None)
     if contact_s is not None:
         before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower - STEP_S, arm)
         if before is not None:
             moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
-    near = clearance(scene, robot, tool, shown.recording)
+    near = clearance(scene, robot, tool, next(iter(replays.values())).recording)
     limits, load = margins(robot, built, motion), payload(robot, built)
     made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, mounted, tuple(verdicts))
     for name, move in moves.items():
@@ -261,8 +253,8 @@ def main(words: list[str]) -> None:
     most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
     say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
-    say(*made.printed.notes)
     failing = [verdict for verdict in made.verdicts if verdict.passed is False]
+    say(*(f"– {verdict}" for verdict in made.verdicts if verdict.passed is None))
     say(*(f"✗ {verdict}" for verdict in failing), style="red")
     if failing:
         raise UserError(f"{len(failing)} of {len(made.verdicts)} checks failed; the files are written all the same")

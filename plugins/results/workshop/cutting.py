@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Mesh, Pose
+from core.geometry import Array, Pose
 from plugins.results.workshop.printing import lay
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Workpiece, hull
@@ -36,24 +36,25 @@ class Dovetails:
     section_mm2: float
 
     def __str__(self) -> str:
-        if not self.tails:
-            return f"glue alone, on {self.section_mm2:.0f} mm²"
-        return (
-            f"{self.tails} dovetail{'s' * (self.tails > 1)}, necks of {self.neck_mm2:.0f} in {self.section_mm2:.0f} mm²"
-        )
+        tails = f"{self.tails} dovetail{'s' * (self.tails > 1)}, necks of {self.neck_mm2:.0f} in"
+        return f"{tails if self.tails else 'glue alone, on'} {self.section_mm2:.0f} mm²"
 
 
 @dataclass(frozen=True)
 class _Tail:
-    """A tail in the frame of a cut: across (its middle and width), along (from, to), and the angle of that frame."""
+    """A tail in the frame of a cut: across (its middle and width), along (from, to), and the angle of that frame.
+
+    ``floor`` is the thickness that closes its socket at one end; thin sections are cut through.
+    """
 
     middle: float
     width: float
     low: float
     high: float
     angle: float
+    floor: float
 
-    def solid(self, floor: float, gap: float, beyond: float) -> Array:
+    def solid(self, gap: float, beyond: float, floor: float) -> Array:
         """Return its corners (8, 3), ``gap`` wider on each side, rooted in the plane z = 0."""
         depth = min(self.width / 2, DEEPEST)
         neck, end = self.width / 6 + gap, self.width / 4 + gap
@@ -95,6 +96,7 @@ def cut(
 def _divide(
     piece: Workpiece, printer: Printer, fit: Fit, axes: Array, whole: Array
 ) -> tuple[Workpiece, Workpiece, Dovetails]:
+    """Cut where most regions of the section can be joined, away from the mount."""
     box = piece.mesh.bounding_box_oriented
     longest = np.asarray(box.primitive.transform)[:3, int(np.argmax(box.primitive.extents))]
     way = axes[np.abs(axes @ longest).argmax()]
@@ -103,52 +105,34 @@ def _divide(
     frame = np.stack([other / np.linalg.norm(other), np.cross(way, other / np.linalg.norm(other)), way])
     turned = piece.body.transform(np.column_stack([frame, np.zeros(3)]))
     low, high = turned.bounding_box()[2], turned.bounding_box()[5]
-    held = whole @ way
-    choices = []
-    for place in low + PLACES * (high - low):
-        section = turned.slice(float(place))
+    held, choices = whole @ way, []
+    for place in (low + PLACES * (high - low)).tolist():
+        section = turned.slice(place)
         regions = section.decompose()
         inside = bool(held.size and held.min() - DEEPEST < place < held.max() + DEEPEST)
-        tails, joined = _tails(regions)
-        rank = (inside, len(regions) - joined, len(regions), section.area())
-        choices.append((rank, float(place), tails, section.area()))
-    choices.sort(key=lambda choice: choice[0])
-    ways = [[tail for tail in tails if _sound(turned, tail, place, fit, printer)] for _, place, tails, _ in choices]
-    whole_ways = [number for number, way in enumerate(ways) if way and len(way) == len(choices[number][2])]
-    chosen = whole_ways[0] if whole_ways else 0
-    sound, (_, place, _, area) = ways[chosen], choices[chosen]
+        tails, joined = _tails(regions, printer)
+        sound = [tail for tail in tails if _sound(turned, tail, place, fit)]
+        partly = not sound or len(sound) < len(tails)
+        choices.append(((partly, inside, len(regions) - joined, len(regions), section.area()), place, sound))
+    (*_, area), place, sound = min(choices, key=lambda choice: choice[0])
     back = Pose.from_rotation(place * way / 1000, Rotation.from_matrix(frame.T))
-    below = hull(np.array([(x, y, z) for x in (-_FAR, _FAR) for y in (-_FAR, _FAR) for z in (-_FAR, 0.0)]) / 1000)
-    in_, out = (
-        [(_mesh(tail.solid(_floor(tail, printer), gap, 1.0)), back) for tail in sound] for gap in (0.0, fit.joint_mm)
+    below = np.array([(x, y, z) for x in (-_FAR, _FAR) for y in (-_FAR, _FAR) for z in (-_FAR, 0.0)])
+    near, far = (
+        [(hull(points / 1000), back) for points in [below, *(tail.solid(gap, 1.0, tail.floor) for tail in sound)]]
+        for gap in (0.0, fit.joint_mm)
     )
-    neck = sum(tail.width / 3 * (tail.high - tail.low - _floor(tail, printer)) for tail in sound)
-    near, far = piece.keep((below, back), *in_), piece.cut((below, back), *out)
-    return near, far, Dovetails(len(sound), neck, area)
+    neck = sum(tail.width / 3 * (tail.high - tail.low - tail.floor) for tail in sound)
+    return piece.keep(*near), piece.cut(*far), Dovetails(len(sound), neck, area)
 
 
-def _mesh(points: Array) -> Mesh:
-    return hull(points / 1000)
-
-
-def _floor(tail: _Tail, printer: Printer) -> float:
-    """The thickness that closes a socket at one end; thin sections are cut through."""
-    thick = tail.high - tail.low
-    return max(printer.min_wall_mm, 0.2 * thick) if thick >= 4 * printer.min_wall_mm else 0.0
-
-
-def _tails(regions: Sequence[Any]) -> tuple[list[_Tail], int]:
+def _tails(regions: Sequence[Any], printer: Printer) -> tuple[list[_Tail], int]:
     """Find tails for the regions of a section, all slid along one direction, and how many regions they join."""
-    angles = dict.fromkeys(angle for region in regions for angle in _normals(region))
     best: tuple[tuple[int, float], list[_Tail]] = ((0, 0.0), [])
-    for angle in angles:
-        found, joined, necks = list[_Tail](), 0, 0.0
-        for region in regions:
-            own = _in_region(region, angle)
-            joined += bool(own)
-            necks += sum(tail.width * (tail.high - tail.low) - 0.01 * (tail.high - tail.low) ** 2 for tail in own)
-            found += own
-        best = max(best, ((joined, necks), found), key=lambda way: way[0])
+    for angle in dict.fromkeys(angle for region in regions for angle in _normals(region)):
+        found = [_in_region(region, angle, printer) for region in regions]
+        tails = [tail for own in found for tail in own]
+        necks = sum(tail.width * (tail.high - tail.low) - 0.01 * (tail.high - tail.low) ** 2 for tail in tails)
+        best = max(best, ((sum(map(bool, found)), necks), tails), key=lambda way: way[0])
     return best[1], best[0][0]
 
 
@@ -160,7 +144,7 @@ def _normals(region: Any) -> list[float]:
     return [angle + quarter * math.pi / 2 for angle in found for quarter in range(4)]
 
 
-def _in_region(region: Any, angle: float) -> list[_Tail]:
+def _in_region(region: Any, angle: float, printer: Printer) -> list[_Tail]:
     """Divide a region into columns, and put a tail into each that is nearly a rectangle."""
     import manifold3d
 
@@ -179,23 +163,19 @@ def _in_region(region: Any, angle: float) -> list[_Tail]:
             filled = max((piece.area() for piece in pieces), default=0.0)
             wide, thick = x1 - x0, y1 - y0
             if wide >= max(NARROWEST, 0.9 * share * width) and thick >= _LEAST and filled >= FLAT * wide * thick:
-                tails.append(_Tail((x0 + x1) / 2, x1 - x0, y0, y1, angle))
+                floor = max(printer.min_wall_mm, 0.2 * thick) if thick >= 4 * printer.min_wall_mm else 0.0
+                tails.append(_Tail((x0 + x1) / 2, wide, y0, y1, angle, floor))
                 break
     return tails
 
 
-def _sound(turned: Any, tail: _Tail, place: float, fit: Fit, printer: Printer) -> bool:
+def _sound(turned: Any, tail: _Tail, place: float, fit: Fit) -> bool:
     """Report whether a tail lies within the solid, and nothing is in its way as it slides in."""
     import manifold3d
 
-    floor, up = _floor(tail, printer), np.array([0.0, 0.0, place])
-    above = turned.trim_by_plane((0, 0, 1), place)
-    inner = manifold3d.Manifold.hull_points(tail.solid(max(floor, 0.01), 0.0, 0.0) + up)
-    swept = manifold3d.Manifold.hull_points(tail.solid(floor, fit.joint_mm, 500.0) + up)
-    hidden = above.trim_by_plane(*_beyond(tail))
+    up = np.array([0.0, 0.0, place])
+    inner = manifold3d.Manifold.hull_points(tail.solid(0.0, 0.0, max(tail.floor, 0.01)) + up)
+    swept = manifold3d.Manifold.hull_points(tail.solid(fit.joint_mm, 500.0, tail.floor) + up)
+    hidden = turned.trim_by_plane((0, 0, 1), place)
+    hidden = hidden.trim_by_plane((-math.sin(tail.angle), math.cos(tail.angle), 0), tail.high + 0.1)  # past its end
     return bool((inner ^ turned).volume() > 0.95 * inner.volume() and (swept ^ hidden).volume() < 1.0)
-
-
-def _beyond(tail: _Tail) -> tuple[tuple[float, float, float], float]:
-    """The half-space past the end at which a tail is slid in."""
-    return (-math.sin(tail.angle), math.cos(tail.angle), 0.0), tail.high + 0.1

@@ -1,4 +1,4 @@
-"""Sample a motion at a fixed rate for a real arm: smooth, within its limits, from where the arm stands.
+"""Sample a motion at a fixed rate for a real arm, smooth and within its limits, and play it in an engine.
 
 Engines play joint targets that are linear between instants 10 ms apart. An arm that interpolates so at 1 kHz breaks its
 acceleration limits several times over. Here the targets are the control points of a cubic B-spline. Its accelerations
@@ -18,14 +18,22 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline
 
-from core.errors import UsageError
+from core.design import Tool
+from core.errors import UsageError, UserError
 from core.geometry import Array
-from core.interfaces import JointTrajectory
+from core.interfaces import JointTrajectory, Recording, Rollout, RolloutSettings, Simulator, Task
 from core.robot.kinematics import Arm
+from core.scene import Scene, State
+from core.solids.contacts import Contacts, find_contacts, make_trace
+from core.solids.penetration import findings
+from core.task import reward_of
 
 SHARE = 0.97  # of the velocity and acceleration limits, at most
 APPROACH = 0.1  # of the velocity limits, at most: the first motion from where the arm stands
 STEP_S = 0.01  # between two knots of the spline; by so much it is behind the targets, as it begins at rest
+
+
+RECORD_HZ = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,3 +141,43 @@ def to_json(motion: Sampled, joints: tuple[str, ...]) -> Mapping[str, Any]:
     """Return the same as data."""
     arrays = ("times", "positions", "velocities", "accelerations", "fingers")
     return {"joints": list(joints), **{name: np.round(getattr(motion, name), 7).tolist() for name in arrays}}
+
+
+class Unplayable(UserError):
+    """The rollout of an exported motion failed."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedMotion:
+    """What a motion earned in an engine, and what was seen; ``problems`` name what passed through something."""
+
+    reward: float
+    recording: Recording
+    contacts: Contacts
+    problems: tuple[str, ...]
+
+    def first_contact(self) -> float | None:
+        """Return when the robot first touches a body, seconds of the motion; None if it never does."""
+        return min((contact.first_s for contact in self.contacts.all if contact.kind != "body"), default=None)
+
+
+def play(
+    task: Task, simulator: Simulator, tool: Tool, motion: Sampled, scene: Scene, seed: int, settings: RolloutSettings
+) -> PlayedMotion:
+    """Play a motion from its first sample, in the layout of ``seed``.
+
+    Raises:
+        Unplayable: the rollout fails.
+    """
+    hold = max(settings.hold_s, task.hold_s)
+    job = Rollout(tool, motion.trajectory, seed, settings.settle_s, hold, RECORD_HZ, forces=True)
+    (outcome,) = simulator.rollout(task, [job])
+    if outcome.error is not None or outcome.start is None or outcome.end is None or outcome.recording is None:
+        raise Unplayable(f"the exported motion can't be played: {outcome.error or 'the engine returned no recording'}")
+    start, end = (scene.complete(State.stack([state])) for state in (outcome.start, outcome.end))
+    contacts = find_contacts(scene, task.robot, tool, outcome.recording)
+    trace = make_trace(scene, [contacts]) if task.reads_trace else None
+    reward = float(np.asarray(reward_of(task, start, end, trace))[0])
+    seen = findings(scene, task.robot, tool, outcome.recording)
+    problems = tuple(finding.text for finding in seen if finding.penetration)
+    return PlayedMotion(0.0 if problems else reward, outcome.recording, contacts, problems)

@@ -12,9 +12,8 @@ import numpy as np
 
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
-from plugins.results.workshop.links import WELDS_MM
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
+from plugins.results.workshop.solid import WELDS_MM, Placed, Workpiece, closed, manifold, to_mesh, union
 
 if TYPE_CHECKING:
     import trimesh

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 from core.errors import UsageError, check_positive
 
@@ -30,17 +30,12 @@ class Printer:
 
 @dataclass
 class Fit:
-    """Clearances and walls of what bolts a tool to an arm, and joins its parts; millimetres.
+    """Gaps and walls of what bolts a tool to an arm, and joins its parts; millimetres.
 
     Attributes:
         plate_mm: the thickness of the plate at the flange.
         clearance_mm: by how much a screw's bore is wider than its thread: 0.6 is ISO 273's medium.
-        centring_mm: by how much the plate's boss is narrower than the flange's recess.
-        pin_mm: by how much the bore of the flange's pin is wider than the pin.
-        driver_mm: the way below a screw's head that the screw and a bent key need.
         sleeve_mm: the gap between a sleeve and the finger, on each side.
-        sleeve_wall_mm: a sleeve's wall.
-        sleeve_length_mm: a sleeve's length from the finger's tip.
         insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
         joint_mm: the gap in a dovetail between parts, on each side.
         axle_mm: the diameter of the pin in a hinge.
@@ -52,22 +47,14 @@ class Fit:
 
     plate_mm: float = 7.0
     clearance_mm: float = 0.6
-    centring_mm: float = 0.2
-    pin_mm: float = 0.1
-    driver_mm: float = 50.0
     sleeve_mm: float = 0.2
-    sleeve_wall_mm: float = 2.4
-    sleeve_length_mm: float = 25.0
     insert_mm: float = 4.0
     joint_mm: float = 0.1
     axle_mm: float = 3.0
     hinge_mm: float = 0.2
 
     def __post_init__(self) -> None:
-        gaps = ("clearance_mm", "centring_mm", "pin_mm", "sleeve_mm", "joint_mm", "hinge_mm")
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name in gaps and not 0 <= value <= 5:
-                raise UsageError(f"fit.{item.name} must be 0 to 5 mm, got {value}")
-            if item.name not in gaps and not 0.8 <= value <= 500:
-                raise UsageError(f"fit.{item.name} must be 0.8 to 500 mm, got {value}")
+        for name, value in vars(self).items():
+            low, high = (0.8, 500) if name in ("plate_mm", "insert_mm", "axle_mm") else (0, 5)
+            if not low <= value <= high:
+                raise UsageError(f"fit.{name} must be {low} to {high} mm, got {value}")

@@ -20,11 +20,11 @@ from core.interfaces import Task
 from core.scene import Scene
 from core.solids.held import as_held
 from core.support.cli import write_bytes
-from core.support.text import clean, shorten
+from core.support.text import clean
 from core.values.robots import Robot
 from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure
-from plugins.results.workshop.payload import payload
+from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.verdicts import carried, printable, strong
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from plugins.results.workshop.motion import Sampled
-    from plugins.results.workshop.replay import PlayedMotion
+    from plugins.results.workshop.motion import PlayedMotion, Sampled
     from plugins.results.workshop.tool import PrintedTool
 
 A4_MM = (210.0, 297.0)
@@ -55,7 +54,10 @@ HOW = "Strength: forces of the rollout where they act, on beams; without notches
 
 
 def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dict[str, Any]:
-    """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too."""
+    """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too.
+
+    ``to_mount`` (4, 4) leads from a piece's file to the frame of its mount, millimetres.
+    """
     material, load = made.material, payload(robot, made.printed)
     verdicts = [
         *carried(made.printed, robot, material),
@@ -85,8 +87,15 @@ def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Str
         "frame": load["frame"],
         "moment_nm": flange_moment(made.printed, robot),
         "pieces": [
-            {"name": part.name, "size_mm": np.round(part.mesh.extents, 2).tolist(), "mass_g": round(part.mass_g, 2)}
-            for part in made.parts
+            {
+                "name": part.name,
+                "file": made.file(number),
+                "size_mm": np.round(part.mesh.extents, 2).tolist(),
+                "volume_cm3": round(part.volume_cm3, 3),
+                "mass_g": round(part.mass_g, 2),
+                "to_mount": np.round(part.to_mount, 6).tolist(),
+            }
+            for number, part in enumerate(made.parts)
         ],
         "joints": [str(joint) for joint in made.joints],
         "hardware": list(made.hardware),
@@ -160,12 +169,12 @@ def _row(number: int, part: Mapping[str, Any]) -> list[str]:
     """Write the cells of a component."""
     size = " × ".join(f"{side:g}" for side in part["size_mm"])
     turned = " ".join(f"{angle:g}" for angle in part["turned_deg"]) if any(part["turned_deg"]) else ""
-    cells = [str(number), shorten(part["name"], 20), size, turned, f"{1000 * part['mass_kg']:.0f}"]
+    cells = [str(number), clean(part["name"], 20), size, turned, f"{1000 * part['mass_kg']:.0f}"]
     if "stress_pa" not in part:
         return [*cells, *[""] * 6]
     safety = "–" if part["safety"] is None else f"{part['safety']:.2f}" if part["safety"] < 100 else "> 100"
     load = f"{part['load']}, {part['engine']}" if part["engine"] else part["load"]
-    cells += [shorten(load, 18), f"{part['newtons']:.1f}", f"{1000 * part['lever_m']:.0f}"]
+    cells += [clean(load, 18), f"{part['newtons']:.1f}", f"{1000 * part['lever_m']:.0f}"]
     return [*cells, f"{part['stress_pa'] / 1e6:.1f}", safety, f"{1000 * part['bend_m']:.1f}"]
 
 
@@ -260,13 +269,14 @@ def _view(ax: Axes, solids: Sequence[tuple[str, Any]], axes: Array, numbers: Map
         edges = seen[np.asarray(solid.face_adjacency_edges)[drawn]][:, :, :2]
         ax.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.5))
     apart = 0.045 * float(np.ptp(ax.get_xlim()))
-    places: dict[tuple[float, ...], list[int]] = {}
+    places: dict[tuple[float, ...], list[tuple[int, Array]]] = {}
     for name, solid in solids if len(solids) <= NUMBERED else ():
         at = np.asarray(solid.bounds).mean(axis=0) @ axes[:2].T
-        places.setdefault(tuple(apart * np.round(at / apart)), []).append(numbers[name])
+        places.setdefault(tuple(np.round(at / apart)), []).append((numbers[name], at))
     frame = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": INK, "lw": 0.4}
-    for (x, y), found in places.items():
-        ax.text(x, y, ", ".join(map(str, sorted(found))), fontsize=5, ha="center", va="center", bbox=frame)
+    for found in places.values():
+        (x, y), text = found[0][1], ", ".join(str(number) for number in sorted(number for number, _ in found))
+        ax.text(x, y, text, fontsize=5, ha="center", va="center", bbox=frame)
 
 
 def _dimensions(ax: Axes, low: Array, high: Array, scale: float) -> None:

@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import coal
 import numpy as np
 
 from core.design import Tool
 from core.designs.rules import check_contacts
-from core.designs.stiffness import Beams
+from core.designs.stiffness import POINT_M, Beam, Beams
 from core.designs.weight import GRAVITY
 from core.errors import UserError
 from core.geometry import Array, Pose, mass_properties
@@ -31,11 +31,9 @@ from core.scene import Scene
 from core.solids.tracks import robot_tracks
 from core.values.materials import Material
 from core.values.robots import Robot
-from plugins.results.workshop.loads import Load, Stressed, stresses
 
 if TYPE_CHECKING:
-    from plugins.results.workshop.motion import Sampled
-    from plugins.results.workshop.replay import PlayedMotion
+    from plugins.results.workshop.motion import PlayedMotion, Sampled
 
 HARDEST = 10  # instants with the largest forces on the tool, and with the largest moments; and for each body one more
 NEAR_M = 0.005  # of a contact point to the bounding boxes of components that may have it
@@ -43,9 +41,18 @@ WEIGHT = "its weight"
 _DOT = coal.Sphere(1e-6)
 
 
+class Load(NamedTuple):
+    """A ``force`` (3,), newtons, at a ``point`` (3,) of a component, in the frame of its mount; ``what`` names it."""
+
+    what: str
+    component: str
+    point: Array
+    force: Array
+
+
 @dataclass(frozen=True)
 class Strength:
-    """The worst that happens to a component in its motion; units are SI.
+    """The worst that loads do to a component at one instant; units are SI.
 
     Attributes:
         component: the stress is in its section that bears most, which is at one of its joints.
@@ -56,7 +63,7 @@ class Strength:
         lever_m: from the section to the load.
         stress_pa: with all loads that act at that instant.
         safety: the material's strength over the stress; None: the material has none.
-        bend_m: by how much the load moves its own place, from the mount on.
+        bend_m: by how much the load would move its own place, across and alone, from the mount on.
     """
 
     component: str
@@ -180,6 +187,62 @@ class _Parts:
         return abs(float(coal.distance(track.geometry, track.at(sample, 0.0)[0], _DOT, dot, request, result)))
 
 
+def stresses(tool: Tool, joints: Mapping[str, Array], material: Material, loads: Sequence[Load]) -> list[Strength]:
+    """Estimate what loads that act at once do to each component that carries one.
+
+    ``joints`` holds for each component the point (3,) where it touches its parent. The moments of all loads beyond a
+    section add up as vectors, so that loads that oppose each other do so here. Sections are looked at where a
+    component is held, and where a load acts on it or comes from what it carries.
+    """
+    beams, most = Beams(tool, joints, material), material.strength_pa
+    carried: dict[str, list[tuple[Load, Beam]]] = {}
+    for load in loads:
+        for carrier, beam in [*beams.chains[load.component], (load.component, beams.beam(load.component, load.point))]:
+            carried.setdefault(carrier, []).append((load, beam))
+    found = []
+    for component in (c for c in tool.components if c.name in carried):
+        stress, place, beyond = _weakest(carried[component.name])
+        groups: dict[str, list[Load]] = {}
+        for load in beyond:
+            groups.setdefault(load.what, []).append(load)
+        if groups:
+            what = max(groups, key=lambda name: np.linalg.norm(_moment(groups[name], place)))
+            newtons = float(np.linalg.norm(sum(load.force for load in groups[what])))
+            hardest = max(groups[what], key=lambda load: np.linalg.norm(load.force))
+            bend, lever = beams.bend(hardest.component, hardest.point)[0], np.linalg.norm(hardest.point - place)
+            safety = most / stress if most is not None and stress > 0 else None
+            row = component.name, component.parent, what, newtons, "", 0.0, float(lever), stress, safety, newtons * bend
+            found.append(Strength(*row))
+    return found
+
+
+def _weakest(carried: Sequence[tuple[Load, Beam]]) -> tuple[float, Array, list[Load]]:
+    """Find the section of a component that bears most: its stress, its place (3,), and the loads beyond it."""
+    loads = [load for load, _ in carried]
+    starts, stops, _, weak = map(np.array, zip(*(beam for _, beam in carried), strict=True))
+    forces, points = (np.array([load[k] for load in loads]) for k in (3, 2))
+    ways = stops - starts
+    along = ways @ ways.T  # (N, N): how far each gets along the way of another, times its length
+    lengths = np.maximum(np.sqrt(np.diagonal(along)), POINT_M)
+    turning = np.cross(points, forces)
+    best: tuple[float, Array, Array] = (-1.0, starts[0], np.zeros(len(loads), dtype=bool))
+    for sections, beyond in (
+        (starts, along / lengths[:, None] > POINT_M),
+        (stops, along / lengths[:, None] >= lengths[:, None] - POINT_M),
+    ):
+        moments = beyond @ turning - np.cross(sections, beyond @ forces)
+        stress = weak * np.linalg.norm(moments, axis=1)
+        k = int(stress.argmax())
+        if stress[k] > best[0]:
+            best = float(stress[k]), sections[k], beyond[k]
+    return best[0], best[1], [load for load, counts in zip(loads, best[2], strict=True) if counts]
+
+
+def _moment(loads: Sequence[Load], place: Array) -> Array:
+    moments: Array = np.sum([np.cross(load.point - place, load.force) for load in loads], axis=0)
+    return moments
+
+
 def strength(
     tool: Tool, robot: Robot, material: Material, instants: Mapping[str, Sequence[tuple[float, Sequence[Load]]]]
 ) -> list[Strength]:
@@ -188,21 +251,12 @@ def strength(
     Raises:
         DesignError: a component does not touch its parent.
     """
-    joints = check_contacts(tool, robot)
-    worst: dict[str, tuple[Stressed, str, float]] = {}
+    joints, worst = check_contacts(tool, robot), dict[str, Strength]()
     for engine, when, loads in [(engine, when, loads) for engine, of in instants.items() for when, loads in of]:
-        for name, found in stresses(tool, joints, material, loads).items():
-            if name not in worst or found.stress_pa > worst[name][0].stress_pa:
-                worst[name] = found, engine, when
-    most, rows = material.strength_pa, []
-    for component in tool.components:
-        if component.name in worst:
-            found, engine, when = worst[component.name]
-            safety = most / found.stress_pa if most is not None and found.stress_pa > 0 else None
-            engine = "" if found.what == WEIGHT else engine
-            of = (found.what, found.newtons, engine, when, found.lever_m, found.stress_pa, safety, found.bend_m)
-            rows.append(Strength(component.name, component.parent, *of))
-    return rows
+        for row in stresses(tool, joints, material, loads):
+            if row.component not in worst or row.stress_pa > worst[row.component].stress_pa:
+                worst[row.component] = replace(row, engine="" if row.load == WEIGHT else engine, time_s=when)
+    return [worst[component.name] for component in tool.components if component.name in worst]
 
 
 def measured(

@@ -1,14 +1,26 @@
-"""Read and fill the texts of ``templates/`` that an export writes: Markdown, in which others' names are no markup."""
+"""Fill the texts that an export writes: Markdown, in which others' names are no markup, and programs for controllers.
+
+A robot's template of a program gets ``robot``, ``payload``, ``moves`` (by name, each a `Sampled`), and the function
+``every(move, seconds)``. Covered by `tests/plugins/results/workshop/test_export.py`.
+"""
 
 from __future__ import annotations
 
 import importlib.resources
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
+from jinja2.sandbox import SandboxedEnvironment
 
+from core.errors import UserError
+from core.support.cli import write_bytes
 from core.support.text import clean
+from core.values.robots import Robot
+from plugins.results.workshop.motion import Sampled
 
 # Besides marks: `_` at the end of a word, and what GitHub makes a link of.
 _MARKUP = re.compile(r"[\\`*{}\[\]<>#+!|~&@]|(?<![^\W_])_|_(?![^\W_])|:(?=//)|(?<=www)\.", re.I)
@@ -34,3 +46,25 @@ def filled(name: str, **values: Any) -> str:
         keep_trailing_newline=True,
     )
     return environment.from_string(text_of(name)).render(**values)
+
+
+def write_programs(robot: Robot, payload: Mapping[str, Any], moves: Mapping[str, Sampled], folder: Path) -> None:
+    """Render the templates of `Robot.programs` to files in a folder.
+
+    Raises:
+        UserError: a template can't be rendered, or a file can't be written.
+    """
+    environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    for name, template in robot.programs:
+        try:
+            text = environment.from_string(template).render(robot=robot, payload=payload, moves=moves, every=every)
+        except jinja2.TemplateError as error:
+            raise UserError(f"robot {robot.name}: its program {name} can't be written: {error}") from error
+        write_bytes(folder / name, (text + "\n").encode())
+
+
+def every(move: Sampled, seconds: float) -> list[tuple[float, list[float]]]:
+    """Pick the samples nearest to multiples of ``seconds``, and the last: time and joints."""
+    wanted = np.append(np.arange(0.0, move.times[-1], seconds), move.times[-1])
+    chosen = np.unique(np.searchsorted(move.times, wanted - 1e-9))
+    return [(float(move.times[k]), np.round(move.positions[k], 6).tolist()) for k in chosen.tolist()]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,13 +17,22 @@ from core.support.cli import write_bytes
 from core.values.materials import PAPER, Material
 from core.values.robots import Robot
 from plugins.results.workshop.cutting import Dovetails, cut
-from plugins.results.workshop.hinges import make_hinges
-from plugins.results.workshop.links import WELDS_MM, ToolLink, links_of, widened
-from plugins.results.workshop.mounting import CORE_MM, Mount, at_flange, on_finger, weighed
+from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, make_hinges, on_finger, weighed
 from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, print_part, to_3mf, to_stl
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import Placed, Workpiece, closed, manifold, to_mesh, union
-from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
+from plugins.results.workshop.solid import (
+    WELDS_MM,
+    Placed,
+    ToolLink,
+    Workpiece,
+    closed,
+    links_of,
+    manifold,
+    to_mesh,
+    union,
+    widened,
+)
+from plugins.results.workshop.step import write_step
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import printable
 
@@ -37,10 +45,7 @@ _NOTHING_MM3 = 1.0
 
 @dataclass(frozen=True, eq=False)
 class PrintedTool:
-    """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated.
-
-    ``step`` says whether there is a STEP file.
-    """
+    """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated."""
 
     parts: tuple[PrintedPart, ...]
     checks: tuple[Check, ...]
@@ -48,8 +53,6 @@ class PrintedTool:
     hardware: tuple[str, ...]
     mounted: Tool
     material: Material
-    printer: Printer
-    step: bool = False
 
     @property
     def printed(self) -> Tool:
@@ -61,46 +64,12 @@ class PrintedTool:
         return replace(self.mounted, components=own) if self.parts else self.mounted
 
     @property
-    def notes(self) -> list[str]:
-        """What is not written, and how to get it."""
-        return [] if not self.parts or can_write_step() else [NO_STEP]
-
-    @property
     def faults(self) -> list[str]:
         """What speaks against it, and what to change, a line each."""
         return [str(check) for check in printable(self.parts, self.checks) if check.passed is False]
 
-    def figures(self) -> dict[str, Any]:
-        """Return all figures as data; ``to_mount`` (4, 4) leads from a part's file to the frame of its mount, mm."""
-        parts = [
-            {
-                "file": self.file(number),
-                "of": part.link,
-                "size_mm": np.round(part.mesh.extents, 2).tolist(),
-                "volume_cm3": round(part.volume_cm3, 3),
-                "mass_g": round(part.mass_g, 4),
-                "to_mount": np.round(part.to_mount, 6).tolist(),
-                "checks": _as_data(part.checks),
-            }
-            for number, part in enumerate(self.parts)
-        ]
-        return {
-            "printer": vars(self.printer),
-            "material": self.material.name if self.material.density_kg_m3 else "pla, solid",
-            "mass_g": round(grams(self.parts), 3),
-            "parts": parts,
-            "joints": [str(joint) for joint in self.joints],
-            "hardware": list(self.hardware),
-            "step": "tool.step" if self.step else None,
-            "checks": _as_data(self.checks),
-        }
-
     def file(self, number: int) -> str:
         return f"part_{number + 1}_of_{len(self.parts)}.stl"
-
-
-def _as_data(checks: Sequence[Check]) -> dict[str, Any]:
-    return {check.name: {"passed": check.passed, "found": check.found} for check in checks}
 
 
 def pieces(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
@@ -150,7 +119,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     numbers = itertools.count(1)
     parts = [p for each in fitted for p in each.printed((f"part_{n}" for n in numbers), printer, material)]
     joints = [joint for each in fitted for joint in each.joints]
-    checks = [check for each in fitted for check in (*each.mount.checks, *_faithful(each))]
+    checks = [check for each in fitted for check in (*each.mount.checks, _faithful(each))]
     checks += [Check(f"joint {n}", joint.tails > 0, str(joint)) for n, joint in enumerate(joints, 1)]
     checks += [*_apart(fitted), *hinges.checks]
     hardware = [*(item for each in fitted for item in each.mount.hardware), *hinges.hardware]
@@ -161,7 +130,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         printed, simulated = grams(parts), 1000 * mounted.mass
         said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
-    return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)
+    return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material)
 
 
 def _single(solid: Workpiece) -> Check:
@@ -194,20 +163,14 @@ def _fitted(link: ToolLink, fix: Callable[[Workpiece], Mount], printer: Printer,
     return _FittedLink(link, mount, weld, whole, cuts, joints)
 
 
-def _faithful(fitted: _FittedLink) -> list[Check]:
+def _faithful(fitted: _FittedLink) -> Check:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
     off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid.body, fitted.mount
     wide, narrow = (_batch([_offset(shape, by) for shape in fitted.link.shapes]) for by in (off, -off))
     excess = max(0.0, (whole - wide - union(mount.adding)).volume())
     lack = max(0.0, (narrow - union(mount.taking) - whole).volume())
     here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
-    checks = [Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)]
-    if len(fitted.cuts) > 1:
-        together = _batch([solid.body for solid in fitted.cuts])
-        over, gaps = (together - whole).volume(), (whole - together).volume()
-        rest = f"{over:.1f} mm³ too much; gaps of {gaps / whole.volume():.2%} of it"
-        checks.append(Check("put together", over < _NOTHING_MM3 and gaps < 0.03 * whole.volume(), rest))
-    return checks
+    return Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)
 
 
 def _batch(bodies: Sequence[Any]) -> Any:
@@ -239,7 +202,10 @@ def _apart(links: Sequence[_FittedLink]) -> list[Check]:
 
 
 def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
-    """Write STL, 3MF, STEP if it can be, and lists (`write_lists`); add a check for what is not in the STEP file.
+    """Write STL, 3MF, STEP if it can be, and ``assembly.md``, what is bought and what speaks against it.
+
+    Returns:
+        The tool with a check of the files, and of what is not in the STEP file.
 
     Raises:
         UserError: a file can't be written.
@@ -254,9 +220,8 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     if not made.material.metal:
         write_bytes(folder / "tool.3mf", to_3mf(made.parts))
     missing = write_step({name: part.solid for name, part in files.items()}, folder / "tool.step")
-    checks = [Check("STEP", False, f"{name} can't be modelled") for name in missing]
-    made = replace(made, checks=(read, *checks, *made.checks), step=can_write_step() and len(missing) < len(files))
-    write_lists(made, folder)
+    made = replace(made, checks=(*made.checks, read, *missing))
+    write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=made).encode())
     return made
 
 
@@ -266,13 +231,3 @@ def _difference(file: Path, part: PrintedPart) -> float:
 
     read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid.body
     return float(((read - whole).volume() + (whole - read).volume()) / whole.volume())
-
-
-def write_lists(made: PrintedTool, folder: Path) -> None:
-    """Write ``print.json`` and ``assembly.md``: the parts, what joins them, what is bought, what speaks against it.
-
-    Raises:
-        UserError: a file can't be written.
-    """
-    write_bytes(folder / "print.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
-    write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=made).encode())

@@ -6,7 +6,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Recording
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from plugins.results.workshop.clearance import NEAR_M, clearance, torques
+from plugins.results.workshop.clearance import NEAR_M, clearance, payload, torques
 from plugins.results.workshop.motion import Sampled
 from tests.panda import PANDA
 
@@ -50,3 +50,14 @@ def test_torques_of_an_arm_at_rest_are_those_of_weights():
             ends.append(arm.forward(q).apply(np.array([0, 0, -0.1]))[2])
         lever = (ends[1] - ends[0]) / (2 * step)  # virtual work: how the weight rises with the joint
         assert laden[joint] - bare[joint] == pytest.approx(2 * 9.81 * lever, rel=0.01, abs=0.02)
+
+
+def test_a_box_below_the_flange():
+    pose = Pose(np.array([0.0, 0.0, -0.1]))
+    box = Component("box", "tool_mount", pose, Box((0.1, 0.1, 0.2)), mass=2.0)
+    found = payload(PANDA, Tool((box,)))
+    assert found["frame"] == "panda_link8"
+    assert found["mass_kg"] == pytest.approx(2.0)
+    assert found["center_m"] == pytest.approx([0, 0, 0.1], abs=1e-6)  # the flange's z points out, the mount's in
+    assert np.diag(found["inertia_kg_m2"]) == pytest.approx([2 / 12 * 0.05, 2 / 12 * 0.05, 2 / 12 * 0.02], rel=1e-6)
+    assert found["share_of_payload"] == pytest.approx(2 / 3, rel=1e-4)

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 from core.design import Component, Tool
-from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from plugins.conformance.shapes import bowl, prism
 from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf, to_stl
@@ -103,9 +102,6 @@ def test_a_thin_spot_in_a_thick_body_is_found():
     assert thinnest(trimesh.boolean.difference([block, pocket], engine="manifold")) == pytest.approx(0.6)
 
 
-# --- on the plate -------------------------------------------------------------------------------------------------
-
-
 def test_a_long_piece_is_laid_across_the_plate():
     rod = trimesh.creation.box((310, 10, 10))
     lying, fits, _ = lay(rod, (250, 210, 220))
@@ -121,9 +117,6 @@ def test_what_is_too_long_is_cut_as_an_export_cuts_it():
     assert failed(low[0]) == ["joint"]
     assert "glue alone" in found(low[0], "joint")
     assert pieces(hook(0.6), Printer(plate_mm=(700.0, 700.0, 50.0)))[0].ready
-
-
-# --- pieces and files ---------------------------------------------------------------------------------------------
 
 
 def test_attachments_of_a_gripper_are_two_pieces():
@@ -148,16 +141,3 @@ def test_solids_of_every_form_are_closed():
         (piece,) = pieces(tool(component), WIDE)
         assert piece.mesh.is_volume
         assert piece.volume_cm3 == pytest.approx(1e6 * shape.volume, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"plate_mm": (1.0, 2.0)}, "three lengths"),
-        ({"plate_mm": (100.0, 0.0, 100.0)}, "plate_mm.y must be greater than 0"),
-        ({"min_wall_mm": float("nan")}, "min_wall_mm must be greater than 0"),
-    ],
-)
-def test_printers_that_there_are_not(settings, said):
-    with pytest.raises(UsageError, match=said):
-        Printer(**settings)

@@ -12,9 +12,8 @@ from core.interfaces import Pushes, Recording
 from core.plugins import installed
 from core.robot.frames import link_frames
 from core.values.materials import Material
-from plugins.results.workshop.loads import Load
 from plugins.results.workshop.motion import Sampled
-from plugins.results.workshop.strength import contact_loads, strength, weights
+from plugins.results.workshop.strength import Load, contact_loads, strength, weights
 from tests.panda import PANDA
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)

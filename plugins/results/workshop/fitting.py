@@ -1,5 +1,6 @@
-"""Fit a tool to the arm: a plate with bores for the flange, or a sleeve for a finger.
+"""Fit a tool to the arm, by a plate with bores for the flange or a sleeve for a finger, and its links to each other.
 
+Of the two links of a hinge the wider one becomes a fork about the other, and a pin goes through both.
 Lengths of settings are millimetres, all else metres, in the frame of the mount.
 """
 
@@ -8,13 +9,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import RIGID_MOUNT, Component
+from core.design import RIGID_MOUNT, Component, ToolJoint
 from core.errors import UserError
 from core.geometry import Array, Cylinder, Mesh, Pose, resized
 from core.robot.extents import fingers_of
@@ -22,21 +23,29 @@ from core.robot.frames import link_poses
 from core.robot.solids import corners, robot_solids
 from core.values.materials import Material
 from core.values.robots import Robot
-from plugins.results.workshop.links import ToolLink
 from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
-from plugins.results.workshop.settings import Fit
-from plugins.results.workshop.solid import Placed, Workpiece, box, hull, rod, union
+from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.solid import Placed, ToolLink, Workpiece, box, hull, rod, union
 
 HEADS_MM = {"M3": 5.5, "M4": 7.0, "M5": 8.5, "M6": 10.0, "M8": 13.0, "M10": 16.0}  # ISO 4762
 SCREWS_MM = (10, 12, 16, 20, 25, 30, 35, 40)
 LEAST_THREADS = 0.8  # of its diameter: how deep a screw must go, in aluminium
 LEFT = 0.6  # of a component's section that must be left where a screw's way is cut
 BOSS_MM = 3.0  # ISO's recess is at least 3.5 mm deep
+CENTRING_MM, PIN_MM = 0.2, 0.1  # by which the boss is narrower than the recess, and the pin's bore wider than the pin
+DRIVER_MM = 50.0  # below a screw's head, for the screw and a bent key
+WALL_MM, SLEEVE_MM = 2.4, 25.0  # a sleeve's wall, and its length from the finger's tip
 MOST_LOST = 0.1  # of a component, where the arm is
 LEAST_KG = 1e-4
-WORTH_SAYING = 100.0  # mm^3
 CORE_MM = 2.5  # bore of a thread M3, which metal takes without an insert
 CLAMP_MM = 6.0  # thickness of plastic around a clamping insert
+PINS_MM = (8, 10, 12, 16, 20, 24, 30, 40, 50, 60)  # lengths of ISO 8734
+LOST = 0.4  # of a fork, at most, where the other link turns
+FULL = 0.9  # of a tube around the bore that is solid
+_STEP_RAD = 0.08
+_FAR_M = 0.5
+_CHEEK_MM = 2.0
+_NONE = "an axle is not part of the solids"
 
 
 @dataclass(frozen=True)
@@ -76,31 +85,30 @@ def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount
     """
     flange, t = robot.flange, fit.plate_mm / 1000
     if flange.thread not in HEADS_MM:
-        raise UserError(
-            f"robot {robot.name}: no screw is known for thread {flange.thread!r}; {', '.join(HEADS_MM)} are"
-        )
+        known = ", ".join(HEADS_MM)
+        raise UserError(f"robot {robot.name}: no screw is known for thread {flange.thread!r}; {known} are")
     plate = _upright((0, 0), -t, 0, flange.disc.radius)
     added = [plate]
     if flange.centring_m is not None:
         height = min(BOSS_MM / 1000, flange.centring_depth_m - 0.0005)
-        added.append(_upright((0, 0), -t / 2, height, flange.centring_m / 2 - fit.centring_mm / 2000))
+        added.append(_upright((0, 0), -t / 2, height, (1000 * flange.centring_m - CENTRING_MM) / 2000))
     arm = _arm(robot)
     clear = solid.cut(*arm)
     lost = max(_shared(shape, arm) / union([shape]).volume() for shape in solid.shapes)
     bores, screws, covered = _screws(robot, link, clear.add(plate).body, fit)
-    ways = [way for _, way in bores]
-    opened = [name for name, of in zip(link.names, solid.shapes, strict=True) if _shared(of, ways) > WORTH_SAYING]
-    checks = [
+    places = [bore[1].position for bore in bores[::2]]
+    apart = max((float(np.linalg.norm(one - other)) for one in places for other in places), default=0.0)
+    found = f"{len(screws)} of {flange.bolts} screws can be driven"
+    found += f"; in the way of the others: {', '.join(covered)}" if covered else ""
+    checks = (
         Check("clear of the arm", lost < MOST_LOST, f"at most {lost:.0%} of a component is cut away where the arm is"),
-        _bolted(len(screws), flange.bolts, covered, bores, opened),
-    ]
-    cut = [shape for pair in bores for shape in pair]
+        Check("screws", len(screws) >= 3 or (len(screws) == 2 and apart > 0.04), found),
+    )
+    hardware = [f"{screws.count(kind)} x {kind}" for kind in dict.fromkeys(screws)]
     if flange.pin_angle is not None:
-        cut.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, flange.pin_m / 2 + fit.pin_mm / 2000))
-    fitted = clear.add(*added).cut(*cut)
-    kinds = [f"{screws.count(kind)} x {kind}" for kind in dict.fromkeys(screws)]
-    pin = [f"1 pin {1000 * flange.pin_m:g} m6 x 12"] * (flange.pin_angle is not None)
-    return Mount(fitted, "mount_plate", (plate,), tuple(checks), (*kinds, *pin))
+        bores.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, (1000 * flange.pin_m + PIN_MM) / 2000))
+        hardware.append(f"1 pin {1000 * flange.pin_m:g} m6 x 12")
+    return Mount(clear.add(*added).cut(*bores), "mount_plate", (plate,), checks, tuple(hardware))
 
 
 def _shared(shape: Placed, others: Sequence[Placed]) -> float:
@@ -127,37 +135,33 @@ def _arm(robot: Robot) -> tuple[Placed, ...]:
     return tuple(found)
 
 
-def _screws(
-    robot: Robot, link: ToolLink, before: Any, fit: Fit
-) -> tuple[list[tuple[Placed, Placed]], list[str], dict[str, int]]:
-    """Find bores and ways of keys for the screws that can be driven, their kinds, and how many each component covers.
+def _screws(robot: Robot, link: ToolLink, before: Any, fit: Fit) -> tuple[list[Placed], list[str], dict[str, None]]:
+    """Find bores and ways of keys for the screws that can be driven, their kinds, and the components in others' way.
 
     A head rests on the plate, or below a component that is thick enough around the bore: a long screw through a beam
     leaves more of it than a way for a short one.
     """
     flange, head = robot.flange, HEADS_MM[robot.flange.thread]
     size, t = float(flange.thread[1:]), fit.plate_mm
-    bores, kinds, covered = list[tuple[Placed, Placed]](), list[str](), dict[str, int]()
+    cuts, kinds, covered = list[Placed](), list[str](), dict[str, None]()
     ring = [(0.0, 0.0), *((math.cos(a), math.sin(a)) for a in np.arange(12) * math.tau / 12)]
+    fitting = [length for length in SCREWS_MM if length >= t + LEAST_THREADS * size - 1e-6]
     for number in range(flange.bolts):
         at = _on_circle(robot, flange.bolt_angle + number * math.tau / flange.bolts)
         deep = min(_depth(before, 1000 * at + head / 2 * np.array(way), t) for way in ring)
-        seats = [
-            (min(deep, n - LEAST_THREADS * size), n) for n in SCREWS_MM if n - 1000 * flange.thread_depth_m <= deep
-        ]
-        seats = [(seat, n) for seat, n in seats if seat >= t - 1e-6]
-        if not seats:
+        seats = [(min(deep, n - LEAST_THREADS * size), n) for n in fitting if n - 1000 * flange.thread_depth_m <= deep]
+        if not seats or deep < t - 1e-6:
             raise UserError(f"no screw {flange.thread} fits a plate of {t:g} mm; set fit.plate_mm to 7, 10 or 15")
         seat, long = max(seats)
-        way = _upright(at, -(seat + fit.driver_mm) / 1000, -seat / 1000, (head + 1) / 2000)
+        way = _upright(at, -(seat + DRIVER_MM) / 1000, -seat / 1000, (head + 1) / 2000)
         bore = _upright(at, -seat / 1000 - 1e-4, 0.001, (size + fit.clearance_mm) / 2000)
         blocking = _too_weak(link, (bore, way))
-        if blocking is not None:
-            covered[blocking] = covered.get(blocking, 0) + 1
-            continue
-        bores.append((bore, way))
-        kinds.append(f"{flange.thread} x {long}")
-    return bores, kinds, covered
+        if blocking is None:
+            cuts += [bore, way]
+            kinds.append(f"{flange.thread} x {long}")
+        else:
+            covered[blocking] = None
+    return cuts, kinds, covered
 
 
 def _depth(before: Any, at: Array, start: float) -> float:
@@ -189,29 +193,17 @@ def _too_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
     return None
 
 
-def _bolted(
-    count: int, wanted: int, covered: dict[str, int], bores: Sequence[tuple[Placed, Placed]], opened: Sequence[str]
-) -> Check:
-    apart = max((np.linalg.norm(a[0][1].position - b[0][1].position) for a in bores for b in bores), default=0.0)
-    found = f"{count} of {wanted} screws can be driven"
-    if covered:
-        found += f"; in the way of the others: {', '.join(covered)}"
-    if opened:
-        found += f"; ways for their keys are cut into {', '.join(opened)}"
-    return Check("screws", count >= 3 or (count == 2 and bool(apart > 0.04)), found)
-
-
 def on_finger(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount:
     """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
 
     The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
     """
     finger = next(finger for finger in fingers_of(robot) if finger.name == link.bearer)
-    gap, wall, tip = fit.sleeve_mm / 1000, fit.sleeve_wall_mm / 1000, finger.tip
+    gap, wall, tip = fit.sleeve_mm / 1000, WALL_MM / 1000, finger.tip
     hulls = [s.pose.apply(corners(s.geometry)) for s in robot_solids(robot, True) if s.name == link.bearer]
     slid = [hull(np.vstack([points, points - 0.15 * tip])) for points in hulls]
     cavity = tuple((resized(shape, shape.bounds[1] + 2 * gap), Pose()) for shape in slid)
-    low, high = _clasped(slid, tip, finger.face(tip), fit.sleeve_length_mm / 1000)
+    low, high = _clasped(slid, tip, finger.face(tip), SLEEVE_MM / 1000)
     low, high = low - gap, high + gap
     side = np.cross(np.abs(finger.opens), np.abs(tip))
     around, widths = np.ones(3) - np.abs(tip), high - low
@@ -267,3 +259,78 @@ def weighed(mount: Mount, link: ToolLink, taken: Collection[str], material: Mate
         mass = max(LEAST_KG, density * material.volume_of(shape))
         components.append(Component(name, link.bearer, pose, shape, mass))
     return components
+
+
+@dataclass
+class Hinges:
+    """What is cut out of each link, by what bears it; what was found; and what is bought."""
+
+    cuts: dict[str, list[Placed]] = field(default_factory=dict)
+    checks: list[Check] = field(default_factory=list)
+    hardware: list[str] = field(default_factory=list)
+
+
+def make_hinges(links: Sequence[ToolLink], fit: Fit, printer: Printer) -> Hinges:
+    """Make the hinges that can be made; of the other joints a check says what is missing."""
+    made, named = Hinges(), {link.bearer: link for link in links}
+    for link in links:
+        if link.joint is not None:
+            missing = "a guide is not part of the solids"
+            if link.joint.kind == "hinge":
+                missing = _make_hinge(link, named[link.parent], link.joint, fit, printer, made)
+            if missing:
+                made.checks.append(Check(f"joint of {link.name}", False, missing))
+    return made
+
+
+def _make_hinge(link: ToolLink, parent: ToolLink, joint: ToolJoint, fit: Fit, printer: Printer, made: Hinges) -> str:
+    """Add the hinge of a link on its parent; return why there is none."""
+    axis, at = link.frame.rotation.apply(joint.axis), link.frame.position
+    stretches = {each: _on_axis(union(each.shapes), axis, at) for each in (link, parent)}
+    tongue, fork = sorted(stretches, key=lambda each: float(np.ptp(stretches[each])))
+    (t0, t1), (f0, f1) = stretches[tongue], stretches[fork]
+    cheek = _CHEEK_MM + fit.hinge_mm
+    if t1 - t0 < _CHEEK_MM or f0 > t0 - cheek or f1 < t1 + cheek:
+        return f"{_NONE}, as on its axis neither link is wider than the other on both sides"
+    pins = [length for length in PINS_MM if t1 - t0 + 2 * _CHEEK_MM <= length <= f1 - f0 + 0.1]
+    if not pins or f1 - f0 > PINS_MM[-1] + 0.1:
+        return f"{_NONE}; it would be {f1 - f0:.0f} mm long"
+    turning = -axis if fork is link else axis  # the tongue's axis as the fork sees it
+    swept = _swept(tongue.grown(fit.hinge_mm), at, turning, joint.lower, joint.upper)
+    whole = union(fork.shapes)
+    left = whole - union(swept)
+    if left.volume() < (1 - LOST) * whole.volume() or len(left.decompose()) > 1:
+        return f"{_NONE}: too little is left of {fork.name} where {tongue.name} turns"
+    radius, bores = fit.axle_mm / 2, []
+    for each, solid, (start, end), bore in (
+        (tongue, union(tongue.shapes), (t0, t1), radius + fit.hinge_mm),
+        (fork, left, (f0, t0 - fit.hinge_mm), radius),
+        (fork, left, (t1 + fit.hinge_mm, f1), radius),
+    ):
+        around = (bore + 2 * printer.min_wall_mm) / 1000
+        tube = union([rod(at + axis * start / 1000, at + axis * end / 1000, around)])
+        if (tube ^ solid).volume() < FULL * tube.volume():
+            return f"{_NONE}: {each.name} is too thin about the axis for one of {fit.axle_mm:g} mm"
+        bores.append((each, rod(at + axis * (start - 1) / 1000, at + axis * (end + 1) / 1000, bore / 1000)))
+    for each, hole in [*((fork, shape) for shape in swept), *bores]:
+        made.cuts.setdefault(each.bearer, []).append(hole)
+    fits = f"tight in {fork.name}, free in {tongue.name}"
+    made.hardware.append(f"1 pin {fit.axle_mm:g} m6 x {max(pins)} for the hinge of {link.name}: {fits}")
+    return ""
+
+
+def _swept(shapes: Sequence[Placed], at: Array, axis: Array, lower: float, upper: float) -> tuple[Placed, ...]:
+    """What shapes sweep as they turn about an axis between two angles: hulls of two positions next to each other."""
+    angles = np.linspace(lower, upper, 2 + int((upper - lower) / _STEP_RAD))
+    turns = [Rotation.from_rotvec(angle * axis).as_matrix() for angle in angles]
+    solids = [pose.apply(part.to_trimesh().vertices) for shape, pose in shapes for part in shape.convex_parts()]
+    pairs = [[(points - at) @ turn.T + at for turn in two] for points in solids for two in itertools.pairwise(turns)]
+    return tuple((hull(np.vstack(two)), Pose()) for two in pairs)
+
+
+def _on_axis(link: Any, axis: Array, at: Array) -> tuple[float, float]:
+    """Where a link lies on a line: from and to, in millimetres from ``at``; the stretch nearest to it."""
+    first, last = 1000 * (at - _FAR_M * axis), 1000 * (at + _FAR_M * axis)
+    hits = [float((np.asarray(hit.position) - 1000 * at) @ axis) for hit in link.ray_cast(first, last)]
+    ends = list(zip(hits[::2], hits[1::2], strict=False))  # in and out
+    return min(ends, key=lambda of: max(of[0], -of[1], 0.0), default=(0.0, 0.0))
