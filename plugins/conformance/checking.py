@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import json
 import traceback
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from typing import Any
 
-from core.design import RIGID_MOUNT, Component, Tool
-from core.errors import UserError
+from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.errors import RAISED, UserError
 from core.geometry import Box, Pose
 from core.hooks import PROJECT
 from core.interfaces import Brief, Message, Request, Simulator, Task, Text, ToolRepresentation
 from core.plugins import PluginPart, installed
+from core.support.text import shorten
 
 
 class LeftOut(Exception):
@@ -70,6 +72,23 @@ class LengthOnly(ToolRepresentation):
         return {"length": 0.2}
 
 
+WILD: tuple[object, ...] = (None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50)
+
+
+def read_or_refused(parse: Callable[..., object], made: type, documents: Iterable[object]) -> None:
+    """Check that whatever a model may write is read as a ``made``, or refused with a DesignError that says why."""
+    for data in documents:
+        try:
+            found = parse(data, gripper=False)
+        except DesignError as error:
+            expect(str(error).strip(), f"{shorten(repr(data))} was refused without a reason")
+        except RAISED as error:
+            what = f"parse raised {type(error).__name__} on {shorten(repr(data))}, not a DesignError"
+            raise AssertionError(what) from error
+        else:
+            expect(isinstance(found, made), f"parse returned a {type(found).__name__} for {shorten(repr(data))}")
+
+
 def brief(task: Task, representation: ToolRepresentation, *, agent: int = 0, gripper: bool = False) -> Brief:
     """The brief of a first generation: two tools with two plans each."""
     given = representation.given(task)
@@ -105,13 +124,25 @@ def some_simulator() -> tuple[str, Simulator]:
     Raises:
         UserError: there is none.
     """
-    offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
+    return next(simulators())
+
+
+def simulators() -> Iterator[tuple[str, Simulator]]:
+    """Yield the engines that can be made, with their names; the built-in ones come first.
+
+    Raises:
+        UserError: there is none.
+    """
+    offers, count = [offer for offer in installed().offers.values() if offer.kind == "sim"], 0
     for offer in sorted(offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)):
         try:
-            return offer.name, PluginPart("sim", offer.name).create()
+            simulator = PluginPart("sim", offer.name).create()
         except UserError:  # for example an engine whose library is not installed
             continue
-    raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
+        count += 1
+        yield offer.name, simulator
+    if not count:
+        raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
 
 
 def as_json(value: object, what: str) -> str:

@@ -1,4 +1,4 @@
-"""Check impacts: with the speed, and in the direction, that friction and the striking mass leave.
+"""Check impacts and contacts: bodies leave, and press, as formulas say.
 
 In an impact the surface stops a body's approach, and returns the restitution's share of it. Friction's impulse is at
 most its coefficient times the surface's, and at most what stops the slip: all of the slip's momentum where a body can't
@@ -17,10 +17,28 @@ import numpy as np
 
 from core.design import RIGID_MOUNT, TOOL_FRICTION, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
-from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.scene import Body
+from core.interfaces import JointTrajectory, Recording, Rollout, Simulator
+from core.scene import Body, Trace, table
+from core.solids.contacts import find_contacts, make_trace
 from plugins.conformance.checking import expect
-from plugins.conformance.worlds import GRAVITY, GREY, arm, end, film, opened, run, slope, stick, wait
+from plugins.conformance.worlds import (
+    BARE,
+    FAR,
+    GRAVITY,
+    GREY,
+    Bodies,
+    arm,
+    cube,
+    end,
+    film,
+    motion,
+    opened,
+    run,
+    slope,
+    stick,
+    still,
+    wait,
+)
 
 # MuJoCo's convex contacts push a sliding body off a surface: a box by 0.18 of its speed at a friction of 0.5 and an
 # angle of 75 degrees. PyBullet stays within 0.02, and SAPIEN, whose cylinders are prisms, within 0.08.
@@ -75,6 +93,10 @@ def _pair(velocity: Array) -> str:
     return f"({velocity[0]:.2f}, {velocity[2]:.2f})"
 
 
+def _ice() -> Body:
+    return Body.of("ice", Box((4.0, 4.0, 0.1)), (1.0, 0.0, -0.05), mass=0.0, color=GREY, friction=0.0)
+
+
 @lru_cache(maxsize=1)
 def _sweep(speed: float) -> JointTrajectory:
     """Move the end-effector along y at a constant speed, from -0.1 to 0.02 m."""
@@ -85,21 +107,18 @@ def _sweep(speed: float) -> JointTrajectory:
     return JointTrajectory((way - way[0]) / speed, np.array(joints), opened(len(way)))
 
 
-def _ice() -> Body:
-    return Body.of("ice", Box((4.0, 4.0, 0.1)), (1.0, 0.0, -0.05), mass=0.0, color=GREY, friction=0.0)
-
-
 def check_oblique_blow_of_a_blade(simulator: Simulator) -> None:
     """A body on ice leaves a blade that moves at 0.6 m/s, turned against its motion, at a known speed and angle."""
-    speed = 0.6
-    shapes: tuple[tuple[Shape, float, float], ...] = (Sphere(0.03), 0.03, 0.03), (Cylinder(0.04, 0.04), 0.04, 0.02)
-    for (shape, radius, height), friction, degrees in product(shapes, (0.1, 0.3, 0.5, 0.8), (20, 40, 60)):
-        turn = math.radians(degrees)
+    speed, ball, can, block = 0.6, Sphere(0.03), Cylinder(0.04, 0.04), Box((0.1, 0.1, 0.06))
+    cases: list[tuple[Shape, float, int]] = [(block, 0.0, 0), (ball, 0.0, 0), (can, 0.0, 0)]
+    cases += product((ball, can), (0.1, 0.3, 0.5, 0.8), (20, 40, 60))
+    for shape, friction, degrees in cases:
+        turn, (width, _, high) = math.radians(degrees), shape.bounds[1]
         away, along = np.array([[-math.sin(turn), math.cos(turn)], [math.cos(turn), math.sin(turn)]])
-        x, y = [0.55, 0.0] + away * (0.01 + radius)
-        of_tool = TOOL_FRICTION if isinstance(shape, Cylinder) else 0.3
+        x, y = [0.55, 0.0] + away * (0.01 + width / 2)
+        of_tool = TOOL_FRICTION if shape is can else 0.3
         own = friction**2 / of_tool  # so that the contact has ``friction``
-        puck = Body.of("puck", shape, (x, y, height), mass=0.2, color=GREY, friction=own)
+        puck = Body.of("puck", shape, (x, y, high / 2), mass=0.2, color=GREY, friction=own)
         pose = Pose.xyz_rpy((0.0, 0.0, -0.24), (0.0, 0.0, turn))
         blade = Component("blade", RIGID_MOUNT, pose, Box((0.3, 0.02, 0.08)))
         job = Rollout(Tool((*stick(0.2).components, blade), friction=of_tool), _sweep(speed), 0, 0.1, 0.0)
@@ -142,3 +161,68 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
         speed = float(np.linalg.norm(recording.states.linear_velocity("puck")[-1, :2]))
         what = f"{1000 * since:.0f} ms after a blow of the wrist at {rate * reach} m/s a puck of {mass} kg has "
         expect(abs(speed / due - 1) < _LIGHTER, f"{what}{speed:.2f} m/s instead of {due:.2f} m/s")
+
+
+_FALL_M = 0.2
+_LATE_S = 0.05  # of the first touch
+_SHARE = 0.05  # of a weight that rests
+_REACTION = 0.1  # of the force that presses
+
+
+def _watch(
+    simulator: Simulator, *bodies: Body, tool: Tool, trajectory: JointTrajectory, hold_s: float
+) -> tuple[Trace, Recording]:
+    """Simulate bodies; return the trace and the recording."""
+    task = Bodies(*bodies)
+    recording = film(run(simulator, bodies, Rollout(tool, trajectory, 0, 0.0, hold_s, 100.0, forces=True)))
+    return make_trace(task.scene(0), [find_contacts(task.scene(0), task.robot, tool, recording)])[0], recording
+
+
+def _steady(recording: Recording, one: str, other: str) -> float:
+    """The mean force of two things in the last 0.4 s, N."""
+    forces: Array = recording.forces.get((one, other), np.zeros(len(recording.times)))
+    return float(forces[recording.times > recording.times[-1] - 0.4].mean())
+
+
+def check_contact_begins_when_a_body_lands_and_bears_its_weight(simulator: Simulator) -> str | None:
+    slab = Body.of("slab", Box((1.0, 1.0, 0.1)), FAR, mass=0.0, color=GREY)
+    falls = cube("cube", (FAR[0], FAR[1], FAR[2] + 0.1 + _FALL_M), mass=2.0)
+    trace, recording = _watch(simulator, slab, falls, tool=BARE, trajectory=still(), hold_s=2.0)
+    lands, first = math.sqrt(2 * _FALL_M / GRAVITY), float(trace.first_s("cube", "slab"))
+    what = f"a cube that falls {_FALL_M:g} m first touches the ground after {first:.3f} s"
+    expect(abs(first - lands) < _LATE_S, f"{what}; it takes {lands:.3f} s")
+    expect(bool(trace.touching_at_end("cube")), "a cube that lies on a slab does not touch it at the end")
+    expect(not trace.touched("cube", "robot"), "a cube that lies far from the robot is touched by it")
+    if not recording.forces:
+        return "it measures no forces"
+    weight, force = 2.0 * GRAVITY, _steady(recording, "slab", "cube")
+    expect(abs(force / weight - 1) < _SHARE, f"a cube that weighs {weight:.2f} N lies on a slab with {force:.2f} N")
+    return None
+
+
+def check_body_passes_on_what_presses_it(simulator: Simulator) -> str | None:
+    plan = [[0.5, 0, 0.45, 0, 0, 0], [0.5, 0, 0.395, 0, 0, 0]]  # 5 mm below the cube's upper side
+    bodies = table(), cube(at=(0.5, 0, 0.05))
+    trace, recording = _watch(simulator, *bodies, tool=stick(0.3), trajectory=motion(plan), hold_s=1.0)
+    expect(bool(trace.touching_at_end("cube", "stick")), "a tool that presses a cube does not touch it at the end")
+    expect(not trace.held("cube")[-1], "a cube that stands on the table counts as held by the tool that presses it")
+    if not recording.forces:
+        return "it measures no forces"
+    above, below = _steady(recording, "tool", "cube"), _steady(recording, "table", "cube")
+    expect(1 < above < 1000, f"a tool that is driven 5 mm into a cube presses it with {above:.1f} N")
+    what = f"a cube that weighs {GRAVITY:.1f} N and is pressed with {above:.1f} N presses the table with {below:.1f} N"
+    expect(abs(below - above - GRAVITY) < _REACTION * below, what)
+    passed = float(trace.force_n("table", "robot"))
+    expect(passed > 0.9 * above, f"of {above:.1f} N on a cube {passed:.1f} N count as what presses the table below it")
+    if recording.pushes is None:
+        return "it does not tell where forces act"
+    late = recording.times[recording.pushes.samples] > recording.times[-1] - 0.4
+    pushes, points = recording.pushes.forces[late], recording.pushes.points[late]
+    count = np.count_nonzero(recording.times > recording.times[-1] - 0.4)
+    up, where = float(pushes[:, 2].sum() / count), points.mean(axis=0)
+    expect(
+        abs(up - above) < _SHARE * above, f"a tool that presses down with {above:.1f} N is pushed up with {up:.1f} N"
+    )
+    here = f"a tool that presses the top of a cube at (0.5, 0, 0.1) is pushed at {np.round(where, 3).tolist()}"
+    expect(bool(np.abs(where - (0.5, 0.0, 0.1)).max() < 0.02), here)
+    return None

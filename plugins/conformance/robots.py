@@ -15,17 +15,15 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, Tool
-from core.errors import UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
-from core.plugins import PluginPart, installed
 from core.robot.description import assembled
 from core.robot.frames import link_poses, robot_model
 from core.robot.kinematics import Arm, arm_of
 from core.robot.solids import Solid, robot_solids, signed_distance
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import DEEP_M
-from plugins.conformance.checking import expect
+from plugins.conformance.checking import expect, simulators
 from plugins.conformance.worlds import Bodies
 
 # The radius of gyration of a link is at most this many diagonals of the box around its collision shapes. Of the
@@ -205,22 +203,10 @@ def check_every_engine_holds_the_arm_at_home(robot: Robot) -> str:
 
 @lru_cache(maxsize=1)
 def _engines() -> tuple[tuple[str, Simulator], ...]:
-    """Make every engine that is installed and plays one job at a time.
-
-    Raises:
-        UserError: there is none.
-    """
-    engines = []
-    for name in installed().names("sim"):
-        try:
-            simulator = PluginPart("sim", name).create()
-        except UserError:  # its library is not installed
-            continue
-        if simulator.batch == 1:
-            engines.append((name, simulator))
-    if not engines:
-        raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
-    return tuple(engines)
+    """Make every engine that is installed and plays one job at a time."""
+    found = tuple((name, simulator) for name, simulator in simulators() if simulator.batch == 1)
+    expect(found, "no simulator plays one job at a time; a check needs one")
+    return found
 
 
 def _play(simulator: Simulator, robot: Robot, tool: Tool, trajectory: JointTrajectory, hold_s: float) -> Any:

@@ -21,15 +21,12 @@ from plugins.conformance import (
     impacts,
     joints,
     listener,
-    mechanisms,
     output,
-    repeat,
     robot,
     robots,
     shapes,
     task,
     tool,
-    touches,
     vlm,
 )
 from plugins.conformance.checking import LeftOut, describe_error
@@ -45,7 +42,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(repeat, robot, bodies, shapes, joints, mechanisms, impacts, touches, output),
+    "sim": _checks(output, robot, bodies, shapes, joints, impacts),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),

@@ -13,6 +13,7 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.rules import SpawnRules
+from core.errors import UserError
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids
@@ -22,7 +23,7 @@ from core.solids.contacts import find_contacts, make_trace
 from core.solids.penetration import Explosion, findings
 from core.solids.tracks import SAMPLE_HZ
 from core.task import reward_of
-from plugins.conformance.checking import expect, some_simulator
+from plugins.conformance.checking import LeftOut, expect, some_simulator
 from plugins.conformance.worlds import end, film, start
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
@@ -115,7 +116,11 @@ def check_variations_draw_layouts(task: Task) -> str:
 def idle(task: Task) -> tuple[str, Outcome]:
     """Hold the arm at home without a tool for `REST_S`; the engine's name and the outcome."""
     name, simulator = some_simulator()
-    job = Rollout(Tool(), at_home(task), SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ, forces=task.reads_trace)
+    try:
+        still = at_home(task)
+    except UserError as error:  # reported by the check of home
+        raise LeftOut("the arm does not reach home") from error
+    job = Rollout(Tool(), still, SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ, forces=task.reads_trace)
     outcome, again = simulator.rollout(task, [job, job])
     expect(outcome.error is None, f"in {name} the scene breaks by itself: {outcome.error}")
     same = np.array_equal(start(outcome).positions, start(again).positions)

@@ -101,6 +101,11 @@ class Grasp(Task):
         return goals_reward(self, start, end, trace)
 
 
+class Afar(Grasp):
+    name = "Afar"
+    home = Pose.xyz_rpy((3.0, 0.0, 0.5), (0.0, 0.0, 0.0))
+
+
 class Crammed(Task):
     name = "Crammed"
     description = "Two cubes are put into one place, from which an engine throws them apart."
@@ -244,7 +249,7 @@ WRONG = {
     ("tool", Forgetful): {
         "the instructions name every field": "the instructions don't name 'tool'",
         "tools survive dump and parse": "what dump returned can't be written as JSON",
-        "nonsense is refused with a reason": "parse raised KeyError on {}, not a DesignError",
+        "nonsense is refused with a reason": "parse raised KeyError on '{}', not a DesignError",
     },
     ("evolution", Moody): {
         "the same again": "the same evaluations gave different candidates",
@@ -282,6 +287,13 @@ def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, caps
     with pytest.raises(UserError, match=r"^2 of 9 checks failed$"):
         conformance.main(["task=wrong"])
     assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
+
+
+def test_a_home_out_of_reach_is_reported_once():
+    verdicts = list(examine("task", on_panda(Afar())))
+    (problem,) = [verdict.problem for verdict in verdicts if verdict.problem is not None]
+    assert "can't reach the task's home (3, 0, 0.5)" in problem
+    assert sum(verdict.remark == "left out: the arm does not reach home" for verdict in verdicts) == 2
 
 
 def test_listeners_are_checked_by_name(monkeypatch, capsys):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from core.plugins import installed
-from plugins.conformance.repeat import digest
+from plugins.conformance.output import digest
 from plugins.conformance.suites import SUITES
 from tests.engines import every_simulator, simulator
 
@@ -27,7 +27,7 @@ def test_same_bits_in_every_process_and_simulator(engine):
     first = digest(simulator(engine))
     assert digest(installed().create("sim", engine)) == first
     code = (
-        "from plugins.conformance.repeat import digest; from core.plugins import installed;"
+        "from plugins.conformance.output import digest; from core.plugins import installed;"
         f"print(digest(installed().create('sim', {engine!r})))"
     )
     again = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -19,9 +19,9 @@ from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
 from core.simulation.rollout import evaluate_batch
-from plugins.conformance import bodies, joints, output, repeat, robot, shapes
+from plugins.conformance import bodies, joints, output, robot, shapes
 from plugins.conformance.joints import hinge, hinged
-from plugins.conformance.repeat import bits
+from plugins.conformance.output import bits
 from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
 
 pytest.importorskip("mujoco_warp")
@@ -36,8 +36,8 @@ from tests.panda import FINGER_OPEN, PANDA
 
 ROOT = Path(__file__).parents[3]
 CHECKS = (
-    repeat.check_batch_gives_what_each_job_alone_gives,
-    repeat.check_broken_job_hurts_no_other,
+    output.check_batch_gives_what_each_job_alone_gives,
+    output.check_broken_job_hurts_no_other,
     robot.check_tool_stops_at_a_wall,
     robot.check_arm_follows_its_trajectory,
     robot.check_gripper_lifts_a_cube,

@@ -6,7 +6,7 @@ import pytest
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.scene import Body, Geom, Scene, table
-from plugins.conformance.repeat import bits
+from plugins.conformance.output import bits
 from plugins.conformance.worlds import BARE, Bodies, cube, move, stick
 from tests.panda import PANDA
 

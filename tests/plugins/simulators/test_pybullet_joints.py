@@ -10,7 +10,7 @@ from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
-from plugins.conformance.repeat import bits
+from plugins.conformance.output import bits
 from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, move, stick, still
 from tests.plugins.simulators.test_pybullet import PLAN, THINGS, hammer
 
