@@ -25,7 +25,7 @@ from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import Reply, ToolRepresentation
 from core.store.database import FILE, reading
-from core.store.rows import Details, RunFigures, load_details, load_plan, parsed, validated
+from core.store.rows import Details, GenerationFigures, RunFigures, load_details, load_plan, parsed, validated
 
 N = TypeVar("N", int, float)
 
@@ -147,9 +147,10 @@ class StoredRun:
         results = [dict(row).get("result") for row in self._rows("run")]
         return validated(RunFigures, parsed(results[0])) if results and results[0] is not None else None
 
-    def generations(self) -> int:
-        """Count the generations that are done."""
-        return len(self._rows("generations"))
+    def generations(self) -> tuple[GenerationFigures, ...]:
+        """Return the figures of the generations that are done."""
+        rows = self._rows("generations ORDER BY number")
+        return tuple(validated(GenerationFigures, parsed(row["summary"])) for row in rows)
 
     def seconds(self) -> float:
         """Return the wall time of all sessions."""

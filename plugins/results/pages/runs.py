@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from core.config.trust import read_stored_yaml
+from core.design import TIE, ranked
 from core.errors import UserError
 from core.store.database import FILE
-from core.store.reader import StoredRun
+from core.store.reader import StoredEvaluation, StoredRun, rollouts
 from core.store.rows import Best, RunFigures
 from core.support.text import by_reason, clean
 
@@ -59,13 +60,13 @@ class FinishedRun:
 
     @property
     def reasons(self) -> list[str]:
-        """Why candidates were rejected, failed, or earned less than their rollout did, by candidate."""
-        return by_reason((e.candidate, e.reason) for e in self.store.evaluations())
+        return reasons(self.store)
 
     def recordings(self) -> dict[str, Path]:
         """The recordings that it left, by kind."""
         files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}
-        return {what: file for what, file in files.items() if file.exists()}
+        inside = self.folder.resolve()
+        return {what: file for what, file in files.items() if file.is_file() and file.resolve().is_relative_to(inside)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +143,34 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     return FinishedRun(folder, figures, config)
 
 
+def read_so_far(folder: Path) -> FinishedRun | None:
+    """Read a run that goes on as if it had ended with its last whole generation; None: nothing earned a reward yet.
+
+    Raises:
+        UserError: the folder holds no store, or one that can't be read.
+    """
+    store = StoredRun(folder)
+    config, generations = store.config(), store.generations()
+    done = [e for e in store.evaluations() if e.design[0] < len(generations)]
+    tried = [e for e in done if e.status == "ok" and not e.stopped]
+    tie = config.get("evolution", {}).get("tie", TIE)
+    if not tried:
+        return None
+    best = ranked(tried, lambda e: (e.reward, e.distance_m), tie)[0]
+    figures = RunFigures(
+        _task(config),
+        config["seed"],
+        generations,
+        sum(e.status != "rejected" for e in done),
+        store.seconds(),
+        vlm=config["vlm"]["name"],
+        best=Best(best.reward, best.distance_m, best.design[0], best.candidate),
+        tie=tie,
+        rollouts=sum(rollouts(done)),
+    )
+    return FinishedRun(folder, figures, config)
+
+
 def short(text: str) -> str:
     return clean(text, _LONGEST)
 
@@ -163,12 +192,25 @@ def _hydra_config(folder: Path) -> dict[str, Any]:
 def _progress(store: StoredRun) -> str:
     """The progress of an unfinished run, in words."""
     try:
-        evaluations, generations = store.evaluations(), store.generations()
+        evaluations, generations = store.evaluations(), len(store.generations())
     except UserError as error:
         return short(str(error))
     best = max((e.reward for e in evaluations if e.status == "ok"), default=None)
     reached = "" if best is None else f", best reward so far {best:.3f}"
     return f"{generations} generations and {len(evaluations)} candidates done{reached}"
+
+
+def reasons(store: StoredRun) -> list[str]:
+    """Why candidates were rejected, failed, or earned less than their rollout did or nothing, by candidate."""
+    return by_reason((e.candidate, e.reason or _why_zero(e)) for e in store.evaluations())
+
+
+def _why_zero(evaluation: StoredEvaluation) -> str:
+    """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
+    if evaluation.status != "ok" or evaluation.reward > 0:
+        return ""
+    seen = {trial.observation.result for trial in evaluation.details.trials if trial.observation is not None}
+    return f"earned nothing{': ' if seen else ''}{', '.join(sorted(seen))}"
 
 
 def _why_nothing(store: StoredRun) -> str:

@@ -10,22 +10,20 @@ from pathlib import Path
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
-from plugins.results.pages.figure import FigurePage
-from plugins.results.pages.formats import Table, only, printed, to_csv
-from plugins.results.pages.page import figure_address, in_viewer, render
+from plugins.results.pages.formats import only, printed
 from plugins.results.pages.runs import find_runs, short
-from plugins.results.report.figures import figure_pages
+from plugins.results.report.contents import DATA, contents
 from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_entries, read_entry
 from plugins.results.report.results import Results
-from plugins.results.report.tables import rewards, tables
+from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify
+from plugins.results.report.watch import PORT, watch
 
 USAGE = (
     "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [name=NAME] [entries=[FILE.json,...]] "
-    "[verify=FILE.json]; FOLDER, or "
+    "[verify=FILE.json], or RUN_FOLDER watch=true [port=N]; FOLDER, or "
     "runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
-DATA = "data"  # the folder of tables and figures, beside the page
 
 
 @dataclass
@@ -33,13 +31,15 @@ class ReportConfig:
     """Settings of ``vlmgineer report``.
 
     ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with; ``verify``: one whose
-    designs are tried again.
+    designs are tried again; ``watch``: serve the page of a run that goes on, at ``port`` (0: any) of this machine.
     """
 
     output: str = "report"
     name: str = ""
     entries: list[str] = field(default_factory=list)
     verify: str = ""
+    watch: bool = False
+    port: int = PORT
 
 
 def report(
@@ -65,49 +65,9 @@ def report(
     say(*problems)
     listed_entries = (*(ListedEntry(entry, "runs at hand") for entry in entries), *theirs)
     results = Results(tuple(finished), tuple(left_out), listed_entries, verified)
-    listed, drawn = tables(results), figure_pages(results)
-    for table in listed:
-        write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode(errors="backslashreplace"))
-    drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
-    for picture in drawn:
-        write_bytes(output / DATA / f"{picture.name}.png", picture.render("png"))
-        write_bytes(output / DATA / f"{picture.name}.svg", drawings[picture.name])
-    write_bytes(output / "index.html", page(results, listed, drawn, drawings, output).encode())
+    for file, make in contents(results, output).items():
+        write_bytes(output / file, make())
     return results
-
-
-def page(
-    results: Results, listed: list[Table], drawn: list[FigurePage], drawings: dict[str, bytes], folder: Path
-) -> str:
-    """The page with all tables and figures, as it will lie in ``folder``."""
-    evolutions = tuple(picture.name for picture in drawn if picture.name.startswith("evolution_"))
-    sections: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (  # id, title, pictures, tables
-        ("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
-        ("results", "Rewards", ("rewards",), ("rewards",)),
-        ("methods", "Over all tasks", (), ("methods",)),
-        ("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
-        ("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
-        ("models", "Models", (), ("models",)),
-        ("runs", "Runs", (), ("left_out", "runs")),
-        ("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
-    )
-    there = {table.name for table in listed} | {*drawings}
-    counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
-    runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
-    best = results.tools.best.items()
-    return render(
-        "report.html.j2",
-        folder,
-        [in_viewer(winner, f"{task}, {method}: {winner.name}") for (task, method), winner in best],
-        title="Tools and their rewards",
-        summary=f"{runs} of {methods} on {tasks}.",
-        warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
-        sections=[section for section in sections if there & {*section[2], *section[3]}],
-        tables={table.name: table for table in listed},
-        pictures={picture.name: picture for picture in drawn},
-        drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
-        files=f"{DATA}/",
-    )
 
 
 def show(results: Results) -> None:
@@ -125,6 +85,11 @@ def show(results: Results) -> None:
 def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
     cfg = load("report", overrides, ReportConfig)
+    if cfg.watch:
+        if len(folders) != 1:
+            raise UsageError(f"{len(folders)} folders given; watch=true shows one run; {USAGE}")
+        watch(folders[0], cfg.port)
+        return
     if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
     results = report(

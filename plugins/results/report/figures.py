@@ -9,8 +9,10 @@ import numpy as np
 
 from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, slug, wrapped
+from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import Winner
 from plugins.results.report.learning_curves import POINTS, read_courses
+from plugins.results.report.lineage import lineage_page
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, deviation, interval, mean
 
@@ -27,8 +29,9 @@ def figure_pages(results: Results) -> list[FigurePage]:
         return []
     tasks, methods = _comparable(results)
     pages = [
-        rewards(results),
+        by_generation(results.runs[0]) if len(results.runs) == 1 else rewards(results),
         anytime(results, tasks, methods),
+        lineage_page(results),
         gallery(results),
         *(evolution(method, rows, i + 1) for i, (method, rows) in enumerate(results.tools.courses.items())),
     ]
@@ -93,6 +96,26 @@ def rewards(results: Results) -> FigurePage:
         "clipped to [0, 1]; dots: the runs."
     )
     return FigurePage("rewards", "Reward by task and method", caption, paint)
+
+
+def by_generation(run: FinishedRun) -> FigurePage:
+    """The rewards of a run's generations."""
+    generations = run.figures.generations
+
+    def paint() -> Figure:
+        figure = new_figure(6.4, 3.2)
+        ax, x = figure.subplots(), [g.index for g in generations]
+        ax.step(x, run.best_so_far(len(x)), where="post", color=COLORS[2], lw=2, label="best so far")
+        for name, color in (("best_reward", COLORS[0]), ("mean_reward", COLORS[1])):
+            y = [np.nan if (reward := getattr(g, name)) is None else reward for g in generations]
+            ax.plot(x, y, "o-", ms=4, color=color, label=f"{name.partition('_')[0]} of the generation")
+        ax.set(ylim=(0, 1.02), ylabel="reward (0 to 1)", xlabel="generation", xticks=x)
+        ax.grid(axis="y")
+        _legend(figure, ax)
+        return figure
+
+    caption = "Best so far, best and mean of the candidates that were tried."
+    return FigurePage("rewards_by_generation", "Reward by generation", caption, paint)
 
 
 def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:

@@ -12,6 +12,7 @@ from plugins.results.pages.formats import Cell, CellLink, Table, columns
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.learning_curves import efforts
+from plugins.results.report.lineage import lineage
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
     CONFIDENCE,
@@ -29,7 +30,7 @@ REASONS = 12  # of a run
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    makers = (rewards, methods, efforts, generations, reasons, tools, runs, left_out, models)
+    makers = (rewards, methods, efforts, generations, reasons, lineage, tools, runs, left_out, models)
     every = [
         *(make(results) for make in (*makers, front, parameters, costs, versions)),
         *entry_tables(results.entries),
@@ -130,7 +131,7 @@ def reasons(results: Results) -> Table:
         for run in g.runs
         for line in run.reasons[:REASONS]
     ]
-    note = f"Of each run the {REASONS} most common: why candidates were rejected, failed, or do not count in full."
+    note = f"Of each run the {REASONS} most common: why candidates were rejected, failed, earned nothing, or do not count in full."
     return Table(
         "reasons", "What spoke against candidates", columns("task|method|run|candidates|reason"), tuple(rows), note
     )

@@ -11,7 +11,7 @@ def test_a_run_is_read_as_values(tmp_path):
     store = StoredRun(write_run(tmp_path, rewards=[[0.2, None], [0.5, 0.5]], cost_usd=0.25))
     assert store.config()["budget"]["name"] == "quick"
     assert store.result().best.reward == 0.5
-    assert (store.generations(), store.seconds() > 0) == (2, True)
+    assert (len(store.generations()), store.seconds() > 0) == (2, True)
     assert [(e.candidate, e.status, e.reward) for e in store.evaluations()] == [
         ("g0-a0-s0-p0", "ok", 0.2),
         ("g0-a0-s1-p0", "rejected", 0.0),

@@ -1,0 +1,97 @@
+"""What a report consists of: the page, and the tables and figures beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from markupsafe import Markup
+
+from core.support.files import read_untrusted
+from plugins.results.pages.figure import FigurePage
+from plugins.results.pages.formats import Table, to_csv
+from plugins.results.pages.page import data_address, figure_address, in_viewer, render
+from plugins.results.report.figures import figure_pages
+from plugins.results.report.results import Results
+from plugins.results.report.tables import tables
+
+DATA = "data"  # the folder of tables and figures, beside the page
+FILM_BYTES, FILMS_BYTES = 5_000_000, 20_000_000  # of one, and of all on a page
+
+
+class Live(NamedTuple):
+    """A run that goes on: its title, how far it is, in lines, and a word that changes when there is more to see."""
+
+    title: str
+    status: list[str]
+    state: str
+
+
+def contents(results: Results, folder: Path, live: Live | None = None) -> dict[str, Callable[[], bytes]]:
+    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
+    listed, drawn = tables(results), figure_pages(results)
+    drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
+    text = _page(results, listed, drawn, drawings, folder, live)
+    files: dict[str, Callable[[], bytes]] = {"index.html": text.encode}
+    files |= {f"{DATA}/{table.name}.csv": partial(_csv, table, folder / DATA) for table in listed}
+    files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}
+    return files | {f"{DATA}/{name}.svg": partial(bytes, drawing) for name, drawing in drawings.items()}
+
+
+def _csv(table: Table, folder: Path) -> bytes:
+    return to_csv(table, folder).encode(errors="backslashreplace")
+
+
+def _films(results: Results) -> list[tuple[str, Markup]]:
+    """The films of the best runs, with what they show, as far as they are small enough for a page."""
+    films, left = [], FILMS_BYTES
+    for g in results.groups:
+        film = g.best.recordings().get("film")
+        if film is not None and (size := film.stat().st_size) <= min(FILM_BYTES, left):
+            left -= size
+            address = data_address(read_untrusted(film, FILM_BYTES), "gif")
+            films.append((f"{g.task}, {g.method}: the best motion", address))
+    return films
+
+
+def _page(
+    results: Results,
+    listed: list[Table],
+    drawn: list[FigurePage],
+    drawings: dict[str, bytes],
+    folder: Path,
+    live: Live | None,
+) -> str:
+    evolutions = tuple(picture.name for picture in drawn if picture.name.startswith("evolution_"))
+    sections: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (  # id, title, pictures, tables
+        ("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
+        ("results", "Rewards", ("rewards", "rewards_by_generation"), ("rewards",)),
+        ("methods", "Over all tasks", (), ("methods",)),
+        ("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
+        ("lineage", "Lineage, and the model's words", ("lineage",), ("lineage",)),
+        ("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
+        ("models", "Models", (), ("models",)),
+        ("runs", "Runs", (), ("left_out", "runs")),
+        ("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
+    )
+    there = {table.name for table in listed} | {*drawings}
+    counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
+    runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
+    best = results.tools.best.items()
+    return render(
+        "report.html.j2",
+        folder,
+        [in_viewer(winner, f"{task}, {method}: {winner.name}") for (task, method), winner in best],
+        title="Tools and their rewards" if live is None else live.title,
+        summary=[f"{runs} of {methods} on {tasks}."] if live is None else live.status,
+        state=live and live.state,
+        films=_films(results),
+        warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
+        sections=[section for section in sections if there & {*section[2], *section[3]}],
+        tables={table.name: table for table in listed},
+        pictures={picture.name: picture for picture in drawn},
+        drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
+        files=f"{DATA}/",
+    )

@@ -1,0 +1,169 @@
+"""A run is watched while it goes on: its page is for this machine alone, and its folder stays as it is."""
+
+import http.client
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import pytest
+
+from core.errors import UserError
+from core.events import Generation
+from plugins.results.report.command import main
+from plugins.results.report.watch import HERE, Server, WatchedRun
+from tests.core.browser import complaints, opened
+from tests.core.run_folders import edit, hook, write_run
+from tests.plugins.results.pages.test_page import HOSTILE, Page
+from tests.plugins.results.pages.test_runs import folder_state
+
+pytestmark = pytest.mark.slow
+
+
+@contextmanager
+def served(folder):
+    with Server(WatchedRun(folder), 0) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def get(server, path="/", host=None, method="GET"):
+    """The status and the content."""
+    connection = http.client.HTTPConnection(HERE, server.server_port, timeout=30)
+    connection.request(method, path, headers={"Host": host or f"{HERE}:{server.server_port}"})
+    answer = connection.getresponse()
+    return answer.status, answer.read().decode(errors="replace")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("watched") / "run"
+    tools = [hook(0.2, "short hook", "A hook, quite short"), hook(0.4, HOSTILE)]
+    write_run(folder, rewards=[[0.2, None, 0.0], [0.5, 0.7]], tools=tools, name=HOSTILE, cost_usd=0.25)
+    (folder / "best").mkdir()
+    (folder / "best/rollout.gif").write_bytes(b"GIF89a")
+    return folder
+
+
+def test_the_page_follows_a_run_that_goes_on(tmp_path):
+    folder = write_run(
+        tmp_path / "run", "vlm=gemini", "vlm.max_cost_usd=3", rewards=[[0.4, None]], cost_usd=0.25, finish=False
+    )
+    with served(folder) as server:
+        _, page = get(server)
+        for said in (
+            "goes on",
+            "1 of 4 generations",
+            "2 candidates: 1 rejected",
+            "1 calls",
+            "0.25 USD, the limit is 3 USD",
+        ):
+            assert said in page, said
+        assert "it is too heavy" in page
+        assert get(server, "/state")[1] == "1 goes on"
+        write_run.open[-1].hook.generation_finished(generation=Generation(1, ()))
+        assert get(server, "/state")[1] == "2 goes on"
+        assert "2 of 4 generations" in get(server)[1]
+
+
+@pytest.mark.parametrize(("rewards", "said"), [([], "0 of 4 generations"), ([[None, None]], "it is too heavy")])
+def test_there_is_a_page_before_anything_earned_a_reward(tmp_path, rewards, said):
+    with served(write_run(tmp_path / "run", rewards=rewards, finish=False)) as server:
+        assert said in get(server)[1]
+
+
+def test_a_finished_run_has_the_same_page_and_stays_as_it_was(finished):
+    before = folder_state(finished)
+    with served(finished) as server:
+        status, text = get(server)
+        page = Page(text)
+        assert (status, "has ended: 2 of 4 generations" in text) == (200, True)
+        assert "1 earned nothing" in text
+        assert "g0-a0-s2-p0: earned nothing" not in text  # in a table: candidates and reason stand apart
+        assert "earned nothing" in page.text
+        assert any("short hook. A hook, quite short" in words for words in page.text)
+        assert "script" in page.tags
+        assert "<script>alert" not in text
+        assert any(value and value.startswith("data:image/gif") for _, _, value in page.attributes)
+        for path in ("data/lineage.csv", "data/lineage.svg", "data/rewards_by_generation.png", "best/rollout.gif"):
+            assert get(server, f"/{path}")[0] == 200, path
+        rows = get(server, "/data/lineage.csv")[1].splitlines()
+        assert rows[1].startswith("0,g0-a0-s0-p0,0.2,–,")
+        assert rows[1].split('"')[1] == "g1-a0-s1-p0, g1-a0-s0-p0"
+    assert folder_state(finished) == before
+
+
+def test_other_names_and_other_files_are_refused(finished):
+    with served(finished) as server:
+        assert get(server, host=f"localhost:{server.server_port}")[0] == 200
+        for host in ("evil.example", f"evil.example:{server.server_port}", HERE, f"{HERE}:1"):
+            assert get(server, host=host) == (403, "This page is for this machine alone.\n")
+        for path in (
+            "/run.sqlite",
+            "/../run.sqlite",
+            "/%2e%2e/run/run.sqlite",
+            "/data/../run.sqlite",
+            "//etc/passwd",
+            "/x",
+        ):
+            assert get(server, path)[0] == 404, path
+        assert get(server, method="POST")[0] == 501
+
+
+def test_a_film_that_is_a_link_out_of_the_folder_is_not_shown(finished, tmp_path):
+    folder = write_run(tmp_path / "run")
+    (folder / "best").symlink_to(finished / "best")
+    with served(folder) as server:
+        assert "data:image/gif" not in get(server)[1]
+        assert get(server, "/best/rollout.gif")[0] == 404
+
+
+def test_a_store_that_breaks_is_said(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with served(folder) as server:
+        edit(folder, "UPDATE generations SET summary = '{'")
+        assert get(server)[0] == 503
+        assert "run.sqlite can't be read: row 0 of generations" in get(server)[1]
+
+
+def test_mistakes_are_one_line(finished, tmp_path, monkeypatch):
+    monkeypatch.setattr("os.nice", lambda _: 0)
+    for words, said in (([], "0 folders given"), ([finished, finished], "2 folders"), ([tmp_path], "holds no run")):
+        with pytest.raises(UserError, match=said):
+            main([*map(str, words), "watch=true"])
+    with served(finished) as server, pytest.raises(UserError, match=f"port {server.server_port} .* is not free"):
+        main([str(finished), "watch=true", f"port={server.server_port}"])
+
+
+def test_an_interrupt_ends_it_with_a_line(finished):
+    words = [sys.executable, "-m", "core", "report", str(finished), "watch=true", "port=0"]
+    watcher = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        address = watcher.stdout.readline().strip()
+        assert address.startswith(f"http://{HERE}:")
+        watcher.send_signal(signal.SIGINT)
+        out, said = watcher.communicate(timeout=30)
+    finally:
+        watcher.kill()
+    assert (watcher.returncode, out, said) == (0, "", f"{address} has ended\n")
+
+
+def test_a_browser_shows_the_page_and_loads_it_again_when_a_generation_has_ended(tmp_path):
+    folder = write_run(tmp_path / "run", rewards=[[0.2, 0.4]], finish=False)
+    (tmp_path / "blank.html").write_text("<!DOCTYPE html>")
+    with served(folder) as server, opened(tmp_path / "blank.html") as chrome:
+        chrome.get(server.address)
+        assert "1 of 4 generations" in chrome.page_source
+        write_run.open[-1].hook.generation_finished(generation=Generation(1, ()))
+        deadline = time.monotonic() + 20
+        while "2 of 4 generations" not in chrome.page_source and time.monotonic() < deadline:
+            time.sleep(0.2)
+        assert "2 of 4 generations" in chrome.page_source
+        assert complaints(chrome) == []
