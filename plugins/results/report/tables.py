@@ -131,7 +131,7 @@ def reasons(results: Results) -> Table:
         for run in g.runs
         for line in run.reasons[:REASONS]
     ]
-    note = f"Of each run the {REASONS} most common: why candidates were rejected, failed, earned nothing, or do not count in full."
+    note = f"Of each run the {REASONS} most common: why candidates were rejected, failed, or earned nothing or less."
     return Table(
         "reasons", "What spoke against candidates", columns("task|method|run|candidates|reason"), tuple(rows), note
     )
