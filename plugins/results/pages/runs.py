@@ -154,21 +154,16 @@ def read_so_far(folder: Path) -> FinishedRun | None:
     done = [e for e in store.evaluations() if e.design[0] < len(generations)]
     tried = [e for e in done if e.status == "ok" and not e.stopped]
     tie = config.get("evolution", {}).get("tie", TIE)
-    if not tried:
-        return None
-    best = ranked(tried, lambda e: (e.reward, e.distance_m), tie)[0]
-    figures = RunFigures(
-        _task(config),
-        config["seed"],
-        generations,
-        sum(e.status != "rejected" for e in done),
-        store.seconds(),
-        vlm=config["vlm"]["name"],
-        best=Best(best.reward, best.distance_m, best.design[0], best.candidate),
-        tie=tie,
-        rollouts=sum(rollouts(done)),
-    )
-    return FinishedRun(folder, figures, config)
+    for best in ranked(tried, lambda e: (e.reward, e.distance_m), tie)[:1]:
+        figures = RunFigures(
+            *(_task(config), config["seed"], generations, sum(e.status != "rejected" for e in done), store.seconds()),
+            vlm=config["vlm"]["name"],
+            best=Best(best.reward, best.distance_m, best.design[0], best.candidate),
+            tie=tie,
+            rollouts=sum(rollouts(done)),
+        )
+        return FinishedRun(folder, figures, config)
+    return None
 
 
 def short(text: str) -> str:

@@ -22,26 +22,22 @@ FILM_BYTES, FILMS_BYTES = 5_000_000, 20_000_000  # of one, and of all on a page
 
 
 class Live(NamedTuple):
-    """A run that goes on: its title, how far it is, in lines, and a word that changes when there is more to see."""
+    """A run that goes on: its title, and lines of which the first changes when there is more to see."""
 
     title: str
     status: list[str]
-    state: str
 
 
 def contents(results: Results, folder: Path, live: Live | None = None) -> dict[str, Callable[[], bytes]]:
     """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
     listed, drawn = tables(results), figure_pages(results)
     drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
-    text = _page(results, listed, drawn, drawings, folder, live)
-    files: dict[str, Callable[[], bytes]] = {"index.html": text.encode}
-    files |= {f"{DATA}/{table.name}.csv": partial(_csv, table, folder / DATA) for table in listed}
+    page = _page(results, listed, drawn, drawings, folder, live)
+    files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
+    csv = {table.name: to_csv(table, folder / DATA) for table in listed}
+    files |= {f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace") for name, text in csv.items()}
     files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}
     return files | {f"{DATA}/{name}.svg": partial(bytes, drawing) for name, drawing in drawings.items()}
-
-
-def _csv(table: Table, folder: Path) -> bytes:
-    return to_csv(table, folder).encode(errors="backslashreplace")
 
 
 def _films(results: Results) -> list[tuple[str, Markup]]:
@@ -69,7 +65,7 @@ def _page(
         ("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
         ("results", "Rewards", ("rewards", "rewards_by_generation"), ("rewards",)),
         ("methods", "Over all tasks", (), ("methods",)),
-        ("generations", "By generation", ("anytime",), ("efforts", "generations", "reasons")),
+        ("generations", "By generation", ("anytime",), ("generations", "reasons")),
         ("lineage", "Lineage, and the model's words", ("lineage",), ("lineage",)),
         ("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
         ("models", "Models", (), ("models",)),
@@ -86,7 +82,7 @@ def _page(
         [in_viewer(winner, f"{task}, {method}: {winner.name}") for (task, method), winner in best],
         title="Tools and their rewards" if live is None else live.title,
         summary=[f"{runs} of {methods} on {tasks}."] if live is None else live.status,
-        state=live and live.state,
+        state=live and live.status[0],
         films=_films(results),
         warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
         sections=[section for section in sections if there & {*section[2], *section[3]}],

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from core.geometry import Array
+from core.store.reader import rollouts
 from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, slug, wrapped
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import Winner
-from plugins.results.report.learning_curves import POINTS, read_courses
 from plugins.results.report.lineage import lineage_page
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, deviation, interval, mean
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+POINTS = 25  # of a curve, at which its interval is drawn
 MAX_GENERATIONS = 5  # side by side in a row of tools
 
 
@@ -100,32 +102,32 @@ def rewards(results: Results) -> FigurePage:
 
 def by_generation(run: FinishedRun) -> FigurePage:
     """The rewards of a run's generations."""
-    generations = run.figures.generations
 
     def paint() -> Figure:
         figure = new_figure(6.4, 3.2)
-        ax, x = figure.subplots(), [g.index for g in generations]
-        ax.step(x, run.best_so_far(len(x)), where="post", color=COLORS[2], lw=2, label="best so far")
-        for name, color in (("best_reward", COLORS[0]), ("mean_reward", COLORS[1])):
-            y = [np.nan if (reward := getattr(g, name)) is None else reward for g in generations]
-            ax.plot(x, y, "o-", ms=4, color=color, label=f"{name.partition('_')[0]} of the generation")
+        ax, x = figure.subplots(), range(len(run.figures.generations))
+        ax.step(x, run.best_so_far(len(x)), where="post", color=COLORS[2], label="best so far")
+        rewards = [(g.best_reward, g.mean_reward) for g in run.figures.generations]
+        for y, label in zip(np.array(rewards, dtype=np.float64).T, ("best", "mean"), strict=True):
+            ax.plot(x, y, "o-", ms=4, label=f"{label} of the generation")
         ax.set(ylim=(0, 1.02), ylabel="reward (0 to 1)", xlabel="generation", xticks=x)
-        ax.grid(axis="y")
         _legend(figure, ax)
         return figure
 
-    caption = "Best so far, best and mean of the candidates that were tried."
-    return FigurePage("rewards_by_generation", "Reward by generation", caption, paint)
+    return FigurePage("rewards_by_generation", "Reward by generation", "Of the candidates that were tried.", paint)
+
+
+def _course(run: FinishedRun) -> tuple[Array, Array]:
+    """The number of rollouts, and the best reward so far, after each of a run's N candidates: each (N,)."""
+    evaluations = run.store.evaluations()
+    return np.cumsum(rollouts(evaluations)), np.maximum.accumulate([e.reward for e in evaluations])
 
 
 def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:
     """The mean best reward so far against rollouts, over the tasks that the methods share, with its interval."""
-    courses = {method: [read_courses(g.runs) for g in results.of(method, tasks)] for method in methods}
-    ends = {
-        method: max((course.rollouts[-1] for task in by_task for course in task), default=0.0)
-        for method, by_task in courses.items()
-    }
-    if max(ends.values(), default=0.0) < 2 or not all(task for by_task in courses.values() for task in by_task):
+    courses = {m: [[_course(run) for run in g.runs] for g in results.of(m, tasks)] for m in methods}
+    ends = {m: max(spent[-1] for task in by_task for spent, _ in task) for m, by_task in courses.items()}
+    if max(ends.values(), default=0.0) < 2:
         return None
 
     def paint() -> Figure:
@@ -133,7 +135,10 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
         ax = figure.subplots()
         for method, by_task in courses.items():
             look, x = _look(results, method, "ls"), np.linspace(0, ends[method], POINTS)
-            scores = [np.array([course.at(x) for course in task]) for task in by_task]  # of each task (runs, POINTS)
+            scores = [
+                np.array([np.append(0.0, best)[np.searchsorted(spent, x, side="right")] for spent, best in task])
+                for task in by_task
+            ]  # of each task (runs, POINTS)
             spans = [interval([task[:, i] for task in scores], "mean") for i in range(POINTS)]
             known = [(place, *span) for place, span in zip(x, spans, strict=True) if span is not None]
             if known:

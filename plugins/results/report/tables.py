@@ -11,7 +11,6 @@ from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table, columns
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
-from plugins.results.report.learning_curves import efforts
 from plugins.results.report.lineage import lineage
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
@@ -30,7 +29,7 @@ REASONS = 12  # of a run
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    makers = (rewards, methods, efforts, generations, reasons, lineage, tools, runs, left_out, models)
+    makers = (rewards, methods, generations, reasons, lineage, tools, runs, left_out, models)
     every = [
         *(make(results) for make in (*makers, front, parameters, costs, versions)),
         *entry_tables(results.entries),

@@ -13,7 +13,7 @@ import pytest
 from core.errors import UserError
 from core.events import Generation
 from plugins.results.report.command import main
-from plugins.results.report.watch import HERE, Server, WatchedRun
+from plugins.results.report.watch import HERE, Server
 from tests.core.browser import complaints, opened
 from tests.core.run_folders import edit, hook, write_run
 from tests.plugins.results.pages.test_page import HOSTILE, Page
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 @contextmanager
 def served(folder):
-    with Server(WatchedRun(folder), 0) as server:
+    with Server(folder, 0) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         try:
