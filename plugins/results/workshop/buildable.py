@@ -131,16 +131,11 @@ class Buildable(Fitness):
 
     def _judged(self, evaluation: Evaluation) -> Evaluation:
         """Play what earned something once more, with forces."""
-        candidate = evaluation.candidate
-        if (
-            evaluation.status != "ok"
-            or evaluation.reward <= 0
-            or candidate.tool is None
-            or not candidate.tool.components
-        ):
+        candidate, tool = evaluation.candidate, evaluation.candidate.tool
+        if evaluation.status != "ok" or evaluation.reward <= 0 or tool is None or not tool.components:
             return evaluation
         try:
-            exported, found, problems = self._played(candidate, candidate.tool)
+            exported, found, problems = self._played(candidate, tool)
         except (Unplayable, DesignError) as error:
             exported, found, problems = 0.0, {}, [str(error)]
         figures = {**evaluation.figures, **found}
@@ -161,9 +156,8 @@ class Buildable(Fitness):
         rows = measured(tool, robot, self._material, scene, motion, {self._evaluator.sim.name: replay})
         problems = [str(of) for of in strong(self._material, rows, task, self._safety) if of.passed is False]
         near = clearance(scene, robot, tool, replay.recording)
-        fixed = {body.name for body in scene.bodies if body.fixed}
-        least = {name: float(of.min()) for name, of in near.arm_to.items() if name in fixed}
-        least["itself"] = float(near.itself.min())
+        fixed = {"itself", *(body.name for body in scene.bodies if body.fixed)}
+        least = {row.to: row.metres for row in near if row.what == "arm" and row.to in fixed}
         # Hulls of links are this deep in each other where nothing is wrong.
         to_spare = {name: of - self._margin + (DEEP_M if name == "itself" else 0.0) for name, of in least.items()}
         closest = min(to_spare, key=lambda name: to_spare[name])

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,45 +25,35 @@ HZ = 25.0  # of the instants at which distances are measured
 NEAR_M = 0.3  # farther things are not measured
 
 
-@dataclass(frozen=True, eq=False)
-class Clearance:
-    """Distances over time, metres, negative for penetration; `NEAR_M` stands for more.
+class Nearest(NamedTuple):
+    """How near the ``arm``, with its gripper, or the ``tool`` came to a body, and when; `NEAR_M` stands for more.
 
-    Attributes:
-        times: (T,) seconds.
-        itself: (T,) between parts of the arm, and between the tool and the arm, that limits don't keep apart.
-        arm_to: by body, (T,) from the arm and its gripper.
-        tool_to: by body, (T,) from the tool.
+    Metres are negative for penetration. The arm ``to`` ``itself`` is between its parts, and between the tool and the
+    arm, that limits don't keep apart.
     """
 
-    times: Array
-    itself: Array
-    arm_to: Mapping[str, Array]
-    tool_to: Mapping[str, Array]
-
-    def rows(self) -> list[tuple[str, str, float, float]]:
-        """List what came nearest: what, to what, metres, and when; the nearest first."""
-        pairs = {("arm", "itself"): self.itself, **{("arm", name): gaps for name, gaps in self.arm_to.items()}}
-        pairs |= {("tool", name): gaps for name, gaps in self.tool_to.items()}
-        rows = [(*names, float(gaps.min()), float(self.times[gaps.argmin()])) for names, gaps in pairs.items()]
-        return sorted(rows, key=lambda row: row[2])
+    what: str
+    to: str
+    metres: float
+    seconds: float
 
 
-def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> Clearance:
-    """Measure distances along a recorded rollout, at `HZ`."""
+def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> list[Nearest]:
+    """Measure distances along a recorded rollout, at `HZ`; the nearest first."""
     chosen = np.unique(np.searchsorted(recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)))
     chosen = chosen[chosen < len(recording.times)]
     moving, bodies = robot_tracks(robot, tool, recording), body_tracks(scene, robot, recording)
     parts = {component.name for component in tool.components}
-    own = [[track for track in moving if (track.name in parts) == of_tool] for of_tool in (False, True)]
-    names = dict.fromkeys(track.owner for track in bodies)
-    by = [
-        {name: _nearest(tracks, [track for track in bodies if track.owner == name], chosen) for name in names}
-        for tracks in own
-    ]
     fingers = recording.fingers[chosen, : len(robot.finger_joints)]
     itself = np.minimum(self_distances(robot, tool, recording.arm[chosen], fingers), NEAR_M)
-    return Clearance(recording.times[chosen], itself, by[0], by[1])
+    rows = [("arm", "itself", itself)]
+    for what in ("arm", "tool"):
+        own = [track for track in moving if (track.name in parts) == (what == "tool")]
+        for name in dict.fromkeys(track.owner for track in bodies):
+            rows.append((what, name, _nearest(own, [track for track in bodies if track.owner == name], chosen)))
+    times = recording.times[chosen]
+    found = [Nearest(what, to, float(gaps.min()), float(times[gaps.argmin()])) for what, to, gaps in rows]
+    return sorted(found, key=lambda row: row.metres)
 
 
 def _nearest(some: Sequence[Track], others: Sequence[Track], samples: Indices) -> Array:

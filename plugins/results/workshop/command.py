@@ -32,7 +32,7 @@ from core.store.artifacts import save_design
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.values.materials import Material
-from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins, payload
+from plugins.results.workshop.clearance import NEAR_M, Nearest, clearance, margins, payload
 from plugins.results.workshop.motion import STEP_S, PlayedMotion, Sampled, approach, cut, play, sample, to_csv, to_json
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.ros import PACKAGE, write_package
@@ -85,7 +85,7 @@ class Export:
     candidate: Candidate
     motion: Sampled
     replays: dict[str, PlayedMotion]
-    clearance: Clearance
+    nearest: list[Nearest]
     limits: list[dict[str, Any]]
     payload: dict[str, Any]
     contact_s: float | None
@@ -95,7 +95,6 @@ class Export:
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
-        nearest = [row for row in self.clearance.rows() if row[2] < NEAR_M]
         return {
             "robot": self.task.robot.name,
             "candidate": self.candidate.id,
@@ -106,7 +105,7 @@ class Export:
             "rewards_mounted": self.mounted,
             "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
             "joints": self.limits,
-            "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],
+            "nearest": [row._asdict() for row in self.nearest if row.metres < NEAR_M],
             "payload": self.payload,
         }
 
@@ -234,8 +233,7 @@ def as_good(name: str, said: str, earned: Mapping[str, float], asked: Mapping[st
 def checklist(made: Export, moves: Mapping[str, Sampled]) -> str:
     """Write what to do at the arm, in order, with the figures of this motion."""
     start = np.round(moves["approach"].positions[0], 3).tolist()
-    nearest = made.clearance.rows()[:LINES]
-    return filled("checklist.md.j2", made=made, moves=moves, start=start, nearest=nearest, slow=SLOW)
+    return filled("checklist.md.j2", made=made, moves=moves, start=start, nearest=made.nearest[:LINES], slow=SLOW)
 
 
 def configured(words: Sequence[str]) -> DictConfig:

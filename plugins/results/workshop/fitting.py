@@ -50,26 +50,22 @@ _NONE = "an axle is not part of the solids"
 
 @dataclass(frozen=True)
 class Mount:
-    """A solid that is fitted to the arm; ``added``: what was added for it, to simulate, and ``name``, what that is.
+    """A solid that is fitted to the arm.
 
-    ``hardware``: what is bought for it.
+    Attributes:
+        solid: it, with what was added to its components, and without what was taken away.
+        adding, taking: these shapes.
+        simulated: shapes like those that were added, as components, and ``name``, what they are.
+        checks, hardware: what was checked, and what is bought.
     """
 
     solid: Workpiece
     name: str = ""
-    added: tuple[Placed, ...] = ()
+    simulated: tuple[Placed, ...] = ()
+    adding: tuple[Placed, ...] = ()
+    taking: tuple[Placed, ...] = ()
     checks: tuple[Check, ...] = ()
     hardware: tuple[str, ...] = ()
-
-    @property
-    def adding(self) -> list[Placed]:
-        """The shapes that were added to the components."""
-        return self.solid.done("add")[len(self.solid.first.shapes) :]
-
-    @property
-    def taking(self) -> list[Placed]:
-        """The shapes that were cut away."""
-        return self.solid.done("cut")
 
 
 def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount:
@@ -108,7 +104,8 @@ def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount
     if flange.pin_angle is not None:
         bores.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, (1000 * flange.pin_m + PIN_MM) / 2000))
         hardware.append(f"1 pin {1000 * flange.pin_m:g} m6 x 12")
-    return Mount(clear.add(*added).cut(*bores), "mount_plate", (plate,), checks, tuple(hardware))
+    fitted, taken = clear.add(*added).cut(*bores), (*arm, *bores)
+    return Mount(fitted, "mount_plate", (plate,), tuple(added), taken, checks, tuple(hardware))
 
 
 def _shared(shape: Placed, others: Sequence[Placed]) -> float:
@@ -212,22 +209,17 @@ def on_finger(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount
     half = np.minimum(widths / 2, 0.005) * (1 - np.abs(side))
     clamp = box(middle - half, middle + half + out)
     bore = rod(middle, middle + out + 0.001 * np.abs(side), fit.insert_mm / 2000)
-    fitted = solid.add(walls, clamp).cut(*cavity).cut(bore)
     ends = [(axis, end) for axis in range(3) for end in (-1, 1) if end * tip[axis] >= 0]  # it is open at its base
     kept = [_sheet(low, high, wall, axis, end) for axis, end in ends]
-    before, lost = solid.body.volume(), (solid.body ^ union(cavity)).volume()
+    lost = (solid.body ^ union(cavity)).volume() / solid.body.volume()
     checks = (
-        Check("finger", lost < 0.5 * before, f"{lost / before:.0%} of the attachment is cut away where the finger is"),
+        Check("finger", lost < 0.5, f"{lost:.0%} of the attachment is cut away where the finger is"),
         Check("sleeve", True, f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"),
     )
     held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
-    return Mount(
-        fitted,
-        f"{link.bearer}_sleeve",
-        (*kept, clamp),
-        checks,
-        ("1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"),
-    )
+    hardware = "1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"
+    fitted, adding, taking = solid.add(walls, clamp).cut(*cavity).cut(bore), (walls, clamp), (*cavity, bore)
+    return Mount(fitted, f"{link.bearer}_sleeve", (*kept, clamp), adding, taking, checks, hardware)
 
 
 def _clasped(slid: Sequence[Mesh], tip: Array, end: float, length: float) -> tuple[Array, Array]:
@@ -247,14 +239,14 @@ def _sheet(low: Array, high: Array, wall: float, axis: int, end: int) -> Placed:
 
 def weighed(mount: Mount, link: ToolLink, taken: Collection[str], material: Material) -> list[Component]:
     """Return what a mount adds as components, whose names are not taken, with the mass of what is not in the link."""
-    if not mount.added:
+    if not mount.simulated:
         return []
-    added = union(mount.added)
+    added = union(mount.simulated)
     share = (added - union(link.grown(0))).volume() / added.volume()
     density = share * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
     components = []
-    for number, (shape, pose) in enumerate(mount.added):
-        name = mount.name if len(mount.added) == 1 else f"{mount.name}_{number}"
+    for number, (shape, pose) in enumerate(mount.simulated):
+        name = mount.name if len(mount.simulated) == 1 else f"{mount.name}_{number}"
         name = next(free for n in itertools.count() if (free := name + "_" * n) not in taken)
         mass = max(LEAST_KG, density * material.volume_of(shape))
         components.append(Component(name, link.bearer, pose, shape, mass))

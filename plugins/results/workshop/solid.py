@@ -115,15 +115,6 @@ class Workpiece:
         middles = [to_mesh(each).center_mass / 1000 for each in self.bodies]
         return [Workpiece("one", (), self, middle) for middle in middles] if len(middles) > 1 else [self]
 
-    @property
-    def first(self) -> Workpiece:
-        return self if self.before is None else self.before.first
-
-    def done(self, kind: str) -> list[Placed]:
-        """List the shapes of all operations of a kind, in order."""
-        earlier = self.before.done(kind) if self.before is not None else []
-        return [*earlier, *(self.shapes if self.kind == kind else ())]
-
     @cached_property
     def body(self) -> Any:
         """It as a Manifold, in millimetres."""

@@ -145,7 +145,7 @@ def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], s
         mount = at_flange(robot, link, solid, fit)
     elif link.bearer in GRIPPER_MOUNTS:
         mount = on_finger(robot, link, solid, fit)
-    return replace(mount, solid=mount.solid.cut(*hinges))
+    return replace(mount, solid=mount.solid.cut(*hinges), taking=(*mount.taking, *hinges))
 
 
 def _fitted(link: ToolLink, fix: Callable[[Workpiece], Mount], printer: Printer, fit: Fit) -> _FittedLink:

@@ -104,9 +104,6 @@ def test_a_flange_without_pin_and_recess():
     assert solid.bounding_box()[5] == pytest.approx(0, abs=0.02)
     with pytest.raises(UserError, match="no screw is known for thread 'UNC'"):
         made(POST, robot=replace(PANDA, flange=replace(PANDA.flange, thread="UNC")))
-
-
-def test_a_plate_that_no_screw_fits():
     with pytest.raises(UserError, match=r"no screw M6 fits a plate of 8 mm"):
         made(POST, fit=Fit(plate_mm=8.0))
 
@@ -182,9 +179,18 @@ def test_a_pin_fits_and_the_links_turn(tool):
     assert not [check for check in made.checks if not check.passed and check.name != "weight"]
 
 
+def swallowed():
+    """A fork of which nothing would be left where the post turns."""
+    post, jaw = pair().components
+    joint = replace(jaw.joint, origin=(0.0, 0.0, 0.0))
+    pose = Pose(np.array([0, 0, -0.035]))
+    return Tool((post, replace(jaw, shape=Box((0.03, 0.016, 0.03)), joint=joint, pose=pose)))
+
+
 @pytest.mark.parametrize(
     ("tool", "said"),
     [
+        (swallowed(), "too little is left of jaw where tool turns"),
         (sliding(ToolJoint("slider", (0, 0, 1), -0.1, 0.1)), "a guide is not part of the solids"),
         (pair(0.022), "neither link is wider than the other on both sides"),
         (pair(0.3), "it would be 300 mm long"),
@@ -197,11 +203,3 @@ def test_what_can_t_be_made_is_said(tool, said):
     assert not check.passed
     assert said in check.found
     assert (made.cuts, made.hardware) == ({}, [])
-
-
-def test_a_fork_of_which_nothing_would_be_left_is_none():
-    tool = pair()
-    post, jaw = tool.components
-    long = replace(jaw, shape=Box((0.03, 0.016, 0.03)), joint=replace(jaw.joint, origin=(0.0, 0.0, 0.0)))
-    tool = Tool((post, replace(long, pose=Pose(np.array([0, 0, -0.035])))))
-    assert "too little is left of jaw where tool turns" in make_hinges(links_of(tool), Fit(), Printer()).checks[0].found

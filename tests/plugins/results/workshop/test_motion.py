@@ -50,17 +50,6 @@ def test_slower_is_the_same_way_in_more_time(speed, rate):
     assert np.abs(made.velocities).max() <= speed * np.abs(sample(trajectory, ARM, rate).velocities).max() * 1.01
 
 
-def test_where_the_arm_waits_the_spline_stands_still():
-    trajectory = planned("StopCart").trajectory
-    gap = int(np.diff(trajectory.times).argmax())
-    made = sample(trajectory, ARM, 1000)
-    inside = (made.times / made.slower > trajectory.times[gap] + 0.05) & (
-        made.times / made.slower < trajectory.times[gap + 1] - 0.05
-    )
-    assert inside.any()
-    assert np.abs(made.velocities[inside]).max() < 1e-2
-
-
 def test_an_approach_is_slow_and_at_rest_at_both_ends():
     start, end = PANDA.home + np.linspace(-0.3, 0.3, 7), np.array(PANDA.home)
     made = approach(start, end, 0.04, ARM, 500)
@@ -96,11 +85,10 @@ def test_settings_that_can_not_be(rate, speed, word):
         sample(planned("OneBook").trajectory, ARM, rate, speed)
 
 
-def test_a_start_beyond_the_limits_is_refused():
+@pytest.mark.parametrize("start", [np.full(7, 9.0), np.zeros(6)])
+def test_a_start_beyond_the_limits_is_refused(start):
     with pytest.raises(UsageError, match="7 joint angles"):
-        approach(np.full(7, 9.0), np.array(PANDA.home), 0.04, ARM, 1000)
-    with pytest.raises(UsageError, match="7 joint angles"):
-        approach(np.zeros(6), np.array(PANDA.home), 0.04, ARM, 1000)
+        approach(start, np.array(PANDA.home), 0.04, ARM, 1000)
 
 
 def test_files_have_every_sample():

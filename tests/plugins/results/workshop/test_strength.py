@@ -82,15 +82,6 @@ def test_the_sides_of_a_fork_are_beams_of_their_own():
         assert row.stress_pa == pytest.approx(6 * NEWTONS * half / thick**3, rel=0.05)
 
 
-def test_walls_with_little_infill_bear_less_and_no_strength_gives_no_verdict():
-    tool = Tool((bar("post", "tool_mount", 0.0, 0.2, 0.02),))
-    hollow = Material("hollow", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
-    full = 0.02**4 - 0.8 * (0.02 - 0.0024) ** 4
-    row, solid = (pressed(tool, across("post", -0.2), material=of)["post"] for of in (hollow, SOLID))
-    assert row.stress_pa / solid.stress_pa == pytest.approx(0.02**4 / full, rel=0.05)
-    assert pressed(tool, across("post", -0.2), material=Material())["post"].safety is None
-
-
 def test_the_weight_counts_with_the_acceleration_of_the_motion():
     tool = Tool((bar("post", "tool_mount", 0.0, 0.2, 0.02, mass=0.5),))
     times, home = np.arange(200) / 1000, np.array(PANDA.home)
