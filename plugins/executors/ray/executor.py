@@ -51,7 +51,6 @@ class RayExecutor(Executor):
         retries: how often a chunk is tried again after its worker was lost.
         timeout_s: seconds for a candidate, and for a chunk of up to ten. A chunk that takes longer is given up, and its
             worker is replaced. None: no limit. Waiting for room on the cluster does not count.
-        dashboard: start Ray's dashboard on http://127.0.0.1:8265, for a cluster that is started here.
     """
 
     def __init__(
@@ -62,7 +61,6 @@ class RayExecutor(Executor):
         num_gpus: float = 0.0,
         retries: int = 2,
         timeout_s: float | None = 300.0,
-        dashboard: bool = False,
     ) -> None:
         check_limits(workers, timeout_s)
         if retries < 0:
@@ -87,7 +85,6 @@ class RayExecutor(Executor):
         self._num_gpus = num_gpus
         self._retries = retries
         self._timeout_s = timeout_s
-        self._dashboard = dashboard
         self._connected = False
         self._crew: _Crew | None = None
 
@@ -132,8 +129,7 @@ class RayExecutor(Executor):
             settings = {
                 "address": "local",
                 "num_cpus": max(wanted, cores() if self._workers is None else 0),
-                "include_dashboard": self._dashboard,
-                "dashboard_host": "127.0.0.1",
+                "include_dashboard": False,
             }
         self._connected = True  # perhaps in part only
         with _signals_kept(), nullcontext() if self._address else _loopback(self._ray):

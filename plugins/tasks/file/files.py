@@ -38,7 +38,7 @@ class Files:
         if Path(name).suffix.lower() in HOLDING:
             raise UserError(f"{name} holds bodies of its own; name it under imports, not as the shape of a body")
         if (name, scale) not in self._read:
-            found = read_mesh(self.folder / name, density=1.0, name="body", scale=scale, folder=self.folder)
+            found = read_mesh(self.folder / name, scale, self.folder)
             self._keep((name, scale), found)
         return self._read[name, scale]
 

@@ -67,15 +67,12 @@ def _leaf(node: Node) -> Manifold:
             return Manifold.cube(sizes, True)
         case "sphere":
             return Manifold.sphere(sizes[0], segments(sizes[0]))
-        case "cylinder":
-            radius, length = sizes
-            return Manifold.cylinder(length, radius, radius, segments(radius), True)
         case "capsule":
             radius, length = sizes
             ball = Manifold.sphere(radius, segments(radius))
             return Manifold.batch_hull([ball.translate([0, 0, way * length / 2]) for way in (-1, 1)])
         case _:
-            low, high, length = sizes
+            low, high, length = sizes if node.kind == "cone" else (sizes[0], *sizes)
             return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
 
 

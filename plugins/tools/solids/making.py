@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,6 +28,12 @@ _TOUCH = 0.01  # mm
 _TOLERANCES = (Tolerance(0.95, 0.95), Tolerance(0.85, 0.4), Tolerance(0.45, 0.2))
 _SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)
 _SAMPLES = 400
+_PRIMITIVES: dict[str, Callable[..., Shape]] = {
+    "box": lambda *sides: Box(sides),
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "capsule": Capsule,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +59,8 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
             the words "its solid".
     """
     pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
-    match tree.kind:
-        case "box":
-            x, y, z = tree.sizes
-            return Box((x, y, z)), pose
-        case "sphere":
-            return Sphere(*tree.sizes), pose
-        case "cylinder":
-            return Cylinder(*tree.sizes), pose
-        case "capsule":
-            return Capsule(*tree.sizes), pose
+    if make := _PRIMITIVES.get(tree.kind):
+        return make(*tree.sizes), pose
     try:
         solid = surface(tree)
         if solid.volume() < _MIN_VOLUME:
@@ -83,10 +82,8 @@ def node_of(shape: Shape | Compound) -> Node:
             return Node("box", size)
         case Sphere(radius):
             return Node("sphere", (radius,))
-        case Cylinder(radius, length):
-            return Node("cylinder", (radius, length))
-        case Capsule(radius, length):
-            return Node("capsule", (radius, length))
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return Node(type(shape).__name__.lower(), (radius, length))
         case Mesh(vertices):
             return Node("hull", points=tuple(map(tuple, vertices.tolist())))
         case _:

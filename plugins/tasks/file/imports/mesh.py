@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from core.errors import UsageError, UserError
+from core.errors import UserError
 from core.geometry import Pose
 from core.scene import Body, Color, Geom
-from core.values.urdf import NAME
 from plugins.tasks.file.imports.bodies import Imported
 from plugins.tasks.file.imports.solids import MeshSolid, load_solid
 
@@ -19,49 +18,26 @@ _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y up to z up
 
 
-def read_mesh(
-    file: str | Path,
-    *,
-    mass: float | None = None,
-    density: float | None = None,
-    name: str | None = None,
-    pose: Pose | None = None,
-    scale: float = 1.0,
-    friction: float = 0.5,
-    folder: Path | None = None,
-) -> Imported:
-    """Make a body of a mesh file, in the file's frame. A mesh that is not convex is cut into convex parts by CoACD.
+def read_mesh(file: str | Path, scale: float = 1.0, folder: Path | None = None) -> Imported:
+    """Make a body of 1 kg/m^3 of a mesh file, in the file's frame. What is not convex is cut into parts by CoACD.
 
     The y axis of a GLB file points up, as its standard says, and is turned to z.
 
     Args:
         file: OBJ, STL or GLB.
-        mass: kg; 0: the body is fixed. Give it, or ``density``.
-        density: kg/m^3.
-        name: the body's; None: the file's.
-        pose: in the world.
         scale: metres for one unit of the file.
-        friction: the body's.
         folder: where the file, and what links lead to, must lie; None: where the file itself is.
 
     Raises:
         UserError: says what can't be used, where, and how to mend it.
     """
     file = Path(file).expanduser().absolute()
-    name = file.stem if name is None else name
-    if (mass is None) == (density is None):
-        raise UsageError(f"{file}: give either mass, kg, or density, kg/m^3")
-    if not 0 < scale < np.inf:
-        raise UsageError(f"{file}: scale must be above 0, got {scale}")
-    if not NAME.fullmatch(name):
-        raise UsageError(f"{file}: {name!r} is no body's name; give name=, of letters, digits, '_', '.' or '-'")
     stands = file.suffix.lower() == ".glb"
     solid = load_solid(file, folder or file.parent, (scale,) * 3, turn=_UPRIGHT if stands else None)
     visuals = tuple(Geom(mesh, color=own or _GREY) for mesh, own in solid.drawn)
     collisions = tuple(Geom(part, color=visuals[0].color) for part in solid.parts)
-    weighs = float(density * solid.filled if density is not None else mass or 0.0)
     try:
-        body = Body(name, pose or Pose(), weighs, visuals, collisions, friction)
+        body = Body("body", Pose(), float(solid.filled), visuals, collisions)
         return Imported((body,), notes=tuple(_notes(solid, stands)))
     except ValueError as error:
         raise UserError(f"{file}: {error}") from error

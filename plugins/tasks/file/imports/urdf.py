@@ -20,19 +20,12 @@ from core.values.urdf import MAX_BYTES, read_description, read_xml
 from plugins.tasks.file.imports.bodies import Imported, joined_body
 from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
 
+_FRICTION = 0.5
 _READ = ("link", "joint", "material")
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 
-def read_urdf(
-    file: str | Path,
-    *,
-    pose: Pose | None = None,
-    fixed: bool = True,
-    prefix: str = "",
-    friction: float = 0.5,
-    folder: Path | None = None,
-) -> Imported:
+def read_urdf(file: str | Path, *, fixed: bool = True, prefix: str = "", folder: Path | None = None) -> Imported:
     """Make bodies and joints of a URDF file: a body of all links that are rigidly joined, named like the first.
 
     A joint starts at 0, or at the end of its range that is next to it. Meshes are OBJ, STL or GLB, in the file's own
@@ -40,10 +33,8 @@ def read_urdf(
 
     Args:
         file: the URDF.
-        pose: of the root, in the world.
         fixed: whether the root is fixed to the world; it need not be there then.
         prefix: put before all names.
-        friction: of all bodies.
         folder: where all files must lie; None: where the URDF is.
 
     Raises:
@@ -56,19 +47,16 @@ def read_urdf(
     left = Counter(str(element.tag) for element in read_xml(data, file) if element.tag not in _READ)
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
     try:
-        return _UrdfBodies(description, file, folder, prefix, friction, notes).read(pose or Pose(), fixed)
+        return _UrdfBodies(description, folder, prefix, notes).read(fixed)
     except (UserError, ValueError) as error:
         raise UserError(f"{file}: {error}") from error
 
 
 class _UrdfBodies:
-    def __init__(
-        self, description: Description, file: Path, folder: Path, prefix: str, friction: float, notes: list[str]
-    ) -> None:
-        self._description, self._file, self._folder = description, file, folder
-        self._prefix, self._friction, self._notes = prefix, friction, notes
+    def __init__(self, description: Description, folder: Path, prefix: str, notes: list[str]) -> None:
+        self._description, self._folder, self._prefix, self._notes = description, folder, prefix, notes
 
-    def read(self, pose: Pose, fixed: bool) -> Imported:
+    def read(self, fixed: bool) -> Imported:
         tree, root = self._description, self._description.root
         moving = {child: joint for child, joint in tree.joints.items() if self._moves(joint)}
         parts = tree.rigid_parts(moving)
@@ -77,7 +65,7 @@ class _UrdfBodies:
             links = [(tree.links[name], place) for name, (first, place) in parts.items() if first == head]
             joint = None if head == root else moving[head]
             if joint is None:
-                places[head] = pose
+                places[head] = Pose()
             else:
                 first, place = parts[joint.parent]
                 places[head] = places[first] @ place @ joint.origin.pose @ _moved(joint)
@@ -129,7 +117,7 @@ class _UrdfBodies:
         if fixed and not (visuals or collisions):
             return None
         mass = None if fixed else sum(link.inertial.mass for link, _ in links)
-        return joined_body(name, pose, mass, visuals, collisions, self._friction)
+        return joined_body(name, pose, mass, visuals, collisions, _FRICTION)
 
     def _drawn(self, shape: RobotShape, place: Pose) -> list[Geom]:
         if not isinstance(shape.shape, Path):

@@ -1,6 +1,7 @@
 """What is imported moves as formulas say, in every engine: a mesh and a URDF."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,8 +39,9 @@ def test_a_pendulum_from_urdf_swings_in_its_period(engine, tmp_path):
     file = tmp_path / "pendulum.urdf"
     file.write_text(PENDULUM)
     tilted = Pose.xyz_rpy((*FAR[:2], 1.0), (1.0, 0.0, 0.0))
-    read = read_urdf(file, pose=tilted)
-    times, states = played(engine, Scene(read.bodies, read.joints), 3.0)
+    read = read_urdf(file)
+    bodies = tuple(replace(body, pose=tilted @ body.pose) for body in read.bodies)
+    times, states = played(engine, Scene(bodies, read.joints), 3.0)
     angles = states.joint("pivot").position + 1.0  # from hanging
     down = np.flatnonzero(np.diff(np.sign(angles)))
     crossings = times[down] - angles[down] * np.diff(times)[down] / np.diff(angles)[down]
@@ -56,7 +58,7 @@ def test_a_mesh_slides_down_a_slope_as_its_friction_lets_it(engine, suffix, tmp_
     tilt, friction = 0.5, 0.2
     plane = slope(tilt, friction)
     on_it = plane.pose @ Pose(np.array([-1.0, 0.0, 0.05 + 0.0202]))
-    (body,) = read_mesh(file, mass=0.4, pose=on_it, friction=friction).bodies
+    body = replace(read_mesh(file).bodies[0], mass=0.4, pose=on_it, friction=friction)
     times, states = played(engine, Scene((plane, body)), 0.8)
     way = float(np.linalg.norm(states.positions[-1, 0] - states.positions[20, 0]))
     pull = GRAVITY * (math.sin(tilt) - friction * math.cos(tilt))

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.errors import UserError
-from core.geometry import Pose
 from core.support import sandbox
 from plugins.tasks.file.imports import convex, read_mesh, solids
 
@@ -31,11 +30,10 @@ def test_a_convex_mesh_is_one_part_with_its_mass_and_size(tmp_path, kind):
     box = trimesh.creation.box((0.1, 0.2, 0.3))
     box.apply_translation([0.5, 0, 0])
     box.export(tmp_path / f"box.{kind}")
-    pose = Pose(np.array([1.0, 2.0, 3.0]))
-    made = read_mesh(tmp_path / f"box.{kind}", density=500, scale=0.5, pose=pose, name="crate", friction=0.3)
+    made = read_mesh(tmp_path / f"box.{kind}", 0.5)
     (body,) = made.bodies
-    assert (body.name, body.pose, body.friction, len(body.collisions)) == ("crate", pose, 0.3, 1)
-    assert body.mass == pytest.approx(500 * 0.006 / 8, rel=1e-6)
+    assert len(body.collisions) == 1
+    assert body.mass == pytest.approx(0.006 / 8, rel=1e-6)
     middle, size = body.collisions[0].shape.bounds
     np.testing.assert_allclose(middle, [0.25, 0, 0], atol=1e-6)
     np.testing.assert_allclose(size, [0.05, 0.15, 0.1] if kind == "glb" else [0.05, 0.1, 0.15], atol=1e-6)
@@ -47,7 +45,7 @@ def test_y_of_a_glb_points_up(tmp_path):
     tall = trimesh.creation.box((0.1, 0.4, 0.1))
     tall.apply_translation([0, 0.2, 0.03])
     tall.export(tmp_path / "tall.glb")
-    mesh = read_mesh(tmp_path / "tall.glb", mass=1).bodies[0].visuals[0].shape
+    mesh = read_mesh(tmp_path / "tall.glb").bodies[0].visuals[0].shape
     assert mesh.vertices[:, 2].max() == pytest.approx(0.4, abs=1e-6)
     assert mesh.bounds[0][1] == pytest.approx(-0.03, abs=1e-6)
 
@@ -60,7 +58,7 @@ def test_parts_of_a_glb_keep_their_colours(tmp_path):
         box.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([number, 0, 0]))
     (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
-    body = read_mesh(tmp_path / "two.glb", mass=1).bodies[0]
+    body = read_mesh(tmp_path / "two.glb").bodies[0]
     assert {geom.color for geom in body.visuals} == {(1, 0, 0, 1), (0, 0, 1, 1)}
     assert len(body.collisions) == 2, "pieces that are convex need no cutting"
 
@@ -70,17 +68,17 @@ def test_parts_of_a_glb_keep_their_colours(tmp_path):
 def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated):
     mesh = step()
     mesh.export(tmp_path / "step.stl")
-    made = read_mesh(tmp_path / "step.stl", density=1000)
+    made = read_mesh(tmp_path / "step.stl")
     (body,) = made.bodies
     assert 2 <= len(body.collisions) <= solids.MAX_PARTS
-    assert body.mass == pytest.approx(1000 * mesh.volume, rel=1e-6)
+    assert body.mass == pytest.approx(mesh.volume, rel=1e-6)
     assert total(body) == pytest.approx(mesh.volume, rel=0.05)
     assert not any(_inside(geom, [0.16, 0.16, 0.05]) for geom in body.collisions)
 
     solids._cut.cache_clear()
     monkeypatch.setattr(solids, "isolated", None)
     (tmp_path / "other.stl").write_bytes((tmp_path / "step.stl").read_bytes())
-    assert len(read_mesh(tmp_path / "other.stl", density=1000).bodies[0].collisions) == len(body.collisions)
+    assert len(read_mesh(tmp_path / "other.stl").bodies[0].collisions) == len(body.collisions)
 
 
 def _inside(geom, point):
@@ -92,8 +90,8 @@ def test_an_open_mesh_is_noted(tmp_path, monkeypatch):
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     box.update_faces(np.arange(12) > 1)
     box.export(tmp_path / "open.stl")
-    made = read_mesh(tmp_path / "open.stl", density=1000)
-    assert made.bodies[0].mass == pytest.approx(1.0, rel=1e-6)
+    made = read_mesh(tmp_path / "open.stl")
+    assert made.bodies[0].mass == pytest.approx(0.001, rel=1e-6)
     assert "not closed" in made.notes[0]
 
 
@@ -113,17 +111,13 @@ def stl(*corners):
         ("a.stl", stl([0, 0, 0], [1, 0, 0], [0, np.nan, 0]), {}, "no triangles|no number"),
         ("a.stl", trimesh.creation.box((100, 200, 300)).export(file_type="stl"), {}, "0.001"),
         ("a.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl"), {"scale": 1e-6}, "another scale"),
-        ("a.stl", b"x", {"mass": None}, "either mass"),
-        ("a.stl", b"x", {"density": 1.0}, "either mass"),
-        ("a.stl", b"x", {"name": "a b"}, "no body's name"),
-        ("a.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl"), {"mass": -1.0}, "mass"),
     ],
 )
 def test_what_cannot_be_read_is_one_clear_line(tmp_path, name, data, options, message):
     if data is not None:
         (tmp_path / name).write_bytes(data)
     with pytest.raises(UserError, match=message) as error:
-        read_mesh(tmp_path / name, **({"mass": 1.0} | options))
+        read_mesh(tmp_path / name, **options)
     assert "\n" not in str(error.value)
     assert name in str(error.value)
 
@@ -134,15 +128,15 @@ def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
     trimesh.creation.box((1, 1, 1)).export(outside)
     (inside / "a.stl").symlink_to(outside)
     with pytest.raises(UserError, match="is not in folder"):
-        read_mesh(inside / "a.stl", mass=1)
-    assert read_mesh(inside / "a.stl", mass=1, folder=tmp_path).bodies
+        read_mesh(inside / "a.stl")
+    assert read_mesh(inside / "a.stl", folder=tmp_path).bodies
 
 
 def test_no_file_is_opened_that_an_obj_or_glb_names(tmp_path):
     """Materials and buffers would be read from other files, or from the network."""
     box = trimesh.creation.box((1, 1, 1)).export(file_type="obj")
     (tmp_path / "a.obj").write_text("mtllib /etc/passwd\nusemtl x\n" + box)
-    assert read_mesh(tmp_path / "a.obj", mass=1).bodies
+    assert read_mesh(tmp_path / "a.obj").bodies
     box = trimesh.Scene(trimesh.creation.box((1, 1, 1)))
     for uri in ("https://example.org/a.bin", "/dev/zero", "../a.bin"):
         tree = json.loads(trimesh.exchange.gltf.export_gltf(box)["model.gltf"])
@@ -153,7 +147,7 @@ def test_no_file_is_opened_that_an_obj_or_glb_names(tmp_path):
         head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
         (tmp_path / "a.glb").write_bytes(head + text)
         with pytest.raises(UserError, match="can't be read as GLB"):
-            read_mesh(tmp_path / "a.glb", mass=1)
+            read_mesh(tmp_path / "a.glb")
 
 
 @pytest.mark.parametrize("isolated", [True], indirect=True)
@@ -161,7 +155,7 @@ def test_what_takes_too_long_is_stopped(tmp_path, monkeypatch, isolated):
     step().export(tmp_path / "step.stl")
     monkeypatch.setattr(sandbox, "LIMIT_S", 0.01)
     with pytest.raises(UserError, match="takes more than"):
-        read_mesh(tmp_path / "step.stl", mass=1)
+        read_mesh(tmp_path / "step.stl")
 
 
 @pytest.mark.parametrize("isolated", [True], indirect=True)
@@ -169,13 +163,13 @@ def test_a_crash_of_the_reader_is_an_error(tmp_path, monkeypatch, isolated):
     step().export(tmp_path / "step.stl")
     monkeypatch.setattr(sandbox.sys, "executable", "/bin/false")
     with pytest.raises(UserError, match="process ended with 1"):
-        read_mesh(tmp_path / "step.stl", mass=1)
+        read_mesh(tmp_path / "step.stl")
 
 
 def test_too_many_triangles_are_refused(tmp_path, monkeypatch):
     trimesh.creation.icosphere(subdivisions=7, radius=0.1).export(tmp_path / "ball.stl")
     with pytest.raises(UserError, match="at most 200000"):
-        read_mesh(tmp_path / "ball.stl", mass=1)
+        read_mesh(tmp_path / "ball.stl")
     monkeypatch.setattr(solids, "MAX_MB", 1)
     with pytest.raises(UserError, match="MB"):
         solids.read_inside(tmp_path / "ball.stl", tmp_path, "mesh", 1)
