@@ -116,6 +116,7 @@ class VLM(ABC):
     model: str  # the name that is printed and stored with each reply
     takes_schema: bool = False  # it passes on `Request.schema` itself, so that the prompt's text leaves it out
     criticises: bool = True  # it can answer a request for a critique
+    sees: bool = True  # it answers what messages and pictures say, and needs no numbers of the scene from the brief
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:

@@ -32,6 +32,7 @@ class Task(ABC):
 
     name: ClassVar[str]
     description: ClassVar[str]  # one paragraph, for the model
+    in_words: ClassVar[str] = ""  # the same without places, sizes and masses, for a model that is told less
     goals: ClassVar[tuple[Goal, ...]]  # the same, for programs
     every: ClassVar[bool] = False  # whether all goals count; else one is enough
     hold_s: ClassVar[float] = 0.0  # the least time after the plan, s; the rollout's own setting may be longer

@@ -27,6 +27,10 @@ class BringCube(Task):
         f"its gripper can reach. Bring the cube {START[0] - TARGET[0]:g} m closer, onto the blue mark on the "
         "table, and leave it there."
     )
+    in_words = (
+        "A red cube lies on the table, beyond what the robot's gripper can reach. Bring the cube closer, onto the blue "
+        "mark on the table, and leave it there."
+    )
     goals = (Goal(bodies=("cube",), place=(0.0, 0.0, SIDE / 2), at="mark"),)
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("mark", TARGET, 0.03)},

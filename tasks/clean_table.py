@@ -55,6 +55,11 @@ class CleanTable(Task):
         f"them all away from the robot, into the green circle with a radius of {RADIUS:g} m around (1.1, 0), without "
         "pushing any off the table or past the circle."
     )
+    in_words = (
+        "Eight small coloured cubes, the dust, light ones, lie scattered on the table in front of the robot, at "
+        "random. Sweep them all away from the robot, into the green circle, without pushing any off the table or past "
+        "the circle."
+    )
     goals = (Goal(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),)
     variations = {
         "near": around("circle", CIRCLE, 0.03),

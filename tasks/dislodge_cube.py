@@ -77,6 +77,13 @@ class DislodgeCube(Task):
         "the pipe, through either opening, and leave it on the table. The arm starts low above the table, so that "
         "only a tool that lies flat starts clear of it."
     )
+    in_words = (
+        "A see-through square pipe is fixed on the table in front of the robot. It runs away from the robot, from an "
+        "opening toward the robot to a closed end; next to the closed end a short branch leads to a second opening on "
+        "the robot's right. At the far end, where the branch begins, lies a red cube. Get it out of the pipe, through "
+        "either opening, and leave it on the table. The arm starts low above the table, so that only a tool that lies "
+        "flat starts clear of it."
+    )
     goals = (
         Goal(bodies=("cube",), place=(CUBE[0], BRANCH_Y - SIDE / 2, None), at="pipe"),
         Goal(bodies=("cube",), place=(NEAR - SIDE / 2, CUBE[1], None), at="pipe"),

@@ -68,6 +68,11 @@ class ElevatePlate(Task):
         "robot. Its foot has a radius of 0.055 m, so that all around the foot there is a gap of 0.018 m between the "
         f"plate's underside and the table. Lift the plate straight up by {LIFT:g} m, level, and hold it there."
     )
+    in_words = (
+        "A white dinner plate with a raised rim stands on its foot on the table in front of the robot; all around the "
+        "foot there is a narrow gap between the plate's underside and the table. Lift the plate straight up by 0.4 m, "
+        "level, and hold it there."
+    )
     goals = (Goal(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
     variations = {
         "near": around("plate", START, 0.03),

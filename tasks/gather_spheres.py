@@ -69,6 +69,12 @@ class GatherSpheres(Task):
         "Between them it is open toward the robot (at x = 0.55) and on top, and the table is the floor. Scoop up as "
         f"many of the spheres as possible, lift them above z = {WANTED_HEIGHT:g} m, and hold them there."
     )
+    in_words = (
+        "Thirty small light spheres lie on the table between three fixed see-through walls, which are slippery: one on "
+        "the left, one on the right and one away from the robot. Between them it is open toward the robot and on top, "
+        "and the table is the floor. Scoop up as many of the spheres as possible, lift them above z = 0.3 m, and hold "
+        "them there."
+    )
     goals = (Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),)
     variations = {
         "near": around("container", CONTAINER, 0.03, 0.1),

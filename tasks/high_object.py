@@ -46,6 +46,10 @@ class HighObject(Task):
         "1.2 m wide (y) and 0.1 m high, stands on the floor, its centre 0.8 m in front of the robot. Bring the cube "
         "into the bin. There is no table: the robot stands on the floor."
     )
+    in_words = (
+        "A green cube lies on the upper board of a shelf in front of the robot. Between the robot and the shelf an "
+        "open bin stands on the floor. Bring the cube into the bin. There is no table: the robot stands on the floor."
+    )
     goals = (Goal(bodies=("cube",), place=(0.0, 0.0, BIN_CENTER[2]), tolerance=0.05, at="bin"),)
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("bin", BIN_CENTER, 0.02)},

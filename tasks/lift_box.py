@@ -49,6 +49,11 @@ class LiftBox(Task):
         f"{WANTED_HEIGHT - CENTER[2]:g} m without tilting it, until its centre, now at z = {CENTER[2]:g} m, is at "
         f"z = {WANTED_HEIGHT:g} m, and hold it there."
     )
+    in_words = (
+        "A cardboard box, too wide for a gripper, stands on the table in front of the robot. It is open on top, and "
+        "its four flaps slant outward and upward from the edges of the walls. It is light. Lift it straight up by 0.13 "
+        "m without tilting it, and hold it there."
+    )
     goals = (Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),)
     variations = {
         "near": around("box", CENTER, 0.03, 0.3),

@@ -28,6 +28,11 @@ class MoveBall(Task):
         "easily and far. Bring it to the blue mark 0.3 m to the robot's right, 0.6 m away, and leave it there. The "
         "reward is measured when the motion is over, and the ball's speed, in m/s, is subtracted from it."
     )
+    in_words = (
+        "A red ball lies on the table to the robot's left. It rolls easily and far. Bring it to the blue mark to the "
+        "robot's right, and leave it there. The reward is measured when the motion is over, and the ball's speed, in "
+        "m/s, is subtracted from it."
+    )
     goals = (Goal(bodies=("ball",), place=(0.0, 0.0, RADIUS), at="mark"),)
     variations = {
         "near": {**around("ball", START, 0.03), **around("mark", TARGET, 0.03)},

@@ -68,6 +68,11 @@ class OneBook(Task):
         "robot. Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other "
         "four where they are."
     )
+    in_words = (
+        "Five books stand upright on the table, side by side between two fixed bookends, their spines toward the "
+        "robot. Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other "
+        "four where they are."
+    )
     goals = (Goal(bodies=("book_3",), away=PULLED_OUT, keep=OTHERS),)
     variations = {
         "near": around("row", (CENTER_X, 0.0), 0.03, 0.3),

@@ -90,6 +90,11 @@ class ScoreGoal(Task):
         "hockey goal stands at (2.0, 0), far out of reach, its mouth toward the robot. The puck slides on the ice with "
         "a friction of 0.1. Get it into the goal."
     )
+    in_words = (
+        "The robot stands on ice; there is no table, the ground is at z = 0. A hockey puck lies in front of the robot "
+        "and to its left. A red hockey goal stands far out of reach, its mouth toward the robot. The puck slides well "
+        "on the ice. Get it into the goal."
+    )
     goals = (Goal(bodies=("puck",), place=(0.0, 0.0, None), tolerance=DEPTH / 2, at="goal"),)
     variations = {
         "near": {**around("puck", START, 0.03), **around("goal", (CENTER_X, CENTER_Y), 0.03)},

@@ -78,6 +78,11 @@ class SnatchCookie(Task):
         "thick and 20 g in weight, lie at its bottom in two columns of six, one nearer to the robot and one farther; "
         f"the columns reach up to z = 0.093. Take one cookie out of the jar and hold it higher than z = {OUT_Z:g}."
     )
+    in_words = (
+        "A glass jar stands on the table in front of the robot, fixed. Its mouth is narrower than the inside below. "
+        "Twelve cookies, flat round discs, lie at its bottom in two columns of six, one nearer to the robot and one "
+        "farther. Take one cookie out of the jar and hold it higher than z = 0.3."
+    )
     goals = (
         Goal(bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)), place=(None, None, OUT_Z + 0.02), any=True),
     )

@@ -107,6 +107,11 @@ class TurkeyLegs(Task):
         "m high, is fixed to the table, its middle at x = 0.8 m, y = 0.25 m. Bring all legs into the box, but not the "
         "pot. The end-effector starts at (0.4, -0.2, 0.2)."
     )
+    in_words = (
+        "A silver pot stands on the table. It has a handle on its left and one on its right: bars that point away from "
+        "the robot, with a gap between bar and pot. Five turkey legs, slippery, lie in it. To its left a chef's box, "
+        "an open tray, is fixed to the table. Bring all legs into the box, but not the pot."
+    )
     goals = (Goal(bodies=LEGS, place=(0.0, 0.0, 0.03), tolerance=0.1, at="box"),)
     variations = {
         "near": {**around("pot", POT, 0.03, 0.1), **around("box", BOX, 0.02)},

@@ -17,6 +17,8 @@ INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolution_rules", *_RULES)
 GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
+TOLD = ("source", "words", "pictures", "photos")
+UNSEEN = ("pictures", "photos")  # no place, size or mass of a body
 
 
 @dataclass
@@ -26,6 +28,9 @@ class PromptSettings:
     Attributes:
         dir: a folder of templates that replace the project's own.
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
+        told: what is said of the scene: the task's source with all numbers (``source``), a description and a table of
+            places and sizes (``words``), or the description with calibrated pictures (``pictures``) or photographs
+            (``photos``) and no number of any body.
         picture: show a picture of the scene, from the task's camera.
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and what was observed of its
             rollout, and a line for each candidate of the last generation (``numbers``), or also a picture (``full``).
@@ -42,6 +47,7 @@ class PromptSettings:
 
     dir: str | None = None
     file: str | None = None
+    told: str = "source"
     picture: bool = True
     feedback: str = "paper"
     generation_characters: int = 12_000

@@ -19,7 +19,7 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.settings import CRITIQUES, FEEDBACK, LAST, PromptSettings
+from core.config.settings import CRITIQUES, FEEDBACK, LAST, TOLD, UNSEEN, PromptSettings
 from core.design import TIE, Evaluation, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.excerpts import class_source, function_source, helpers, task_source
@@ -27,6 +27,7 @@ from core.designs.feedback import combined_figures, critiques_text, elite_feedba
 from core.designs.layout import layout_table
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
+from core.designs.sight import Sight, bodies_table
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.robot.extents import outline
@@ -74,6 +75,8 @@ class PromptComposer:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
+        if settings.told not in TOLD:
+            raise choices("level", settings.told, TOLD, "prompt.told")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
         parts -= {LAST} if settings.feedback == "paper" else set()
         parts -= {CRITIQUES} if not settings.critic else set()
@@ -84,16 +87,16 @@ class PromptComposer:
     def compose(
         self,
         brief: Brief,
-        picture: Picture | None,
+        pictures: Sequence[Picture],
         strips: Mapping[str, Picture] | None = None,
         *,
         schema: bool = True,
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
-        The user message has one text per part, the brief's style, then the picture of the scene, and film
-        ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text holds the JSON schema of
-        the answer.
+        The user message has one text per part, the brief's style, then the ``pictures`` of the scene with their
+        captions, and film ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text holds
+        the JSON schema of the answer.
 
         Raises:
             UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
@@ -101,7 +104,7 @@ class PromptComposer:
             ValueError: an elite has no tool.
         """
         pictured = dict(strips or {})
-        values = self._values(brief, picture, schema)
+        values = self._values(brief, pictures, schema)
         values |= {"pictured": list(pictured)}
         parts = self.settings.evolution if brief.elites else self.settings.initial
         parts = self.settings.given if values["given"] is not None else parts
@@ -113,7 +116,8 @@ class PromptComposer:
         parts = [part for part in parts if part in self._templates]
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
         user += [Text(f"{brief.style.strip()}\n\n")] if brief.style.strip() else []
-        user += [picture] if picture else []
+        for picture in pictures:
+            user += [*([Text(f"{picture.caption}\n\n")] if picture.caption else []), picture]
         for name, strip in pictured.items():
             which = "an elite" if any(e.candidate.id == name for e in brief.elites) else "a failure"
             user += [Text(f"Film strip of {which}, {name}: six instants of its motion, in reading order:\n\n"), strip]
@@ -126,7 +130,7 @@ class PromptComposer:
             UserError: see `compose`.
             ValueError: the elite has no tool.
         """
-        values = self._values(brief, None, False, numbers=True) | {"pictured": list(pictures)}
+        values = self._values(brief, (), False, numbers=True) | {"pictured": list(pictures)}
         shown = [part for caption, picture in pictures.items() for part in (Text(f"{caption}:\n\n"), picture)]
         return (*self._system(values), Message("user", (self._render(CRITIC, values), *shown)))
 
@@ -140,12 +144,16 @@ class PromptComposer:
         Raises:
             UserError: the template fails.
         """
+        if self.settings.told in UNSEEN:
+            problem = Sight.of(request.brief.task, request.brief.scene_seed).text(problem)
         message = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
         text = reply.text[:MAX_REPEATED]
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
         return (*request.messages, *answer, message)
 
-    def _values(self, brief: Brief, picture: Picture | None, schema: bool, *, numbers: bool = False) -> dict[str, Any]:
+    def _values(
+        self, brief: Brief, pictures: Sequence[Picture], schema: bool, *, numbers: bool = False
+    ) -> dict[str, Any]:
         """The names that templates may use, and their values."""
         task, representation = brief.task, brief.representation
         given = representation.given(task)
@@ -154,6 +162,8 @@ class PromptComposer:
         # Numbers are all that plans for a given tool differ in.
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
+        told = self.settings.told
+        sight = Sight.of(task, brief.scene_seed) if told in UNSEEN else None
         return {
             "given": given,
             "bare": bare,
@@ -163,7 +173,8 @@ class PromptComposer:
             "idea": self._idea,
             "instructed": self._idea is not None,
             "feedback": self.settings.feedback,
-            "picture": picture is not None,
+            "picture": bool(pictures),
+            **_scene_values(task, brief.scene_seed, told),
             "robot": robot,
             "friction": {
                 "arm": robot.friction,
@@ -172,11 +183,6 @@ class PromptComposer:
             },
             "action_rules": brief.actions.instructions(brief).strip(),
             "tool_rules": representation.instructions(brief).strip(),
-            "task_source": task_source(task).rstrip("\n"),
-            "goals": task.reward_in_words(),
-            "layout": layout_table(task, brief.scene_seed),
-            "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
-            "helpers": helpers(task),
             "executor": function_source(plan_motion),
             "urdf": outline(robot, mounted),
             "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
@@ -190,10 +196,10 @@ class PromptComposer:
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "tie": f"{self.tie:g}",
             "judged": self.judged,
-            "elites": elites_text(brief.elites, representation, task, numbers=numbers),
+            "elites": elites_text(brief.elites, representation, task, numbers=numbers, sight=sight),
             "observed": any(elite.observation is not None for elite in brief.elites),
             "critiques": critiques_text(brief),
-            "candidates": generation_lines(last, self.settings.generation_characters),
+            "candidates": generation_lines(last, self.settings.generation_characters, sight),
             "near": (NEAR_M, PATH_M, PATH_RAD) if any(e.same_as is not None for e in last) else None,
             "detailed": any(combined_figures(elite, brief.task) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
@@ -210,6 +216,23 @@ class PromptComposer:
         return Text(text.strip() + "\n\n")  # a blank line, however a client joins the texts
 
 
+def _scene_values(task: Task, seed: int, told: str) -> dict[str, Any]:
+    """What templates may say of a task and its scene, at a level of `PromptSettings.told`."""
+    if told != "source":
+        table = bodies_table(task, seed) if told in UNSEEN else layout_table(task, seed, worded=True)
+        nothing = dict.fromkeys(("task_source", "goals", "vocabulary", "helpers"), "")
+        return {"told": told, "description": task.in_words, "layout": table, **nothing}
+    return {
+        "told": told,
+        "description": task.description,
+        "layout": layout_table(task, seed),
+        "task_source": task_source(task).rstrip("\n"),
+        "goals": task.reward_in_words(),
+        "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
+        "helpers": helpers(task),
+    }
+
+
 def as_markdown(message: Message, folder: str = "") -> str:
     """The texts of a message; each picture becomes a Markdown image that names its file in ``folder``."""
     return "".join(
@@ -224,18 +247,21 @@ def elites_text(
     task: Task,
     *,
     numbers: bool,
+    sight: Sight | None = None,
 ) -> str:
     """Write elites as JSON, each list of numbers and each innermost object on one line.
 
-    With ``numbers`` each has its plan, and what was observed of its rollout.
+    With ``numbers`` each has its plan, and what was observed of its rollout; with ``sight`` without bodies' numbers.
     """
-    entries = [_entry(elite, representation, task, numbers) for elite in elites]
+    entries = [_entry(elite, representation, task, numbers, sight) for elite in elites]
     text = json.dumps(entries, indent=1, ensure_ascii=False)
     text = re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
     return re.sub(r"\{\n([^{}]*)\n *\}", lambda found: "{" + re.sub(r"\n *", " ", found[1].strip()) + "}", text)
 
 
-def _entry(elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool) -> dict[str, Any]:
+def _entry(
+    elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool, sight: Sight | None
+) -> dict[str, Any]:
     candidate, design = elite.candidate, dump_design(elite.candidate, representation)
     assert candidate.tool is not None
     left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
@@ -246,19 +272,20 @@ def _entry(elite: Evaluation, representation: ToolRepresentation, task: Task, nu
         if key not in left_out
     }
     data |= representation.abridge(candidate.tool)
-    if figures := combined_figures(elite, task):
+    if figures := combined_figures(elite, task, sight):
         data["details"] = _figures(figures)
     if not numbers:
         return data
     data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
+    warnings = [warning if sight is None else sight.text(warning) for warning in elite.warnings]
     if elite.shown is not None and elite.observation is not None:
-        return data | elite_feedback(elite.shown, elite.observation) | {"warnings": list(elite.warnings)}
+        return data | elite_feedback(elite.shown, elite.observation, sight) | {"warnings": warnings}
     return data | {
-        "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
+        **({} if sight else {"moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()}}),
         "missed_m": _rounded(elite.ik_error_m),
         "missed_rad": _rounded(elite.ik_error_rad),
         "lag_rad": _rounded(elite.tracking_error_rad),
-        "warnings": list(elite.warnings),
+        "warnings": warnings,
     }
 
 

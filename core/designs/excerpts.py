@@ -45,17 +45,17 @@ def class_source(part: type, *members: str) -> str:
 
 
 def task_source(task: Task) -> str:
-    """Return the task's file, without its variations where the task has none of them."""
+    """Return the task's file, without its short description, and without variations where the task has none of them."""
     text = task.source()
-    if task.variation != NONE:
-        return text
+    left_out = {"in_words", *(("variations",) if task.variation == NONE else ())}
     if task.language != "python":
-        return re.sub(r"^variations:.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
+        keys = "|".join(sorted(left_out))
+        return re.sub(rf"^({keys}):.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
     lines = text.splitlines(keepends=True)
     members = [m for part in ast.parse(text).body if isinstance(part, ast.ClassDef) for m in part.body]
     for member in reversed(members):
         targets = member.targets if isinstance(member, ast.Assign) else []
-        if any(isinstance(target, ast.Name) and target.id == "variations" for target in targets):
+        if any(isinstance(target, ast.Name) and target.id in left_out for target in targets):
             del lines[member.lineno - 1 : member.end_lineno]
     return "".join(lines)
 

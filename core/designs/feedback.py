@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from core.design import Evaluation, Trial, best_first
+from core.designs.sight import Sight
 from core.interfaces import Brief, Contact, Observation, Task
 from core.support.text import clean, short_numbers
 
@@ -77,16 +78,16 @@ def _failures(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
 
 
 @lru_cache(maxsize=2)
-def generation_lines(evaluations: tuple[Evaluation, ...], budget: int) -> str:
+def generation_lines(evaluations: tuple[Evaluation, ...], budget: int, sight: Sight | None = None) -> str:
     """Write a line for each candidate, in about ``budget`` characters.
 
     Candidates with equal lines share one. Where they would be too long, each kind keeps as many of its best as the
-    others, and the last line counts what is left out.
+    others, and the last line counts what is left out. With ``sight`` no number of a body is in them.
     """
     groups: dict[str, list[Evaluation]] = {}
     others = sorted((e for e in evaluations if e.status != "ok"), key=lambda e: (e.status, e.candidate.key))
     for evaluation in (*best_first(evaluations, tie=0.0), *others):
-        groups.setdefault(describe(evaluation), []).append(evaluation)
+        groups.setdefault(describe(evaluation, sight), []).append(evaluation)
     lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
     queues: dict[str, list[str]] = {}
     for text, group in groups.items():
@@ -103,13 +104,13 @@ def generation_lines(evaluations: tuple[Evaluation, ...], budget: int) -> str:
     return "\n".join([*shown, *([f"- Left out: {_summary(rest)}."] if rest else [])])
 
 
-def combined_figures(evaluation: Evaluation, task: Task) -> dict[str, Any]:
+def combined_figures(evaluation: Evaluation, task: Task, sight: Sight | None = None) -> dict[str, Any]:
     """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took."""
     figures: dict[str, Any] = {}
     if evaluation.combined:
-        figures["trials"] = trial_lines(evaluation)
+        figures["trials"] = trial_lines(evaluation, sight)
         figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
-        if poor := poor_layouts(evaluation, task):
+        if poor := poor_layouts(evaluation, task, drawn=sight is None):
             figures["poor_layouts"] = poor
     if evaluation.planned is not None:
         figures["stopped"] = {"after": len(evaluation.trials), "of": evaluation.planned}
@@ -123,8 +124,11 @@ def statistics(rewards: Sequence[float]) -> dict[str, Any]:
     return {"mean": float(np.mean(rewards)), "std": float(np.std(rewards)), "rewards": list(rewards)}
 
 
-def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
-    """List the layouts in which a plan failed, the worst first, each with the numbers farthest from the usual ones."""
+def poor_layouts(evaluation: Evaluation, task: Task, *, drawn: bool = True) -> list[dict[str, Any]]:
+    """List the layouts in which a plan failed, the worst first, each with the numbers farthest from the usual ones.
+
+    Without ``drawn`` they have no numbers.
+    """
     if not evaluation.combined or evaluation.status == "rejected":
         return []
     engines = len(evaluation.by_engine)
@@ -132,58 +136,59 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     shown: list[dict[str, Any]] = []
     for trial in sorted(poor, key=lambda trial: trial.reward)[:_LAYOUTS]:
         draw = task.draw(trial.layout)
-        drawn = {name: draw(name, math.nan) for name in draw.ranges}
-        far = sorted(drawn, key=lambda name: -abs(drawn[name] - np.mean(draw.ranges[name])) / np.ptp(draw.ranges[name]))
+        known = {name: draw(name, math.nan) for name in draw.ranges} if drawn else {}
+        far = sorted(known, key=lambda name: -abs(known[name] - np.mean(draw.ranges[name])) / np.ptp(draw.ranges[name]))
         shown.append(
             {  # JSON
                 "layout": trial.layout,
                 **({"engine": trial.engine} if engines > 1 else {}),
                 "reward": round(trial.reward, 3),
-                **{name: round(drawn[name], 3) for name in drawn if name in far[:_DRAWN]},
+                **{name: round(known[name], 3) for name in known if name in far[:_DRAWN]},
             }
         )
     return shown
 
 
-def elite_feedback(trial: Trial, seen: Observation) -> dict[str, Any]:
-    """Describe what was observed of an elite's trial."""
-    described: dict[str, Any] = {"trial": _where(trial), "result": _result(seen)}
-    described["moved"] = dict(_moves(seen, 2 * _BODIES))
+def elite_feedback(trial: Trial, seen: Observation, sight: Sight | None = None) -> dict[str, Any]:
+    """Describe what was observed of an elite's trial; with ``sight`` without the numbers of bodies."""
+    described: dict[str, Any] = {"trial": _where(trial), "result": _said(_result(seen), sight)}
+    described["moved"] = dict(_moves(seen, 2 * _BODIES, sight))
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
-    described["error_m"] = {name: list(wrong[name]) for name in worst[: 2 * _BODIES]}
+    described["error_m"] = {name: list(wrong[name]) for name in worst[: 2 * _BODIES]} if sight is None else {}
     described["arrivals_s"] = list(seen.arrivals)
-    if seen.paths:
+    if seen.paths and sight is None:
         described["times_s"] = list(seen.instants)
         described["path_m"] = {name: " ".join(_point(point) for point in path) for name, path in seen.paths.items()}
     robot = [contact for contact in seen.contacts if contact.kind != "body"]
     unwanted = [contact for contact in robot if contact.kind == "arm" or contact.other not in seen.errors]
     wanted = [contact for contact in seen.contacts if contact not in unwanted]
-    described |= {"contacts": _contacts(wanted), "unwanted_contacts": _contacts(unwanted)}
-    near = sorted(seen.clearances.items(), key=lambda item: item[1])[:_BODIES]
+    described |= {"contacts": _contacts(wanted, sight), "unwanted_contacts": _contacts(unwanted, sight)}
+    near = [] if sight else sorted(seen.clearances.items(), key=lambda item: item[1])[:_BODIES]
     described |= {"clearance_m": dict(near), "missed": _miss(seen), "lag": _lag(seen)}
     return {key: value for key, value in described.items() if value}
 
 
-def describe(evaluation: Evaluation) -> str:
-    """Say in one line what became of a candidate."""
+def describe(evaluation: Evaluation, sight: Sight | None = None) -> str:
+    """Say in one line what became of a candidate; with ``sight`` without the numbers of bodies."""
     if evaluation.status != "ok":
-        return f"{evaluation.status}: {clean(evaluation.reason, _REASON)}"
+        return f"{evaluation.status}: {_said(clean(evaluation.reason, _REASON), sight)}"
     seen = evaluation.observation
     parts = [f"{evaluation.reward:.3f}"]
     if evaluation.reason:
-        parts[0] += f" invalid: {clean(evaluation.reason, _REASON)}"
+        parts[0] += f" invalid: {_said(clean(evaluation.reason, _REASON), sight)}"
     if seen is None:
         moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
-        return "; ".join([*parts, *(f"{name} moved {way:.3f} m" for name, way in moved if way > _MOVED_M)])
+        ways = {name: "" if sight else f" {way:.3f} m" for name, way in moved if way > _MOVED_M}
+        return "; ".join([*parts, *(f"{name} moved{way}" for name, way in ways.items())])
     if evaluation.same_as is not None:
         parts[0] += f" (not tried, as it hardly differs from {evaluation.same_as})"
     if evaluation.combined and evaluation.shown is not None:
-        shown = f"{_where(evaluation.shown)}{_margin(evaluation.shown)}"
-        parts[0] += f" ({'; '.join(trial_lines(evaluation))}); in {shown}:"
+        shown = f"{_where(evaluation.shown)}{_said(_margin(evaluation.shown), sight)}"
+        parts[0] += f" ({'; '.join(trial_lines(evaluation, sight))}); in {shown}:"
     if not evaluation.reason:
-        parts[0] += f" {_result(seen)}"
-    moves = _moves(seen, _BODIES)
+        parts[0] += f" {_said(_result(seen), sight)}"
+    moves = _moves(seen, _BODIES, sight)
     parts += [f"{name} {move}" for name, move in moves] or ["nothing moved"]
     first: dict[str, Contact] = {}
     for contact in seen.contacts:
@@ -192,18 +197,18 @@ def describe(evaluation: Evaluation) -> str:
     touched = [f"{c.one} touched {c.other} at {_span(c)}" for c in list(first.values())[:_BODIES]]
     parts += touched or ["no contact"]
     missed = {name: seen.clearances[name] for name in seen.errors if name in seen.clearances}
-    if missed and seen.result in ("never touched", "unreachable", "stuck"):
+    if missed and sight is None and seen.result in ("never touched", "unreachable", "stuck"):
         nearest = min(missed, key=lambda name: missed[name])
         parts.append(f"nearest to {nearest} {1000 * missed[nearest]:.0f} mm")
     return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
 
 
-def trial_lines(evaluation: Evaluation) -> list[str]:
+def trial_lines(evaluation: Evaluation, sight: Sight | None = None) -> list[str]:
     """Say what became of each trial: those that are alike in one line, the worst first."""
     groups: dict[tuple[float, str], list[Trial]] = {}
     for trial in evaluation.trials:
         what = trial.outcome if trial.status == "ok" and not trial.reason else f"{trial.status}: {trial.reason}"
-        groups.setdefault((round(trial.reward, 3), clean(what, _OUTCOME)), []).append(trial)
+        groups.setdefault((round(trial.reward, 3), _said(clean(what, _OUTCOME), sight)), []).append(trial)
     lines = [
         f"{reward:.3f} {what}".strip() + f" in {_wheres(trials, evaluation.trials)}"
         for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0])
@@ -243,7 +248,7 @@ def _result(seen: Observation) -> str:
     return f"{said}, {count - len(seen.left)} of {count} in place" if 0 < len(seen.left) < count else said
 
 
-def _moves(seen: Observation, most: int) -> list[tuple[str, str]]:
+def _moves(seen: Observation, most: int, sight: Sight | None) -> list[tuple[str, str]]:
     """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
     stirred = {
         name: moved for name, moved in seen.moved.items() if math.hypot(*moved.by) > _MOVED_M or moved.tilt_deg >= 1
@@ -252,15 +257,20 @@ def _moves(seen: Observation, most: int) -> list[tuple[str, str]]:
     for name in sorted(stirred, key=lambda name: (name not in seen.left, -math.hypot(*stirred[name].by)))[:most]:
         moved = stirred[name]
         tilt = f", tilted {moved.tilt_deg:.0f} deg" if moved.tilt_deg >= 1 else ""
-        described.append((name, f"by {_point(moved.by)} to {_point(moved.to)}{tilt}"))
+        way = sight.way(moved) if sight else f"by {_point(moved.by)} to {_point(moved.to)}"
+        described.append((name, f"{way}{tilt}"))
     if len(stirred) > most:
         described.append((f"{len(stirred) - most} others", "moved too"))
     return described
 
 
-def _contacts(contacts: Sequence[Contact]) -> list[str]:
-    described = [f"{c.one} with {c.other} {_span(c)}{_deep(c)}" for c in contacts[:_CONTACTS]]
+def _contacts(contacts: Sequence[Contact], sight: Sight | None) -> list[str]:
+    described = [f"{c.one} with {c.other} {_span(c)}{_deep(c) if sight is None else ''}" for c in contacts[:_CONTACTS]]
     return described + ([f"{len(contacts) - _CONTACTS} more"] if len(contacts) > _CONTACTS else [])
+
+
+def _said(text: str, sight: Sight | None) -> str:
+    return text if sight is None else sight.text(text)
 
 
 def _deep(contact: Contact) -> str:

@@ -8,6 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
+from core.designs.sight import slip, weight
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
@@ -20,20 +21,20 @@ _STEP_M = 0.0005
 _HEAD = ("body", "position", "shape", "x", "y", "z", "mass", "friction")
 
 
-def layout_table(task: Task, seed: int) -> str:
+def layout_table(task: Task, seed: int, *, worded: bool = False) -> str:
     """Write a row for each body of a layout: position, turn, shape, extent in the world, mass and friction.
 
     Lengths are rounded to a millimetre. Bodies that differ in pose alone share a row. Of a hollow body, the row has the
-    free space along the axes through its middle.
+    free space along the axes through its middle. ``worded``: mass and friction are words.
     """
     rows = []
     for _, alike in groupby(task.scene(seed).bodies, _description):
         bodies = list(alike)
-        rows += [_row(bodies)] if len(bodies) >= _ALIKE else [_row([body]) for body in bodies]
+        rows += [_row(bodies, worded)] if len(bodies) >= _ALIKE else [_row([body], worded) for body in bodies]
     return table(_HEAD, rows)
 
 
-def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
+def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     first = bodies[0]
     if len(bodies) == 1:
         name, place = first.name, _placed(first.pose)
@@ -43,8 +44,9 @@ def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
     bounds = [_bounds(_parts(body), body.pose) for body in bodies]
     low, high = np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
     extents = (f"{short_number(a, 3)} to {short_number(b, 3)}" for a, b in zip(low, high, strict=True))
-    mass = f"{first.mass:.3g} kg" if first.mass else "fixed"
-    return name, place, _shape(first, alone=len(bodies) == 1), *extents, mass, _friction(first)
+    mass = "fixed" if not first.mass else weight(first) if worded else f"{first.mass:.3g} kg"
+    friction = slip(first) if worded else _friction(first)
+    return name, place, _shape(first, alone=len(bodies) == 1), *extents, mass, friction
 
 
 def _description(body: Body) -> tuple[object, ...]:

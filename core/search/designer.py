@@ -11,14 +11,14 @@ from functools import cache
 import numpy as np
 import pluggy
 
-from core.config.settings import Sampling
+from core.config.settings import UNSEEN, PromptSettings, Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
 from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import RAISED, UserError, choices
+from core.errors import RAISED, NoPicture, UsageError, UserError, choices
 from core.events import Generation
 from core.geometry import Array
 from core.hooks import hookimpl
@@ -41,6 +41,7 @@ from core.search.agent_groups import Team
 from core.search.critic import Critic, make_critic
 from core.search.replies import checked
 from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
+from core.simulation.views import calibrated_pictures
 from core.support.cli import say
 from core.support.text import shorten
 from core.support.threads import run_in_thread
@@ -96,7 +97,7 @@ class ModelDesigner:
     prompts: PromptComposer
     sampling: Sampling
     events: pluggy.PluginManager
-    pictures: Mapping[bool, Picture] = field(default_factory=dict)
+    pictures: Mapping[bool, tuple[Picture, ...]] = field(default_factory=dict)
     show: Callable[[Evaluation], Picture | None] | None = None
     critic: Critic | None = None
     tried: list[Evaluation] = field(default_factory=list)
@@ -279,7 +280,7 @@ class ModelDesigner:
         pictures: Mapping[str, Picture],
     ) -> Request:
         brief, temperature = self._brief(generation, agent, team, tried)
-        scene = self.pictures.get(brief.gripper)
+        scene = self.pictures.get(brief.gripper, ())
         messages = self.prompts.compose(brief, scene, pictures, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
@@ -329,6 +330,21 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
     return borne
 
 
+def _drawn(
+    task: Task, simulator: Simulator, settings: PromptSettings, seed: int, mounted: Sequence[Tool]
+) -> tuple[dict[bool, tuple[Picture, ...]], bool]:
+    """Draw the scene as the prompt's settings ask; see `core.simulation.pictures.scene_pictures`."""
+    if settings.told not in UNSEEN:
+        made, drawable = scene_pictures(task, simulator, settings.picture, seed, mounted)
+        return {gripper: (picture,) for gripper, picture in made.items()}, drawable
+    try:
+        return {t.gripper: calibrated_pictures(task, simulator, seed, t, settings.told) for t in mounted}, True
+    except NoPicture as error:
+        raise UserError(
+            f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
+        ) from error
+
+
 def make_designer(
     assignment: Assignment,
     create: Callable[[], Simulator],
@@ -343,8 +359,17 @@ def make_designer(
     nothing can draw, standard error says why, and the model gets text alone.
 
     Raises:
+        UsageError: the model or the task is not one for the level ``prompt.told``.
         UserError: no tool kind that the robot can bear, no given tool for the task, or one that breaks a rule.
     """
+    if (told := prompts.settings.told) in UNSEEN and not vlm.sees:
+        raise UsageError(
+            f"{vlm.model} reads the scene's numbers, not pictures: prompt.told={told} needs a model that sees"
+        )
+    if told != "source" and not assignment.task.in_words:
+        raise UsageError(
+            f"{assignment.task.name} has no text without numbers for prompt.told={told}: give it `in_words`"
+        )
     task, seed, simulator = assignment.task, assignment.seed, cache(create)
     given = given_tool(assignment.representation, task, seed)
     if given is None:
@@ -365,7 +390,7 @@ def make_designer(
         return Picture(png(strip), f"strip_{candidate.id}")
 
     mounted = bare if given is None else [given]
-    pictures, drawable = scene_pictures(task, create(), prompts.settings.picture, seed, mounted)
+    pictures, drawable = _drawn(task, create(), prompts.settings, seed, mounted)
     film = show if drawable else None
     critic = make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film)
     return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, film, critic)

@@ -158,7 +158,7 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
     """Run the loop, and write what it found."""
     this, events = search.run, search.events
     with writing(this.folder):
-        for picture in search.designer.pictures.values():
+        for picture in (each for several in search.designer.pictures.values() for each in several):
             if picture.name == "scene":
                 (this.folder / "scene.png").write_bytes(picture.png)
     events.hook.run_started(run=this)

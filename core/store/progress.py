@@ -104,7 +104,8 @@ class CachedVLM(VLM):
     """A model that gives stored replies first, and asks another model for the rest."""
 
     def __init__(self, vlm: VLM, replies: Mapping[str, Reply]) -> None:
-        self.model, self.takes_schema, self.criticises = vlm.model, vlm.takes_schema, vlm.criticises
+        self.model, self.takes_schema = vlm.model, vlm.takes_schema
+        self.criticises, self.sees = vlm.criticises, vlm.sees
         self._vlm = vlm
         self._replies = replies
 

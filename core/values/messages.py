@@ -20,10 +20,14 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """A piece of a message: the bytes of a PNG file, and the file's name, without suffix, beside the stored request."""
+    """A piece of a message: the bytes of a PNG file, and the file's name, without suffix, beside the stored request.
+
+    A ``caption`` stands above it.
+    """
 
     png: bytes
     name: str = "scene"
+    caption: str = ""
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,12 @@ class AroundCorner(Task):
         "15 mm aside. A mark lies on the mat outside, 130 to 190 mm beyond the opening and up to 0.1 m aside. Bring "
         f"the cube out and leave it there at rest, its middle within {1000 * TOLERANCE:g} mm of the mark's."
     )
+    in_words = (
+        "A box with a roof is fixed on the table. It is open at one end alone, which points away from the robot. Its "
+        "floor is a rubber mat, which goes on beyond the opening. A red cube lies on it, near the closed end. A green "
+        "mark lies on the mat outside. Bring the cube out and leave it there at rest, its middle within 15 mm of the "
+        "mark's."
+    )
     goals = (Goal(bodies=("cube",), at="mark", place=(0.0, 0.0, None), tolerance=TOLERANCE, rest=True),)
     variations = {
         "near": around("box", (0.46, 0.0), 0.03, 0.2),

@@ -60,6 +60,11 @@ class HangRing(Task):
         "thick along its axis, its inner radius 34 to 46 mm, 0.1 to 0.3 kg heavy, hangs around peg_a, half-way along "
         "it. Lift it off and hang it on peg_b, let go. Only a tool may touch the ring: neither hand, fingers nor arm."
     )
+    in_words = (
+        "Two fixed posts stand on the table, each with a peg, peg_a and peg_b, which points from its post toward the "
+        "robot side and has a lip at its tip. A steel ring wet with acid hangs around peg_a. Lift it off and hang it "
+        "on peg_b, let go. Only a tool may touch the ring: neither hand, fingers nor arm."
+    )
     goals = (Goal(bodies=("ring",), at="peg_b", place=(-HANGS, 0.0, -0.04), tolerance=0.04, rest=True),)
     variations = {
         "near": {**around("post_a", (0.62, -0.2), 0.03, 0.2), **around("post_b", (0.62, 0.2), 0.03, 0.2)},

@@ -69,6 +69,11 @@ class InsertPlug(Task):
         "Stem and hole have the axes of plug and socket. Put the stem at least "
         f"{1000 * DEEP:g} mm deep into the hole, upright."
     )
+    in_words = (
+        "A plug stands upright in a fixed stand: a square stem below, a narrower neck, a wide head on top. A fixed "
+        "socket has a square hole, a little wider than the stem, with chamfers around its mouth. Stem and hole have "
+        "the axes of plug and socket. Put the stem at least 35 mm deep into the hole, upright."
+    )
     goals = (Goal(bodies=("plug",), at="socket", place=(0.0, 0.0, -DEPTH), tolerance=SPARE, axis=(0.0, 0.0, 1.0)),)
     variations = {
         "near": {**around("stand", (0.62, -0.2), 0.03, 0.2), **around("socket", (0.62, 0.2), 0.03, 0.2)},

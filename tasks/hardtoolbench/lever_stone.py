@@ -49,6 +49,12 @@ class LeverStone(Task):
         f"{1000 * RAISED[0]:g} to {1000 * RAISED[1]:g} mm and hold it there at rest until the end, without letting the "
         "stone slide."
     )
+    in_words = (
+        "A block of granite, far too heavy for the arm, lies on a slab on the table. Its near edge sticks out over the "
+        "slab, so that there is a gap below it. In front of it, parallel to the edge, is the fulcrum: a fixed round "
+        "bar. Raise the near edge by 25 to 40 mm and hold it there at rest until the end, without letting the stone "
+        "slide."
+    )
     goals = (
         Goal(bodies=("stone",), axis=(0.0, 0.0, 1.0), points=(0.115, 0.0, 0.993), at="fulcrum", tolerance_deg=1.5),
     )

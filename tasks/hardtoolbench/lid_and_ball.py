@@ -76,6 +76,12 @@ class LidAndBall(Task):
         f"down flat on the table, clear of the pot; it must not fall faster than {GENTLE[0]:g} m/s. Then take the ball "
         "out and leave it in the clay bowl, 90 mm wide and 35 mm high."
     )
+    in_words = (
+        "A pot, too narrow for the hand, is fixed on the table, with a loose flat lid on it. The lid has a bridge as "
+        "handle: a square bar on two posts, with room below it. Inside the pot a ball stands on a post. Take the lid "
+        "off and put it down flat on the table, clear of the pot; it must not fall faster than 0.4 m/s. Then take the "
+        "ball out and leave it in the clay bowl."
+    )
     goals = (
         Goal(bodies=("lid",), at="pot", away=ASIDE[1]),
         Goal(bodies=("ball",), at="bowl", place=(0.0, 0.0, None), tolerance=0.02, rest=True),

@@ -65,6 +65,12 @@ class OpenLatch(Task):
         f"latch holds the door shut with 6 to 10 N m. Open the door by at least {OPEN:g} rad. A glass stands where the "
         "door would be at 1.55 to 1.75 rad; leave it there."
     )
+    in_words = (
+        "A low cabinet is fixed on the table with its door toward the robot, flush with its walls. The door turns "
+        "about a vertical hinge at its left edge, and has no handle but a slot in its face, too low for a finger. "
+        "Behind the face is a cavity that goes higher than the slot. A latch holds the door shut. Open the door by at "
+        "least 0.9 rad. A glass stands where the door would be if it were opened much wider; leave it there."
+    )
     goals = (Goal(joint="hinge", to=OPEN + BEYOND, tolerance=BEYOND, keep=("glass",), rest=True),)
     variations = {
         "near": around("cabinet", (0.64, 0.0), 0.03, 0.15),

@@ -58,6 +58,13 @@ class PastGlasses(Task):
         "tin. Bring the tin out between them onto the blue mark in front of the cupboard, where it must be upright and "
         "at rest. The robot and its tool must not touch any glass, and the tin must not push one."
     )
+    in_words = (
+        "A low cupboard with a glass roof stands on the table, open toward the robot. In it stand six slender drinking "
+        "glasses, four of them, glass_1 to glass_4, in a row at the front edge. Behind the middle two of that row, "
+        "between glass_5 and glass_6, stands a red tin, too wide for the gripper; it fits between glass_2 and glass_3 "
+        "with little room. Bring the tin out between them onto the blue mark in front of the cupboard, where it must "
+        "be upright and at rest. The robot and its tool must not touch any glass, and the tin must not push one."
+    )
     goals = (
         Goal(bodies=("tin",), place=(0.0, 0.0, None), at="mark", tolerance=0.012, rest=True, untouched=GLASSES),
         Goal(keep=GLASSES),

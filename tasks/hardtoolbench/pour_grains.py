@@ -78,6 +78,13 @@ class PourGrains(Task):
         "the grains into the bowl: each that lies in it at rest counts the same, but none that is still carried, in "
         "the crucible or by the tool. Nothing counts while the crucible touches the bowl."
     )
+    in_words = (
+        "A round iron crucible, open on top, stands on a stone block, in a seat with a rim. A collar surrounds it "
+        "above its underside. All of it is oiled, so that fingers don't hold it. On its bottom lie nineteen small "
+        "round grains. On the robot's other side a bowl is fixed to the table. Pour the grains into the bowl: each "
+        "that lies in it at rest counts the same, but none that is still carried, in the crucible or by the tool. "
+        "Nothing counts while the crucible touches the bowl."
+    )
     goals = (Goal(bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True),)
     variations = {
         "near": {**around("crucible", CRUCIBLE, 0.03), **around("bowl", BOWL, 0.03)},

@@ -62,6 +62,15 @@ class StopCart(Task):
         "track. From 0.06 m before the track to beyond the tray a glass lid leaves 0.055 m of height above the track, "
         "open toward the robot."
     )
+    in_words = (
+        "A straight track crosses in front of the robot; its frame has x across it, away from the robot, and y along "
+        "it, to the robot's left. Three small carts float on it without friction, one after another: a red one, the "
+        "blue one, a red one. When the robot's motion begins they begin to move to the robot's right, all at one "
+        "speed, and pass the middle of the robot's front after some two seconds. Push the blue cart off the track "
+        "while it passes, into the green tray along the track's far side, where it must come to rest. The robot must "
+        "not touch the red carts, which go on to the end of the track. From a little before the track to beyond the "
+        "tray a glass lid leaves low room above the track, open toward the robot."
+    )
     goals = (
         Goal(bodies=("cart",), place=(sum(TRAY) / 2, None, None), tolerance=0.07, at="track", rest=True),
         Goal(untouched=("red_before", "red_behind")),

@@ -54,6 +54,13 @@ class SweepCards(Task):
         f"the same. Nothing is earned if the robot touches the vase, or presses on the board with more than "
         f"{PRESS_N:g} N."
     )
+    in_words = (
+        "A lacquered board stands above the table, its frame on its top, in the middle of the edge toward the robot; "
+        "it may slope a little. On it lie thirteen thin cards, and in their middle stands a slender vase. In front of "
+        "the board, below its near edge, stands an open tray. Sweep the cards over that edge into the tray, within 15 "
+        "s after the motion begins: each counts the same. Nothing is earned if the robot touches the vase, or presses "
+        "on the board with more than 15 N."
+    )
     goals = (
         Goal(bodies=CARDS, place=(0.0, None, 0.02), tolerance=0.05, at="tray", by_s=BY_S, untouched=("vase",)),
         Goal(untouched=("board",), max_force_n=PRESS_N, keep=("vase",)),

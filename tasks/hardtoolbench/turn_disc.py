@@ -58,6 +58,12 @@ class TurnDisc(Task):
         f"at rest on the mark: its axis within {TILT:g} degrees of straight down, its middle within "
         f"{100 * TOLERANCE:g} cm of the mark's."
     )
+    in_words = (
+        "A board is fixed on the table, with a low strip across it. On the side toward the robot a flat stone disc "
+        "lies on the board: its far rim is next to the strip, its near rim sticks out over the board's edge. Beyond "
+        "the strip is a green mark. Turn the disc upside down, so that its red side is on top, and leave it at rest on "
+        "the mark: its axis within 15 degrees of straight down, its middle within 1.5 cm of the mark's."
+    )
     goals = (
         Goal(
             bodies=("disc",),

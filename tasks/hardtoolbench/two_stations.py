@@ -80,6 +80,13 @@ class TwoStations(Task):
         f"canopy, 95 mm above the table. Pull the drawer by {1000 * PULLED:g} mm toward the robot, along -x of its "
         "frame. Each needs 3 to 8 N. One tool must do both."
     )
+    in_words = (
+        "At the robot's left a square tube is fixed on a post; its axis is along x of its frame, away from the robot. "
+        "A button is deep in it. Press it in by 25 mm: it stays. At the robot's right stands a cabinet with a canopy. "
+        "The handle of its drawer is a roller that turns freely, in front of the drawer, deep between the cabinet's "
+        "walls. Pull the drawer by 80 mm toward the robot, along -x of its frame. Each needs a few newtons. One tool "
+        "must do both."
+    )
     goals = (
         Goal(joint="button", to=STOP, tolerance=STOP - PRESSED, name="pressed"),
         Goal(joint="drawer", to=END, tolerance=END - PULLED, name="pulled"),

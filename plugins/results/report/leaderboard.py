@@ -323,7 +323,7 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     ranked = [item.entry for item in listed]
     engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
     head = (
-        *columns("track|entry|score:3|low:3|high:3"),
+        *columns("track|entry|told|score:3|low:3|high:3"),
         *(Column(engine, 3) for engine in engines),
         *columns("seeds|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"),
     )
@@ -334,7 +334,8 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
         scores = [[run.score(rules, name) for run in task.runs] for name, task in entry.tasks.items()]
         rows.append(
             (
-                *(entry.track, entry.name, entry.score, *(interval(scores, "mean") or (None, None))),
+                *(entry.track, entry.name, entry.settings.get("prompt.told", "source"), entry.score),
+                *(interval(scores, "mean") or (None, None)),
                 *(mean([task.engines[engine] for task in tasks]) for engine in engines),
                 ", ".join(str(run.seed) for run in tasks[0].runs),
                 *(mean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),

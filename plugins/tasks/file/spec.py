@@ -197,6 +197,7 @@ class SceneSpec(_Spec):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,59}$")]
     description: Annotated[str, Field(min_length=20, max_length=4000)]
+    in_words: Annotated[str, Field(max_length=4000)] = ""
     table: bool = True
     floor: bool = True
     floor_height: Coordinate = -0.625

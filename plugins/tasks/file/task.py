@@ -45,6 +45,7 @@ class FileTask(Task):
         own: dict[str, Any] = {
             "name": spec.name,
             "description": " ".join(spec.description.split()),
+            "in_words": " ".join(spec.in_words.split()),
             "goals": spec.goals,
             "home": Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
             "camera": spec.camera,

@@ -83,7 +83,7 @@ class Ensemble(VLM):
         self._critics = [label for label, name in able.items() if critic in ("", name, label)]
         if critic and not self._critics:
             raise choices("member that writes critiques", critic, able.values(), "vlm.critic")
-        self.criticises = bool(able)
+        self.criticises, self.sees = bool(able), all(vlm.sees for vlm in made)
         self._dealer = Dealer(list(self._members), seed)
         self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
 

@@ -30,6 +30,7 @@ class OfflineDesigner(VLM):
 
     model = "offline (embedded designer, no language model)"
     criticises = False
+    sees = False
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:

@@ -1,73 +1,40 @@
-"""Cameras project as engines draw, and views of a tool show all of it."""
+"""Calibrated pictures: what is measured in them is where bodies are."""
+
+import io
 
 import numpy as np
 import pytest
-from scipy import ndimage
+from PIL import Image as Pillow
 
-from core.design import RIGID_MOUNT, Component, Tool
-from core.errors import NoPicture
-from core.geometry import Pose
+from core.design import Tool
 from core.plugins import installed
-from core.scene import Body, Box, Camera, floor, table
-from core.simulation.pictures import draw_tool
-from plugins.conformance.worlds import Bodies
-from tests.rare import rare
+from core.simulation.views import SIZE, calibrated_pictures
+from tests.engines import simulator
 
-AT, SIDES = np.array([0.7, 0.25, 0.35]), np.array([0.16, 0.12, 0.08])
-CUBE = Body.of("cube", Box(tuple(SIDES)), AT, mass=0.1, color=(0.0, 0.9, 0.1, 1.0))
-TASK = Bodies(floor(), table(), CUBE)
+pytestmark = pytest.mark.slow
 
 
-def largest(mask):
-    """The pixels of the largest patch."""
-    patches, count = ndimage.label(ndimage.binary_closing(mask, iterations=2))
-    sizes = ndimage.sum(mask, patches, range(1, count + 1))
-    return np.nonzero(mask & (patches == 1 + np.argmax(sizes)))
+def test_a_cube_is_found_by_its_pixels_within_a_millimetre():
+    """The middle of what is red in the view from above, by the scale that the caption says; the camera is centred."""
+    task = installed().create("task", "BringCube", {"variation": "wide"})
+    pictures = {p.name: p for p in calibrated_pictures(task, simulator("pybullet"), 5, Tool(), "pictures")}
+    assert list(pictures) == ["scene", "close", "front", "side", "top"]
+    scale_m = float(pictures["top"].caption.split(" mm per pixel")[0].split()[-1]) / 1000
+    drawn = np.asarray(Pillow.open(io.BytesIO(pictures["top"].png))).astype(int)
+    assert drawn.shape == (SIZE[1], SIZE[0], 3)
+    cube, mark = (task.scene(5)[name].pose.position for name in ("cube", "mark"))
+    red = (drawn[..., 0] > 120) & (drawn[..., 1] < 90) & (drawn[..., 2] < 90)
+    blue = (drawn[..., 2] > 120) & (drawn[..., 0] < 90)
+    places = [np.argwhere(color).mean(axis=0)[::-1] for color in (red, blue)]
+    apart = (places[0] - places[1]) * [scale_m, -scale_m]
+    np.testing.assert_allclose(apart, (cube - mark)[:2], atol=0.004)  # labels and axes cover some pixels
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", rare(["mujoco", "pybullet", "sapien"], "pybullet"))
-def test_a_camera_projects_as_engines_do(engine):
-    """With both projections in turn."""
-    simulator, straight_down = installed().create("sim", engine), ((0.7, 0.2, 3.0), (0.7, 0.2, 0.0), 40.0)
-    for camera in (Camera(*straight_down, 1.5), Camera(), Camera(height_m=1.2), Camera(*straight_down)):
-        try:
-            picture = simulator.render(TASK, tool=Tool(), camera=camera)
-        except NoPicture as missing:
-            pytest.skip(str(missing))
-        check_projection(picture.astype(int), camera)
-
-
-def check_projection(picture, camera):
-    red, green, blue = picture.transpose(2, 0, 1)
-    rows, columns = largest((green > 2 * red) & (green > 2 * blue) & (green > 60))
-    signs = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    corners = camera.project(AT + signs * SIDES / 2, 640, 480)
-    shown = np.array([[columns.min(), rows.min()], [columns.max() + 1, rows.max() + 1]])
-    np.testing.assert_allclose(shown, [corners.min(axis=0), corners.max(axis=0)], atol=1.5)
-
-
-class Blank:
-    """Draws nothing, and notes the cameras that it was asked for."""
-
-    def __init__(self):
-        self.cameras = []
-
-    def render(self, task, *, camera, width, height, **view):
-        self.cameras.append(camera)
-        return np.full((height, width, 3), 255, np.uint8)
-
-
-def test_all_of_a_tool_is_in_each_view_and_hardly_more():
-    blank, task = Blank(), installed().create("task", "BringCube")
-    tool = Tool((Component("rod", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.04, 0.2))),))
-    assert draw_tool(task, blank, 0, tool).shape == (320, 960, 3)
-    signs = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    corners = task.home.position + [0.0, 0.0, -0.1] + signs * [0.01, 0.02, 0.1]
-    for camera in blank.cameras:
-        pixels = camera.project(corners, 320, 320)
-        assert (pixels > 0).all()
-        assert (pixels < 320).all()
-        assert np.ptp(pixels, axis=0).max() > 0.85 * 320
-        far = Camera(camera.position, camera.target, camera.fov_deg)  # an engine without parallel projection
-        np.testing.assert_allclose(far.project(corners, 320, 320), pixels, atol=12)
+def test_photographs_have_no_scale_and_look_at_round_places():
+    task = installed().create("task", "BringCube", {"variation": "wide"})
+    one, other = calibrated_pictures(task, simulator("pybullet"), 5, Tool(), "photos")
+    assert (one.name, other.name) == ("scene", "tripod")
+    assert "focal length" in other.caption
+    assert "mm per pixel" not in one.caption + other.caption
+    target = other.caption.split("through (")[1].split(")")[0]
+    assert all(round(float(x) / 0.05, 6).is_integer() for x in target.split(", "))
