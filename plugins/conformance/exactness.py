@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
@@ -16,6 +17,7 @@ TOOLS_KG = (0.0, 0.3, 1.0)
 LOADS_KG = (0.3, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 11.0, 12.0, 13.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
 _HELD_M = 0.02  # a load that the arm holds lowers it by less
 _STIFF_M = 5e-6  # by less for each kilogram, and the load is not seen in the arm's position
+_ASIDE_M, _STIFF_RAD = 0.1, 1e-4  # of a load of 1 kg beside the flange; by less, and it is not seen
 _HANG_M, _STICK_M, _SIDE_M = 0.25, 0.15, 0.1
 _INTO_M = 0.002
 _HZ = 200.0
@@ -64,7 +66,8 @@ class _Played:
 
 def measure(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     """Measure all figures: millimetres, radians, kilograms and newtons, as their names say."""
-    return {**_tracking(simulator, robot), **_loads(simulator, robot), **_presses(simulator, robot)}
+    given_way = {**_loads(simulator, robot), **_turns(simulator, robot)}
+    return {**_tracking(simulator, robot), **given_way, **_presses(simulator, robot)}
 
 
 def _tracking(simulator: Simulator, robot: Robot) -> dict[str, float]:
@@ -84,14 +87,7 @@ def _tracking(simulator: Simulator, robot: Robot) -> dict[str, float]:
 
 def _loads(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     """Put bodies of more and more mass below the flange, on a plate that the arm holds, until it gives way."""
-    plate = Tool(
-        (
-            _component("beam", (0.2, 0.04, 0.03), (-0.09, 0.0, -0.015)),
-            _component("post", (0.02, 0.04, _HANG_M), (-0.18, 0.0, -_HANG_M / 2)),
-            _component("plate", (0.27, 0.12, 0.01), (-0.06, 0.0, -_HANG_M - 0.005)),
-        )
-    )
-    on_it = HOME.position - (0.0, 0.0, _HANG_M - _SIDE_M / 2)
+    plate, on_it = _plate(0.12), HOME.position - (0.0, 0.0, _HANG_M - _SIDE_M / 2)
     sags: dict[float, float] = {}
     for mass in LOADS_KG:
         sag = -_Played(simulator, robot, plate, still(robot), cube("load", on_it, _SIDE_M, mass)).miss()[:, 2]
@@ -107,6 +103,29 @@ def _loads(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
         "push_n_per_mm": GRAVITY / per_kg / 1000 if per_kg > _STIFF_M else None,
         "most_n": GRAVITY * max(sags),
     }
+
+
+def _turns(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
+    """Put a body of 1 kg on a plate below the flange and beside that, and compare how far the arm turns about x."""
+    rolls = []
+    for aside in (0.0, _ASIDE_M):
+        place = HOME.position + np.array([0.0, aside, _SIDE_M / 2 - _HANG_M])
+        played = _Played(simulator, robot, _plate(0.36), still(robot), cube("load", place, _SIDE_M, 1.0))
+        turn = played.real[-1, :3, :3] @ played.ordered[-1, :3, :3].T
+        rolls.append(float(Rotation.from_matrix(turn).as_rotvec()[0]))
+    turned = abs(rolls[1] - rolls[0])
+    return {"turn_nm_per_rad": GRAVITY * _ASIDE_M / turned if turned > _STIFF_RAD else None}
+
+
+def _plate(width: float) -> Tool:
+    """A plate below the flange for loads, hung so that there is room for them."""
+    return Tool(
+        (
+            _component("beam", (0.2, 0.04, 0.03), (-0.09, 0.0, -0.015)),
+            _component("post", (0.02, 0.04, _HANG_M), (-0.18, 0.0, -_HANG_M / 2)),
+            _component("plate", (0.27, width, 0.01), (-0.06, 0.0, -_HANG_M - 0.005)),
+        )
+    )
 
 
 def _presses(simulator: Simulator, robot: Robot) -> dict[str, float]:

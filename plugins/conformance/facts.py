@@ -36,6 +36,7 @@ LABELS = {
     "rest_mm_1kg": "miss at rest, tool of 1 kg, mm",
     "sag_mm_1kg": "sag under a load of 1 kg that it carries, mm",
     "push_n_per_mm": "force for each millimetre that it is held back, N",
+    "turn_nm_per_rad": "torque for each radian that it is turned back about x, N m",
     "most_n": "largest load that it holds, N",
     "pressed_depth_mm": "2 mm into the table: depth of the tip, mm",
     "pressed_lag_rad": "2 mm into the table: lag of a joint, rad",

@@ -53,7 +53,7 @@ def test_segments_take_the_time_of_the_motion():
     fast = {(one.way, one.length): one for one in segments(ARM, Task.home, RolloutSettings())}
     assert fast["forward", 0.4].seconds > fast["left", 0.4].seconds > fast["left", 0.1].seconds
     assert fast["forward", 0.4].peak > 1.5
-    assert "for 0.1 m" in describe_speed(PANDA, slow)
+    assert "for 0.1 m" in describe_speed(slow)
 
 
 def test_what_a_tool_meets_at_the_mount():
@@ -76,6 +76,20 @@ def test_where_the_axes_of_the_fingers_point():
     assert turned.axes == ("along (0.878, -0.479, 0)", "along (-0.479, -0.878, 0)", "down")
 
 
-def test_equal_limits_are_said_once():
-    assert "accelerate by at most 5 rad/s2" in sheet(UR5).speed
-    assert "accelerate by at most 15, 7.5, 10, 12.5, 15, 20, 20 rad/s2" in sheet(PANDA).speed
+def test_the_wrists_torque_and_stiffness():
+    yields = sheet(PANDA, engine="mujoco")
+    assert yields.turns.endswith(", with 12 N m")
+    assert (
+        f"turned back, it turns with {PANDA.measured['mujoco']['turn_nm_per_rad']:.0f} N m per rad. "
+        in yields.exactness
+    )
+    assert "turned back, it turns with full torque at once. " in sheet(PANDA, engine="pybullet").exactness
+    assert "N m per rad or full torque at once" in sheet(PANDA, engine="mine").exactness
+
+
+def test_large_turns_and_low_poses():
+    panda = sheet(PANDA)
+    assert panda.turned == "at z 0.3 with pitch -1.5: 78-82, pitch 1.5: 10-60, roll -1.5: 18-80, roll 1.5: 10-80"
+    assert panda.low.startswith("At z 0.1, 24 cm ahead, the links of the table below take up x -0.138 to 0.047, ")
+    pose = Pose.xyz_rpy((0.59, 0, 0.3), (0, 1.5, 0))
+    assert ARM.inverse(pose, ARM.home).error_m < 0.004
