@@ -49,7 +49,7 @@ _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
 _GREY = (0.5, 0.5, 0.5, 1.0)  # of a shape that names no colour, so that its material's counts
 
 
-def read_mjcf(file: str | Path, *, pose: Pose | None = None, prefix: str = "", folder: Path | None = None) -> Imported:
+def read_mjcf(file: str | Path, *, prefix: str = "", folder: Path | None = None) -> Imported:
     """Make bodies and joints of an MJCF file, as they stand at the start (``qpos0``).
 
     A body without joints becomes part of the one that it hangs from, or fixed if that is the world. As in MuJoCo a mesh
@@ -58,7 +58,6 @@ def read_mjcf(file: str | Path, *, pose: Pose | None = None, prefix: str = "", f
 
     Args:
         file: the MJCF file.
-        pose: of its world in the scene's.
         prefix: put before all names.
         folder: where all files must lie; None: where the MJCF file is.
 
@@ -69,7 +68,7 @@ def read_mjcf(file: str | Path, *, pose: Pose | None = None, prefix: str = "", f
     try:
         made = isolated(compile_model, "the model", _packed(file, folder or file.parent, left), limit_s=LIMIT_S)
         model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": made})
-        return _Reading(model, prefix, left).read(pose or Pose())
+        return _Reading(model, prefix, left).read()
     except (UserError, ValueError, RuntimeError) as error:  # the last is Qhull's, of what is flat
         raise UserError(f"{file}: {clean(str(error), 300)}") from error
 
@@ -162,8 +161,8 @@ class _Reading:
         numbers, welded = np.arange(model.nbody), model.body_weldid
         self._moves, self._heads = (welded == numbers) & (numbers > 0), np.where(welded > 0, welded, numbers)
 
-    def read(self, world: Pose) -> Imported:
-        bodies = [body for head in np.unique(self._heads) if (body := self._body(head, world))]
+    def read(self) -> Imported:
+        bodies = [body for head in np.unique(self._heads) if (body := self._body(head))]
         joints = [self._joint(self._model.joint(number)) for number in np.flatnonzero(self._model.jnt_type)]  # 0: free
         left = [f"left out: {count} {what}" for what, count in sorted(self._left.items()) if count]
         return Imported(tuple(bodies), tuple(joints), (*left, *self._notes))
@@ -179,7 +178,7 @@ class _Reading:
         used, numbers = np.unique(graph[2 + 3 * (count + faces) :][: 3 * faces], return_inverse=True)
         return drawn, Mesh(corners[used], numbers.reshape(-1, 3))
 
-    def _body(self, head: int, world: Pose) -> Body | None:
+    def _body(self, head: int) -> Body | None:
         """Make a body of all that is rigidly joined; None: nothing is there."""
         model, data, name = self._model, self._data, self._names[head]
         if not NAME.fullmatch(name.removeprefix(self._prefix)):
@@ -203,11 +202,10 @@ class _Reading:
                 frictions.add(float(geom.friction[0]))
         if len(frictions) > 1:
             self._notes.append(f"body {name!r}: its shapes have several frictions; all get the largest")
-        pose, friction = world @ at, max(frictions, default=1.0)
         if not (self._moves[head] or visuals or collisions):
             return None
         mass = float(model.body_mass[self._heads == head].sum()) if self._moves[head] else None
-        return joined_body(name, pose, mass, visuals, collisions, friction)
+        return joined_body(name, at, mass, visuals, collisions, max(frictions, default=1.0))
 
     def _joint(self, joint: Any) -> Joint:
         body, kind = self._names[joint.bodyid[0]], _JOINTS[joint.type[0]]
