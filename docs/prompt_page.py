@@ -76,7 +76,7 @@ def messages(use: str) -> tuple[Message, ...]:
     composer = PromptComposer(node(cfg.prompt, PromptConfig), engine="pybullet")
     if use == CRITIQUE:
         return composer.critique(replace(brief, elites=(elite(0),)), {})
-    return composer.compose(brief, Picture(b"", "BringCube"))
+    return composer.compose(brief, [Picture(b"", "BringCube")])
 
 
 def tokens(use: str) -> int:
