@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from core.search.experiment import Experiment
+    from core.search.orchestration import Experiment
 
 __all__ = ["Experiment"]
 
@@ -38,6 +38,6 @@ def __getattr__(name: str) -> Any:
     """Import `Experiment` when it is first used; most commands do not need it."""
     if name != "Experiment":
         raise AttributeError(f"module 'core' has no attribute {name!r}")
-    from core.search.experiment import Experiment
+    from core.search.orchestration import Experiment
 
     return Experiment

@@ -15,8 +15,7 @@ import numpy as np
 from core.geometry import Array, Pose, Vector
 from core.values.joints import PlacedJoint, Placement, rotate
 from core.values.margins import Margin
-from core.values.states import State
-from core.values.traces import Trace
+from core.values.states import State, Trace
 
 Place = tuple[float | None, float | None, float | None]
 

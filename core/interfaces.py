@@ -352,6 +352,9 @@ class Fitness(Evaluate, ABC):
         return None
 
 
+CHUNK = 10  # candidates that travel together: the method has as many plans for a tool
+
+
 class Executor(ABC):
     """Workers that call a picklable function with chunks. As a context manager it ends them."""
 

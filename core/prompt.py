@@ -6,37 +6,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import check_seed, load, node, part, task_part, tool_part
-from core.config.schemas import PromptConfig
-from core.config.settings import Sampling
-from core.design import TIE, Evaluation, best_first
-from core.designs.composer import PromptComposer, as_markdown
+from core.config.compose import load
+from core.design import Evaluation, best_first
+from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.evaluate import try_all
-from core.interfaces import (
-    VLM,
-    Budget,
-    Estimate,
-    Fitness,
-    Picture,
-    Request,
-    RolloutSettings,
-    Task,
-    ToolRepresentation,
-)
-from core.plugins import ACTION, FITNESS, SIMULATOR, event_hub, installed
+from core.interfaces import VLM, Estimate, Fitness, Picture, Request, Task, ToolRepresentation
+from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
-from core.search.designer import DEFAULT_KINDS, Assignment, make_designer
-from core.simulation.rollout import Evaluator
+from core.search.orchestration import make_asking
 from core.support.cli import arguments, command, say, write_bytes
 
 USAGE = (
@@ -64,29 +51,12 @@ def compose(cfg: DictConfig) -> Request:
     Raises:
         UserError: a part, a setting or the designs file is wrong.
     """
-    check_seed(cfg.seed)
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
-    cfg.rollout.observe |= cfg.prompt.feedback != "paper" or cfg.prompt.critic > 0
-    task = task_part(cfg).create()
-    representation = tool_part(cfg).create()
-    settings = node(cfg.rollout, RolloutSettings)
-    evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), cfg.seed, settings)
-    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
-    tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
-    budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
-    kinds = cfg.task.get("tool_kinds") or DEFAULT_KINDS
-    designer = make_designer(
-        Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
-        part(SIMULATOR, cfg.sim).create,
-        NoModel(installed().factory("vlm", cfg.vlm.name)),
-        PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
-        node(cfg.sampling, Sampling),
-        event_hub(),
-    )
+    designer, fitness = make_asking(cfg, NoModel(installed().factory("vlm", cfg.vlm.name)), event_hub())
     elites: list[Evaluation] = []
     if cfg.designs is not None:
-        elites, designer.tried = elites_of(cfg, task, representation, fitness)
+        elites, designer.tried = elites_of(cfg, designer.task, designer.representation, fitness)
     (request,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
     return request
 

@@ -67,7 +67,7 @@ def _hydra(given: list[str]) -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain, prepared
-    from core.config.folders import new_folder, stamp
+    from core.config.sources import new_folder, stamp
     from core.config.trust import KeyFound
 
     words = prepared("config", given)

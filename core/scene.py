@@ -17,9 +17,8 @@ from core.geometry import Color as Color
 from core.goals import Goal, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.values.margins import Margin
-from core.values.states import State
+from core.values.states import State, Trace
 from core.values.tools import Tool
-from core.values.traces import Trace
 
 
 @dataclass(frozen=True)

@@ -39,11 +39,10 @@ from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import draw_strip, save_film
 from core.simulation.rollout import evaluate_batch
-from core.values.layouts import describe_ranges
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
 from plugins.conformance import facts
-from plugins.fitness.layouts import UNSEEN
+from plugins.fitness.layouts import UNSEEN, describe_ranges
 from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from core.config.compose import load, node, part
-from core.config.schemas import PromptConfig
+from core.config.schemas import PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.designs.composer import PromptComposer, as_markdown
 from core.geometry import Box, Pose
@@ -73,7 +73,7 @@ def messages(use: str) -> tuple[Message, ...]:
         elites=tuple(elite(k) for k in range(5)) if "elites" in use else (),
         actions=part("action", cfg.action).create(),
     )
-    composer = PromptComposer(node(cfg.prompt, PromptConfig), engine="pybullet")
+    composer = PromptComposer(node(cfg.prompt, PromptSettings), engine="pybullet")
     if use == CRITIQUE:
         return composer.critique(replace(brief, elites=(elite(0),)), {})
     return composer.compose(brief, [Picture(b"", "BringCube")])

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import track
 
 from core.config.compose import check_seed, listed, node, part, robot_part, task_part, tool_part
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.design import Candidate, Evaluation
 from core.designs.feedback import statistics
 from core.designs.rules import SpawnRules

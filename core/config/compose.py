@@ -201,27 +201,7 @@ def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
     group = KINDS[str(kind)]
     others = ("name", *group.own_keys)
     given = [(str(k), v) for k, v in settings.items() if k not in others and not OmegaConf.is_missing(config, k)]
-    return PluginPart(group.name, settings["name"], tuple((key, _hashable(value)) for key, value in given))
-
-
-class _Mapping(dict[Any, Any]):
-    """A setting of several keys that is never changed, so that a part with it can be a key itself."""
-
-    def __hash__(self) -> int:  # type: ignore[override]
-        return hash(frozenset(self.items()))
-
-
-def _hashable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return _Mapping({key: _hashable(item) for key, item in value.items()})
-    return tuple(_hashable(item) for item in value) if isinstance(value, list) else value
-
-
-def _plain(value: Any) -> Any:
-    """Undo `_hashable`: OmegaConf takes no other mappings than dicts."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+    return PluginPart(group.name, settings["name"], tuple(given))
 
 
 def robot_part(config: DictConfig) -> RobotPart:
@@ -231,7 +211,7 @@ def robot_part(config: DictConfig) -> RobotPart:
         UserError: see `part`.
     """
     found = part(ROBOT, config)
-    return RobotPart(found.kind, found.name, found.settings, base=_hashable(list(config.get("base") or (0.0,) * 4)))
+    return RobotPart(found.kind, found.name, found.settings, base=tuple(config.get("base") or (0.0,) * 4))
 
 
 def listed(
@@ -260,8 +240,8 @@ def listed(
         if usual is None or usual.name != name:
             node = load("config", [f"{kind}={name}"])[kind]
             usual = robot_part(node) if kind == "robot" else part(kind, node)
-        base = {"base": usual.base} if isinstance(usual, RobotPart) else {}
-        found[shown] = OmegaConf.create(_plain({"name": name, **dict(usual.settings), **base, **settings}))
+        base = {"base": list(usual.base)} if isinstance(usual, RobotPart) else {}
+        found[shown] = OmegaConf.create({"name": name, **dict(usual.settings), **base, **settings})
     if not found:
         raise UsageError(f"{kind.removesuffix('s')}s: name at least one {word}")
     return found

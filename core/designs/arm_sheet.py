@@ -12,13 +12,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.designs.weight import moment_limit
+from core.designs.statics import moment_limit
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
 from core.robot.extents import extents_at_home, fingers_of
-from core.robot.frames import robot_model
-from core.robot.kinematics import Arm, Solution, arm_of
+from core.robot.kinematics import Arm, Solution, arm_of, robot_model
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_number, short_numbers, table

@@ -19,15 +19,14 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.settings import CRITIQUES, FEEDBACK, LAST, TOLD, UNSEEN, PromptSettings
+from core.config.schemas import CRITIQUES, FEEDBACK, LAST, TOLD, UNSEEN, PromptSettings
 from core.design import TIE, Evaluation, Tool
 from core.designs.arm_sheet import describe_arm
-from core.designs.excerpts import class_source, function_source, helpers, task_source
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
-from core.designs.layout import layout_table
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
 from core.designs.sight import Sight, bodies_table
+from core.designs.task_text import class_source, function_source, helpers, layout_table, task_source
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.robot.extents import outline
@@ -233,11 +232,10 @@ def _scene_values(task: Task, seed: int, told: str) -> dict[str, Any]:
     }
 
 
-def as_markdown(message: Message, folder: str = "") -> str:
-    """The texts of a message; each picture becomes a Markdown image that names its file in ``folder``."""
+def as_markdown(message: Message) -> str:
+    """The texts of a message; each picture becomes a Markdown image that names its file."""
     return "".join(
-        part.text if isinstance(part, Text) else f"![{part.name}]({folder}{part.name}.png)\n\n"
-        for part in message.parts
+        part.text if isinstance(part, Text) else f"![{part.name}]({part.name}.png)\n\n" for part in message.parts
     )
 
 

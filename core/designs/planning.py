@@ -15,15 +15,7 @@ from core.design import DesignError
 from core.designs.rules import check_plan, check_tempo
 from core.errors import RAISED, UserError
 from core.geometry import Pose
-from core.interfaces import (
-    ActionPlan,
-    ActionRepresentation,
-    Perception,
-    RolloutSettings,
-    Seen,
-    Task,
-    Waypoints,
-)
+from core.interfaces import ActionPlan, ActionRepresentation, Perception, RolloutSettings, Seen, Task, Waypoints
 from core.plugins import ACTION, describe_part, installed
 from core.scene import Scene
 from core.support.text import kind, shorten

@@ -12,15 +12,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.stiffness import Beams, corners
-from core.designs.tool_joints import MAX_GAP_M, check_joints
-from core.designs.weight import check_weight, mass_limit
+from core.designs.statics import MAX_GAP_M, Beams, check_joints, check_weight, corners, mass_limit
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation, Waypoints
 from core.plugins import describe_part
-from core.robot.frames import link_poses
-from core.robot.kinematics import arm_of
+from core.robot.kinematics import arm_of, link_poses
 from core.robot.solids import (
     Obstacles,
     Solid,

@@ -21,14 +21,7 @@ from core.plugins.kinds import (
     Kind,
     event_hub,
 )
-from core.plugins.registry import (
-    PluginPart,
-    Plugins,
-    RobotPart,
-    check_settings,
-    describe_part,
-    installed,
-)
+from core.plugins.registry import PluginPart, Plugins, RobotPart, check_settings, describe_part, installed
 
 __all__ = ["ACTION", "COMMAND", "EVOLUTION", "EXECUTOR", "FITNESS", "KINDS", "LISTENER", "MODEL", "ROBOT", "SIMULATOR"]
 __all__ += ["TASK", "TOOL", "Kind", "event_hub"]

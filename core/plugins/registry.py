@@ -219,6 +219,9 @@ class PluginPart(Generic[T_co]):
     robot: RobotPart | None = None
     material: Material = PAPER
 
+    def __hash__(self) -> int:  # settings may be lists and mappings
+        return hash((self.kind, self.name))
+
     def create(self, **given: Any) -> T_co:
         made_for = {"robot": self.robot and _robot(self.robot), "material": self.material}
         part: T_co = installed().create(self.kind, self.name, dict(self.settings), **(made_for | given))
@@ -230,6 +233,7 @@ class RobotPart(PluginPart[Robot]):
     """A robot by name and settings, and where its base stands: x, y, z in metres, and yaw in radians."""
 
     base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    __hash__ = PluginPart.__hash__
 
     def create(self, **given: Any) -> Robot:
         return replace(super().create(**given), base=self.pose)

@@ -14,8 +14,7 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from core.robot.description import assembled
-from core.robot.frames import link_poses, open_mounts, robot_model
-from core.robot.kinematics import arm_of
+from core.robot.kinematics import arm_of, link_poses, open_mounts, robot_model
 from core.robot.solids import corners, robot_solids
 from core.support.text import short_numbers, table
 from core.values.descriptions import RobotJoint
@@ -101,12 +100,6 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
         opens, tip = own.rotation.inv().apply(model.axes[joint][1]), poses[name].rotation.inv().apply((0.0, 0.0, -1.0))
         found.append(Finger(name, poses[name], extents[name], _nearest_axis(opens), _nearest_axis(tip)))
     return tuple(found)
-
-
-def finger_gap(robot: Robot) -> float:
-    """Measure the way between the inner faces of the fingers of the open gripper, metres."""
-    left, right = fingers_of(robot)
-    return float((left.place(-left.opens) - right.place(-right.opens)) @ left.pose.rotation.apply(left.opens))
 
 
 def _nearest_axis(way: Array) -> Array:

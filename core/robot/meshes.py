@@ -1,7 +1,8 @@
-"""Keep files that were made of meshes, reduce hulls, and read what a robot looks like.
+"""Keep files that were made of meshes, reduce hulls, and read what a robot and a tool look like.
 
 What is made is kept in the user's cache folder. A file is named by the content that it was made from, so that equal
-meshes share one, and engines that load files by name never mix two up. Covered by `tests/plugins/robots/test_hulls.py`.
+meshes share one, and engines that load files by name never mix two up. Covered by `tests/plugins/robots/test_hulls.py`
+and `tests/plugins/results/test_gallery.py`.
 """
 
 from __future__ import annotations
@@ -10,17 +11,18 @@ import hashlib
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import platformdirs
 import trimesh
 from scipy.spatial import ConvexHull
 
-from core.design import Tool
+from core.design import Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Color, Mesh, Pose, Shape
 from core.robot.description import assembled
+from core.robot.kinematics import open_mounts
 from core.support.files import write_whole
 from core.values.descriptions import ONE, RobotShape
 from core.values.robots import Robot
@@ -110,3 +112,30 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))
     return tuple(pieces)
+
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+def solids(tool: Tool, *, loose: bool = False) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
+    """The components by mount, each with its solid in the mount's frame, in metres.
+
+    If ``loose``, by what bears them: a mount or, for those that a joint moves, the component with the joint.
+    """
+    placed = tool.borne if loose else tool.placed()
+    by_mount: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        by_mount.setdefault(mount, []).append((component, component.shape.to_trimesh().apply_transform(pose.matrix)))
+    return by_mount
+
+
+def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
+    """The components as the arm holds them at home: x forward, y left, z up, in metres from the flange."""
+    mounts = open_mounts(robot, True) if tool.gripper else {}
+    held = []
+    for mount, placed in solids(tool).items():
+        for component, solid in placed:
+            held.append((component, solid.apply_transform(mounts[mount].matrix) if mount in mounts else solid))
+    return held

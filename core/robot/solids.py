@@ -139,19 +139,6 @@ def gap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> float:
     return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
 
 
-def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float:
-    """Measure the largest distance of ``points`` (P, 3) from a surface of triangles, in the unit of both."""
-    corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    corners.extend(np.asarray(vertices))
-    triangles.extend(coal.Triangle(*face) for face in np.asarray(faces).tolist())
-    surface, point = coal.BVHModelOBBRSS(), coal.Sphere(1e-9)
-    surface.beginModel(len(triangles), len(corners))
-    surface.addSubModel(corners, triangles)
-    surface.endModel()
-    measure, here, request = coal.ComputeDistance(surface, point), coal.Transform3s(), coal.DistanceRequest()
-    return max(float(measure(here, coal.Transform3s(np.eye(3), at), request, coal.DistanceResult())) for at in points)
-
-
 @lru_cache(maxsize=8)
 def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     """List the collision shapes of the robot without a tool, each in the frame of its link."""

@@ -1,1 +1,1 @@
-"""Search: designer, evolution, dispatch, and the whole run."""
+"""Search: designer, evolution, and the whole run."""

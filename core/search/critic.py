@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -12,13 +11,11 @@ import numpy as np
 from core.design import Evaluation
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
-from core.errors import RAISED
-from core.interfaces import VLM, Brief, Picture, Reply, Request, Simulator, Task
-from core.simulation.pictures import draw_tool, png, report_missing
-from core.support.cli import say
+from core.interfaces import Brief, Picture, Reply, Request
 from core.support.text import clean
 
 MAX_CRITIQUE = 2000  # characters
+STRIP = "Film strip of the rollout: six instants at which something happens, in reading order"
 _CRITIC = 1_000_000  # in place of an agent's number, keeps a request's random numbers apart
 
 
@@ -26,12 +23,12 @@ _CRITIC = 1_000_000  # in place of an agent's number, keeps a request's random n
 class Critic:
     """Composes requests for critiques, and keeps the answers. Each candidate is shown once.
 
-    ``draw`` makes pictures of a candidate, by their captions.
+    ``film`` draws a film strip of a rollout; None: nothing can draw, and the model gets text alone.
     """
 
     prompts: PromptComposer
     temperature: float
-    draw: Callable[[Evaluation], Mapping[str, Picture]]
+    film: Callable[[Evaluation], Picture | None] | None
     _asked: dict[str, int] = field(default_factory=dict)  # generations by candidate
     _words: dict[str, str] = field(default_factory=dict)  # by candidate
 
@@ -53,7 +50,8 @@ class Critic:
         seed = int(np.random.default_rng([brief.seed, _CRITIC + number]).integers(2**31))
         gripper = tool is not None and tool.gripper
         alone = replace(brief, agent=number, elites=(shown,), gripper=gripper, n_tool=1, n_action=1, seed=seed)
-        messages = self.prompts.critique(alone, self.draw(shown))
+        strip = self.film(shown) if self.film is not None else None
+        messages = self.prompts.critique(alone, {STRIP: strip} if strip is not None else {})
         return Request(f"g{brief.generation}-critic{number}", alone, messages, {}, self.temperature, critique=True)
 
     def hear(self, reply: Reply, request: Request) -> None:
@@ -66,40 +64,3 @@ class Critic:
         """Return the critiques of elites, and of the last generation's candidates, by candidate."""
         names = dict.fromkeys(e.candidate.id for e in (*elites, *last_generation(tried)))
         return {name: self._words[name] for name in names if name in self._words}
-
-
-def make_critic(
-    vlm: VLM,
-    prompts: PromptComposer,
-    temperature: float,
-    task: Task,
-    simulator: Callable[[], Simulator],
-    seed: int,
-    film: Callable[[Evaluation], Picture | None] | None,
-) -> Critic | None:
-    """Make the critic that the prompts' settings ask for; None: they ask for none, or the model can't be one.
-
-    ``film`` draws a film strip of a rollout; None: nothing can draw, and the model gets text alone.
-    """
-    count = prompts.settings.critic
-    if count and not vlm.criticises:
-        say(f"prompt.critic={count}: {vlm.model} writes no critiques; there are none", file=sys.stderr)
-    if not (count and vlm.criticises):
-        return None
-
-    def draw(evaluation: Evaluation) -> dict[str, Picture]:
-        candidate, drawn = evaluation.candidate, dict[str, Picture]()
-        if film is not None and candidate.tool is not None and candidate.tool.components:
-            try:
-                views = draw_tool(task, simulator(), seed, candidate.tool)
-            except OSError:  # the machine fails, see `make_designer`
-                raise
-            except RAISED as error:
-                report_missing(f"views of the tool of {candidate.id}", error)
-            else:
-                drawn["The tool on the arm at home"] = Picture(png(views), f"tool_{candidate.id}")
-        if film is not None and (strip := film(evaluation)) is not None:
-            drawn["Film strip of the rollout: six instants at which something happens, in reading order"] = strip
-        return drawn
-
-    return Critic(prompts, temperature, draw)

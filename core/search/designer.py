@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pluggy
 
-from core.config.settings import UNSEEN, PromptSettings, Sampling
+from core.config.schemas import UNSEEN, PromptSettings, Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
@@ -38,13 +38,13 @@ from core.interfaces import (
 )
 from core.plugins import describe_part
 from core.search.agent_groups import Team
-from core.search.critic import Critic, make_critic
-from core.search.replies import checked
+from core.search.critic import Critic
 from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
 from core.simulation.views import calibrated_pictures
 from core.support.cli import say
 from core.support.text import shorten
 from core.support.threads import run_in_thread
+from core.values.messages import checked
 
 TOOL_KINDS = ("rigid", "gripper")
 DEFAULT_KINDS = ("rigid",)  # for a task that names none
@@ -392,5 +392,9 @@ def make_designer(
     mounted = bare if given is None else [given]
     pictures, drawable = _drawn(task, create(), prompts.settings, seed, mounted)
     film = show if drawable else None
-    critic = make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film)
+    count, critic = prompts.settings.critic, None
+    if count and not vlm.criticises:
+        say(f"prompt.critic={count}: {vlm.model} writes no critiques; there are none", file=sys.stderr)
+    elif count:
+        critic = Critic(prompts, sampling.temperature, film)
     return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, film, critic)

@@ -16,10 +16,9 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError, fault
 from core.events import INTERRUPTED, Generation, Result
-from core.interfaces import Budget, EvolutionStrategy, Executor, Fitness, Raced, Robot
+from core.interfaces import CHUNK, Budget, EvolutionStrategy, Executor, Fitness, Raced, Robot
 from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
-from core.search.dispatch import CHUNK
 from core.search.duplicates import NearDuplicates
 from core.support.text import shorten
 from core.support.threads import run_in_thread

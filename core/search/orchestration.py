@@ -1,6 +1,6 @@
-"""Make a run from a configuration, or resume one: what ``python -m core.run`` does.
+"""Make a run from a configuration, or resume one: what ``python -m core.run`` and `Experiment` do.
 
-Covered by `tests/test_resume.py` and `tests/test_commands.py`.
+Covered by `tests/test_resume.py`, `tests/test_commands.py` and `tests/core/search/test_experiment.py`.
 """
 
 from __future__ import annotations
@@ -17,25 +17,24 @@ from typing import Any, cast
 import pluggy
 from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import check_seed, node, part, task_part, tool_part
+from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.config.resume import changed, hydra_config, refuse_stored_receivers
-from core.config.schemas import PromptConfig
-from core.config.settings import Sampling
+from core.config.schemas import PromptSettings, Sampling
+from core.config.sources import new_folder, stamp
 from core.config.trust import refuse_keys
 from core.design import TIE
 from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
 from core.errors import RAISED, UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import Budget, EvolutionStrategy, Executor, Fitness, Reply, RolloutSettings
+from core.interfaces import VLM, Budget, EvolutionStrategy, Executor, Fitness, Reply, RolloutSettings
 from core.plugins import ACTION, EVOLUTION, EXECUTOR, FITNESS, MODEL, SIMULATOR, event_hub, installed
-from core.plugins.blame import describe_failure, refuse_exit
+from core.plugins.blame import Guard, add_listener, describe_failure, refuse_exit
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
 from core.search.finalists import choose, try_unseen
-from core.search.listeners import Guard, add_listener
 from core.search.refinement import Refinement
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
@@ -44,6 +43,7 @@ from core.store.database import writing
 from core.store.progress import CachedVLM
 from core.store.recorder import RunStore, best_figures, unseen_figures
 from core.support.cli import say
+from core.support.text import hydra_word
 
 # Kinds of parts whose names a run's listeners receive.
 _PARTS = ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
@@ -72,31 +72,10 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     """
     config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
     refuse_keys(OmegaConf.create(config))
-    budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
-    check_budget(budget)
-    check_seed(cfg.seed)
-    chosen, sim = task_part(cfg), part(SIMULATOR, cfg.sim)
-    task, simulator = chosen.create(), sim.create()
-    arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
-    vlm = part(MODEL, cfg.vlm).create()
-    representation = tool_part(cfg).create()
-    if representation.given(task) is not None:
-        budget = replace(budget, n_tool=1)
-    settings = node(cfg.rollout, RolloutSettings)
-    if cfg.prompt.feedback != "paper" or cfg.prompt.critic or _observes(config["evolution"]):
-        settings = replace(settings, observe=True)
-    fitness = part(FITNESS, cfg.fitness).create(evaluator=Evaluator(chosen, sim, cfg.seed, settings))
+    vlm, events, sim = part(MODEL, cfg.vlm).create(), event_hub(), part(SIMULATOR, cfg.sim).create()
+    designer, fitness = make_asking(cfg, CachedVLM(vlm, replies) if replies else vlm, events)
+    task, representation, budget = designer.task, designer.representation, designer.budget
     executor: Executor = part(EXECUTOR, cfg.executor).create()
-    tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
-    events, kinds = event_hub(), config["task"].get("tool_kinds") or DEFAULT_KINDS
-    designer = make_designer(
-        Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
-        sim.create,
-        CachedVLM(vlm, replies) if replies else vlm,
-        PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
-        node(cfg.sampling, Sampling),
-        events,
-    )
     strategy: EvolutionStrategy = part(EVOLUTION, cfg.evolution).create(designer=designer, budget=budget)
     if strategy.learns:
         events.register(designer, "designer")
@@ -112,14 +91,44 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     parts |= {"robot": task.robot.name, "material": representation.material.name}
     if task.language != "python":
         parts["task"] = task.name  # a file's own, so that two scenes are two tasks
-    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
+    settings = designer.prompts.rollout
+    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, sim, settings)
     return _Search(this, designer, strategy, fitness, executor, events, twice, guards)
 
 
-def _observes(evolution: Mapping[str, Any]) -> bool:
-    """Ask the strategy whether it needs observations; that is settled before it is made."""
-    observes = getattr(installed().factory("evolution", evolution["name"]), "observes", EvolutionStrategy.observes)
-    return bool(observes(evolution))
+def make_asking(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> tuple[ModelDesigner, Fitness]:
+    """Make what asks ``vlm`` for candidates in a run with this configuration, and what judges them.
+
+    Raises:
+        UserError: a part or setting that can't be used.
+    """
+    budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
+    check_budget(budget)
+    check_seed(cfg.seed)
+    chosen, sim = task_part(cfg), part(SIMULATOR, cfg.sim)
+    task, representation = chosen.create(), tool_part(cfg).create()
+    arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
+    if representation.given(task) is not None:
+        budget = replace(budget, n_tool=1)
+    settings = node(cfg.rollout, RolloutSettings)
+    strategy = installed().factory("evolution", cfg.evolution.name)  # whether it needs observations is settled before
+    own = cast(dict[str, Any], OmegaConf.to_container(cfg.evolution))
+    observes = getattr(strategy, "observes", EvolutionStrategy.observes)(own)
+    if cfg.prompt.feedback != "paper" or cfg.prompt.critic or observes:
+        settings = replace(settings, observe=True)
+    fitness = part(FITNESS, cfg.fitness).create(evaluator=Evaluator(chosen, sim, cfg.seed, settings))
+    tie, kinds = cfg.evolution.get("tie", TIE), cfg.task.get("tool_kinds") or DEFAULT_KINDS
+    designer = make_designer(
+        Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
+        sim.create,
+        vlm,
+        PromptComposer(
+            node(cfg.prompt, PromptSettings), settings, cfg.sim.name, tie=tie, judged=fitness.instructions()
+        ),
+        node(cfg.sampling, Sampling),
+        events,
+    )
+    return designer, fitness
 
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
@@ -289,3 +298,33 @@ def check_budget(budget: Budget) -> None:
     for name, least in (("n_agent", 1), ("n_tool", 1), ("n_action", 1), ("k_top", 1), ("n_iteration", 0)):
         if getattr(budget, name) < least:
             raise UsageError(f"budget.{name} must be at least {least}, got {getattr(budget, name)}")
+
+
+class Experiment:
+    """A run, composed when it is created, and started by `run`.
+
+    ``Experiment("budget.n_agent=2", task="BringCube", seed=1)``: positional arguments are the words of the command
+    line. Config groups and top-level keys can be keyword arguments.
+
+    Raises:
+        UserError: a wrong choice, key or type; the message says what is possible.
+    """
+
+    def __init__(self, *overrides: str, **choices: Any) -> None:
+        self.overrides = (*(f"{key}={hydra_word(value)}" for key, value in choices.items()), *overrides)
+        self.config: DictConfig = load("config", self.overrides)
+        self.result: Result | None = None
+        self.folder: Path | None = None
+
+    def run(self, folder: str | Path | None = None) -> Result:
+        """Run in ``folder``, by default ``runs/<task>/<time>``, and leave there the files that the command leaves.
+
+        Raises:
+            UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
+        """
+        given = folder if folder is not None else new_folder(f"runs/{self.config.task.name}/{stamp()}")
+        self.folder = Path(given)
+        with writing(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+        self.result = run(self.config, self.folder)
+        return self.result

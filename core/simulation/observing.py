@@ -31,7 +31,7 @@ from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
 from core.solids.contacts import Contacts, Flags, make_trace
 from core.values.observations import Class, Moved, Offset, Point
-from core.values.traces import Trace
+from core.values.states import Trace
 
 MISSED_M, MISSED_RAD = 0.02, 0.1
 STUCK_RAD = 0.05  # reference solutions lag by less than 0.012

@@ -1,23 +1,142 @@
-"""Evaluate candidates in several engines and in perturbed scenes, and combine the results."""
+"""Evaluate candidates in several engines and in scenes that are perturbed at random, and combine the results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from core.config.compose import listed, part
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
+from core.geometry import Pose
 from core.interfaces import Simulator, Task
 from core.plugins import SIMULATOR, PluginPart
-from core.simulation.perturbation import Perturbed
+from core.robot.solids import Obstacles, Solid, body_solids
+from core.scene import Body, Scene
 from core.simulation.rollout import Evaluator
+
+TOGETHER_M = 0.0015  # free bodies nearer to each other than this are moved as one
+CLEAR_M = 0.0002  # the clearance that a move leaves, or what there was if that is less
+CONTACT_M = 0.0005  # bodies nearer than this stay as near: a body keeps its support
+
+_EXACT_M = 2e-5  # accuracy of Coal's distances between convex shapes that touch
+_TRIES = 32  # for each size of the change; then it is halved
+_HALVINGS = 6
+
+
+def perturb_task(task: Task, ranges: PerturbationRange, draw: int) -> Task:
+    """Return a task whose scenes are perturbed, the same way each time; all else is the task's own."""
+    perturbed = copy(task)
+    vars(perturbed)["scene"] = lru_cache(lambda seed: perturb(task.scene(seed), ranges, draw))  # hides the method
+    return perturbed
+
+
+def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
+    """Perturb a scene; the same ``draw`` number (0 or greater) gives the same perturbation.
+
+    Each body's mass and friction change independently, sliding and rolling friction by the same share. A free body
+    moves on the level it stands on, together with the free bodies that it touches or nearly touches (a pot with what
+    lies in it, a row of books). It neither penetrates anything nor loses a contact; where room is scarce a move is
+    drawn again, and smaller. Fixed bodies and marks stay, since rewards name places in the world, and so do bodies that
+    hang from them or from the world; those that hang from a free one move with it.
+    """
+    scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
+    poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
+    bodies = tuple(
+        replace(
+            body,
+            pose=poses.get(body.name, body.pose),
+            mass=body.mass * (1 + ranges.mass * heavier),
+            friction=body.friction * (1 + ranges.friction * rougher),
+            rolling_friction=body.rolling_friction * (1 + ranges.friction * rougher),
+        )
+        for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True)
+    )
+    return replace(scene, bodies=bodies)
+
+
+def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:
+    """Draw new poses of free bodies, by name."""
+    poses: dict[str, Pose] = {}
+    if ranges.position == ranges.yaw == 0:
+        return poses
+    solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
+    anchored = {body.name for body in scene.bodies if body.fixed} | {None}
+    for placed in scene.ordered_joints:
+        if placed.joint.parent in anchored:
+            anchored.add(placed.joint.body)
+    loose = [body for body in scene.free if body.name not in anchored]
+    for group in together(loose, solids, scene.joined):
+        members = {body.name for body in group}
+        others = Obstacles(solid for name, own in solids.items() if name not in members for solid in own)
+        move = _move(group, [solid for body in group for solid in solids[body.name]], others, ranges, rng)
+        for body in group:
+            poses[body.name] = move @ body.pose
+            solids[body.name] = tuple(replace(s, pose=move @ s.pose) for s in solids[body.name])
+    return poses
+
+
+def together(
+    bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]], joined: Collection[frozenset[str]] = ()
+) -> list[list[Body]]:
+    """Group bodies that touch or nearly touch, or are joined, directly or through others.
+
+    Groups are ordered by their first body.
+    """
+    near = np.zeros((len(bodies), len(bodies)), dtype=bool)
+    for i, body in enumerate(bodies):
+        for j in range(i):
+            others = Obstacles(solids[bodies[j].name])
+            near[i, j] = frozenset((body.name, bodies[j].name)) in joined or any(
+                gap < TOGETHER_M for solid in solids[body.name] for _, gap in others.gaps(solid, TOGETHER_M)
+            )
+    count, labels = connected_components(near, directed=False)
+    return [[body for body, label in zip(bodies, labels, strict=True) if label == group] for group in range(count)]
+
+
+def _move(
+    group: Sequence[Body],
+    solids: Sequence[Solid],
+    others: Obstacles,
+    ranges: PerturbationRange,
+    rng: np.random.Generator,
+) -> Pose:
+    """Draw a move of a group as a whole, in the world, about the mean of its positions; no move if nothing fits."""
+    middle = np.mean([body.pose.position for body in group], axis=0) * np.array([1.0, 1.0, 0.0])
+    before = _gaps(solids, others)
+    for halvings in range(_HALVINGS):
+        for _ in range(_TRIES):
+            x, y, yaw = rng.uniform(-1, 1, 3) * (ranges.position, ranges.position, ranges.yaw) * 0.5**halvings
+            move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(-middle)
+            if _fits(before, _gaps([replace(s, pose=move @ s.pose) for s in solids], others)):
+                return move
+    return Pose()
+
+
+def _gaps(solids: Sequence[Solid], others: Obstacles) -> dict[str, float]:
+    """Measure the distance to each other body that is near, by name, metres."""
+    gaps: dict[str, float] = {}
+    for solid in solids:
+        for other, gap in others.gaps(solid, CLEAR_M):
+            gaps[other] = min(gap, gaps.get(other, math.inf))
+    return gaps
+
+
+def _fits(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Check that nothing is too near and that no contact is lost."""
+    far = math.inf
+    free = all(gap >= min(before.get(name, far), CLEAR_M) - _EXACT_M for name, gap in after.items())
+    held = all(after.get(name, far) < CONTACT_M + _EXACT_M for name, gap in before.items() if gap < CONTACT_M)
+    return free and held
 
 
 @dataclass(frozen=True)
@@ -26,9 +145,10 @@ class PerturbedPart(PluginPart[Task]):
 
     perturbation: PerturbationRange = field(default_factory=PerturbationRange)
     draw: int = 0
+    __hash__ = PluginPart.__hash__
 
     def create(self, **given: Any) -> Task:
-        return Perturbed(super().create(**given), self.perturbation, self.draw)
+        return perturb_task(super().create(**given), self.perturbation, self.draw)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from core.solids.record_rate import is_finite, sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
 from core.task import margins_of, reward_of
-from core.values.traces import TRACE_HZ
+from core.values.states import TRACE_HZ
 
 _WARNINGS = 10  # findings of a rollout that are listed
 

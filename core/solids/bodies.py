@@ -15,7 +15,7 @@ import trimesh
 
 from core.design import Tool
 from core.geometry import Mesh, Pose, Shape, Sphere
-from core.robot.frames import robot_model
+from core.robot.kinematics import robot_model
 from core.robot.solids import WORLD, Solid, bounding_box, hull, robot_solids, solid_geometry
 from core.scene import Scene
 from core.values.robots import Robot

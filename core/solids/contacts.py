@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,13 +17,13 @@ import numpy.typing as npt
 from core.design import Tool
 from core.geometry import Array, Mesh
 from core.interfaces import Contact, Recording, Robot
-from core.robot.frames import link_frames
+from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
 from core.solids.bodies import ROBOT
 from core.solids.gap_bounds import gap_bounds, may_meet, neighbours
 from core.solids.record_rate import coarse_samples, subset
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
-from core.values.traces import TRACE_HZ
+from core.values.states import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
 STRUCK_M_S = 0.3  # a body whose velocity changes by more than this between two samples was struck
@@ -114,18 +114,6 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
     clearances = _clearances(own, [track for track in tracks if track.owner in missed])
     return Contacts(taken, touching, resting, depths, clearances, _first_touch(robot, tool, taken, met))
-
-
-def up_to_each(contacts: Contacts) -> list[Contacts]:
-    """Return the contacts up to each sample of the motion, as if the rollout had ended there."""
-    return [
-        replace(
-            contacts,
-            taken=subset(contacts.taken, np.arange(end)),
-            touching={key: flags[:end] for key, flags in contacts.touching.items()},
-        )
-        for end in (np.flatnonzero(contacts.taken.times >= 0) + 1).tolist()
-    ]
 
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:

@@ -14,7 +14,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
-from core.robot.frames import joint_frames, joint_values, place, robot_model
+from core.robot.kinematics import joint_frames, joint_values, place, robot_model
 from core.scene import Scene, State
 from core.solids.bodies import own_solids, thickness
 from core.solids.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths

@@ -22,7 +22,7 @@ import pinocchio as pin
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot.frames import RobotModel, joint_frames, joint_values, robot_model
+from core.robot.kinematics import RobotModel, joint_frames, joint_values, robot_model
 from core.robot.solids import Solid, bounding_box, corners
 from core.solids.bodies import link_solids, tool_solids
 from core.values.robots import Robot

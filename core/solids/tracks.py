@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array, Box, Capsule, Cylinder, Sphere
 from core.interfaces import Recording
-from core.robot.frames import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
+from core.robot.kinematics import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
 from core.robot.solids import WORLD
 from core.scene import Scene, State
 from core.solids.bodies import ROBOT, Solids, all_solids, scene_solids

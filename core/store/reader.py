@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from sqlite3 import Row
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -27,34 +27,7 @@ from core.interfaces import Reply, ToolRepresentation
 from core.store.database import FILE, reading
 from core.store.rows import Details, GenerationFigures, RunFigures, load_details, load_plan, parsed, validated
 
-N = TypeVar("N", int, float)
-
 Key = tuple[int, int, int]  # generation, agent and strategy of a design
-
-
-class RunCost(NamedTuple):
-    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
-
-    requests: int
-    replies: int
-    errors: int
-    prompt_tokens: int | None
-    completion_tokens: int | None
-    cost_usd: float | None
-
-    @classmethod
-    def of(cls, requests: Iterable[StoredRequest]) -> RunCost:
-        """Add up requests and their replies."""
-        asked = list(requests)
-        replies = [request.reply for request in asked if request.reply is not None]
-        sums = (known_sum(getattr(reply, name) for reply in replies) for name in cls._fields[3:])
-        return cls(len(asked), len(replies), sum(reply.error is not None for reply in replies), *sums)
-
-
-def known_sum(values: Iterable[N | None]) -> N | None:
-    """Add up the values that are known; None: none is."""
-    known = [value for value in values if value is not None]
-    return cast(N, sum(known)) if known else None
 
 
 @dataclass(frozen=True)

@@ -115,20 +115,12 @@ def _help_or_words(usage: str, given: Sequence[str]) -> list[str]:
     return list(given)
 
 
-def say(*lines: str, file: TextIO | None = None, style: str = "") -> None:
+def say(*lines: str, file: TextIO | None = None) -> None:
     """Print lines: the one way for text to a terminal. What is not printable is escaped, since others may have written
-    it: a model, a provider, an owner of a folder. A ``style`` such as ``red`` is for terminals that take colours.
+    it: a model, a provider, an owner of a folder.
     """
     file = sys.stdout if file is None else file
-    text = "".join(f"{visible(line)}\n" for line in lines)
-    if style and text:
-        import rich.console
-
-        rich.console.Console(file=file).print(
-            text, style=style, markup=False, highlight=False, soft_wrap=True, emoji=False, end=""
-        )
-        return
-    file.write(text)
+    file.write("".join(f"{visible(line)}\n" for line in lines))
 
 
 def write_bytes(file: Path, data: bytes) -> None:

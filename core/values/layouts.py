@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,13 +45,3 @@ def around(name: str, position: Sequence[float], metres: float, radians: float =
     x, y, *_ = position
     ranges = {f"{name}.x": (x - metres, x + metres), f"{name}.y": (y - metres, y + metres)}
     return ranges | ({f"{name}.yaw": (-radians, radians)} if radians else {})
-
-
-def describe_ranges(ranges: Ranges) -> str:
-    """List the ranges in words, for a model: metres, radians, kilograms."""
-    groups: dict[tuple[str, str], list[str]] = {}  # card_1.x, card_2.x, ... in one, if they share a range
-    for name, (low, high) in ranges.items():
-        groups.setdefault((re.sub(r"\d+", "", name), f"from {low:.4g} to {high:.4g}"), []).append(name)
-    return ", ".join(
-        f"{names[0]}{f' to {names[-1]}' if len(names) > 1 else ''} {span}" for (_, span), names in groups.items()
-    )

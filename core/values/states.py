@@ -1,14 +1,16 @@
-"""Define the state of a scene, which engines return and rewards read.
+"""Define the state of a scene, which engines return and rewards read, and the trace of a rollout.
 
-Plugins import it from `core.scene`. Covered by `tests/core/test_scene.py`.
+Plugins import both from `core.scene`. Covered by `tests/core/test_scene.py` and `tests/core/values/test_traces.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from core.geometry import Array, Pose
 from core.values.joints import JointState, PlacedJoint, Placement, rotate
@@ -99,3 +101,179 @@ class State:
             raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
         arrays = map(np.stack, zip(*(state.arrays for state in states), strict=True))
         return State(states[0].names, *arrays, places=states[0].places, joints=states[0].joints)
+
+
+TRACE_HZ = 25.0
+
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The states of one world or of many at a fixed rate, and the contacts in them.
+
+    Two things are in contact while the gap between their shapes is at most what engines leave between things that rest
+    on each other. It is computed from the poses, so it is the same notion in every engine.
+
+    In queries ``by`` says what else touches the body: ``robot`` is its links and the tool, ``tool`` all components of
+    the tool, another name that component, link or body, and None anything.
+
+    Attributes:
+        times: (T,) instants, s, `TRACE_HZ` apart from 0, when the robot's motion begins.
+        states: of the free bodies, with the axes of worlds, if any, and then T: positions are (..., T, B, 3). A world
+            that ends earlier repeats its last state.
+        touching: for two things that ever touched, at which instants (..., T). The first of three names is the kind of
+            the second, ``tool``, ``arm`` or ``body``; the third is a body.
+        clearances: the least gap between the robot and a body, m, (...), 0 where it touched it; what is not among them
+            was not measured.
+        forces: the mean of two things' normal force since the instant before, N, (..., T), see `Recording.forces`;
+            None: nothing measured forces.
+    """
+
+    times: Array
+    states: State
+    touching: Mapping[tuple[str, str, str], Flags] = field(default_factory=dict)
+    forces: Mapping[tuple[str, str], Array] | None = None
+    clearances: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The axes of worlds, if any, and T."""
+        return self.states.positions.shape[:-2]
+
+    def contact(self, body: str, by: str | None = None) -> Flags:
+        """Report at which instants (..., T) a body is touched."""
+        self._check(body)
+        found = np.zeros(self.shape, dtype=bool)
+        for (kind, one, other), flags in self.touching.items():
+            if _about(kind, one, other, body, by):
+                found = found | flags
+        return found
+
+    def touched(self, body: str, by: str | None = None) -> Flags:
+        """Report whether a body was ever touched, (...)."""
+        found: Flags = np.asarray(self.contact(body, by).any(axis=-1))
+        return found
+
+    def touching_at_end(self, body: str, by: str | None = None) -> Flags:
+        """Report whether a body is touched at the last instant, (...)."""
+        return self.contact(body, by)[..., -1]
+
+    def first_s(self, body: str, by: str | None = None) -> Array:
+        """Find when a body was first touched, s, (...); inf: never."""
+        found: Array = np.where(self.contact(body, by), self.times, np.inf).min(axis=-1)
+        return found
+
+    def force_n(self, body: str, by: str | None = None) -> Array:
+        """Find the largest of `forces_n`, N, (...).
+
+        Raises:
+            ValueError: nothing measured forces.
+        """
+        largest: Array = self.forces_n(body, by).max(axis=-1)
+        return largest
+
+    def forces_n(self, body: str, by: str | None = None) -> Array:
+        """Find the largest mean normal force between a body and one other thing, N, (..., T); the tool is one thing.
+
+        With ``robot`` and ``tool``, what these pass on through free bodies is added, see `passed_on`.
+
+        Raises:
+            ValueError: nothing measured forces.
+        """
+        self._check(body)
+        if self.forces is None:
+            raise ValueError("the trace has no forces; this engine or environment measures none")
+        found = np.zeros(self.shape)
+        for (one, other), forces in self.forces.items():
+            part = self.touching.get(("tool", by or "", body)) if (one, other) == ("tool", body) else None
+            if part is not None or _about(self._kind(one), one, other, body, by):  # of a component: while it touches
+                found = np.maximum(found, forces if part is None else forces * part)
+        if by in ("robot", "tool"):
+            found = found + self.passed_on(body, by)
+        return found
+
+    def passed_on(self, body: str, by: str) -> Array:
+        """Bound what ``robot`` or ``tool`` presses a body with through free bodies, N, (..., T).
+
+        A chain of bodies passes on as much as its weakest contact bears. What a body lies on another with at the start
+        is its weight, and is not passed on.
+        """
+        forces = self.forces or {}
+        pairs = [pair for pair in forces if self._kind(pair[0]) == "body"]
+        pressed = {name: np.zeros(self.shape) for name in self.states.names if name != body}
+        for (one, other), force in forces.items():
+            if other in pressed and one not in pressed and _about(self._kind(one), one, other, other, by):
+                pressed[other] = pressed[other] + force
+        inner = [(pair, forces[pair]) for pair in pairs if pair[0] in pressed and pair[1] in pressed]
+        changed = any(force.any() for force in pressed.values())
+        while changed:
+            changed = False
+            for pair, force in inner:
+                for one, other in (pair, pair[::-1]):
+                    more = np.minimum(pressed[one], force)
+                    if (more > pressed[other]).any():
+                        pressed[other], changed = np.maximum(pressed[other], more), True
+        total = np.zeros(self.shape)
+        for one, other in pairs:
+            if body in (one, other) and (through := other if one == body else one) in pressed:
+                borne = np.maximum(forces[one, other] - forces[one, other][..., :1], 0.0)
+                total = total + np.minimum(pressed[through], borne)
+        return total
+
+    def _kind(self, one: str) -> str:
+        """The kind of a pair of forces by its first name, see `touching`."""
+        return "tool" if one == "tool" else "body" if one in (*self.states.names, *self.states.places) else "arm"
+
+    def held(self, body: str) -> Flags:
+        """Report at which instants (..., T) the robot carries a body.
+
+        It and the free bodies that touch it, directly or through others, touch the robot, and nothing that is fixed.
+        """
+        self._check(body)
+        group = dict.fromkeys(self.states.names, np.zeros(self.shape, dtype=bool))
+        group[body] = np.ones(self.shape, dtype=bool)
+        pairs = [(one, other, flags) for (kind, one, other), flags in self.touching.items() if kind == "body"]
+        for _ in self.states.names:
+            before = dict(group)
+            for one, other, flags in pairs:
+                if one in group and other in group:
+                    near = (group[one] | group[other]) & flags
+                    group[one], group[other] = group[one] | near, group[other] | near
+            if all((group[name] == before[name]).all() for name in group):
+                break
+        robot, fixed = np.zeros(self.shape, dtype=bool), np.zeros(self.shape, dtype=bool)
+        for name, within in group.items():
+            robot |= within & self.contact(name, "robot")
+            for place in self.states.places:
+                fixed |= within & self.contact(name, place)
+        return robot & ~fixed
+
+    def __getitem__(self, index: int) -> Trace:
+        """One world of many."""
+        forces = None if self.forces is None else {key: of[index] for key, of in self.forces.items()}
+        touching = {key: of[index] for key, of in self.touching.items()}
+        clearances = {body: of[index] for body, of in self.clearances.items()}
+        return replace(self, states=self.states[index], touching=touching, forces=forces, clearances=clearances)
+
+    @classmethod
+    def of(cls, *states: State, **given: Any) -> Trace:
+        """Make a trace of states, each (..., B, 3), at successive instants; ``given`` are further attributes."""
+        arrays = (np.stack(values, axis=-3) for values in zip(*(state.arrays for state in states), strict=True))
+        first = states[0]
+        stacked = State(first.names, *arrays, places=first.places, joints=first.joints)
+        return cls(np.arange(len(states)) / TRACE_HZ, stacked, **given)
+
+    def _check(self, body: str) -> None:
+        known = (*self.states.names, *self.states.places)
+        if body not in known:
+            raise KeyError(f"no body {body!r} in the trace; there are: {', '.join(known)}")
+
+
+def _about(kind: str, one: str, other: str, body: str, by: str | None) -> bool:
+    """Report whether a contact is one of ``body`` with ``by``, see `Trace`."""
+    if kind == "body" and body == one:
+        return by in (None, other)
+    if body != other:
+        return False
+    return by is None or by == one or (kind != "body" and by == "robot") or (kind == "tool" and by == "tool")

@@ -18,8 +18,7 @@ from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Pose
 from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
 from core.robot.description import assembled
-from core.robot.frames import link_poses, robot_model
-from core.robot.kinematics import Arm, arm_of
+from core.robot.kinematics import Arm, arm_of, link_poses, robot_model
 from core.robot.solids import Solid, robot_solids, signed_distance
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import DEEP_M

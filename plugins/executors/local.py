@@ -17,7 +17,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -26,10 +26,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from core.errors import RAISED, Fault, UserError, check_positive
-from core.hooks import hookimpl
 from core.interfaces import Executor
-from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 from core.support.scratch import scratch, use_scratch
+from plugins.executors.dispatch import check_limits, cores, dispatch, portable, time_limit
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -44,11 +43,6 @@ _SENT = {getattr(signal, f"SIG{name}", 0) for name in ("HUP", "INT", "QUIT", "KI
 
 _spawn = multiprocessing.get_context("spawn")
 _reaping = threading.Lock()  # if two threads wait for one process, one does not get its exit code
-
-
-@hookimpl
-def executors() -> Mapping[str, Callable[..., Executor]]:
-    return {"local": LocalExecutor}
 
 
 class LocalExecutor(Executor):
@@ -75,7 +69,7 @@ class LocalExecutor(Executor):
         self._pool: list[_Worker] = []
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map` and `core.search.dispatch.dispatch`."""
+        """See `Executor.map` and `plugins.executors.dispatch.dispatch`."""
         count = 1 if self._choose and getattr(function, "batch", 1) > 1 else self.workers
         self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(count)]
         return dispatch([partial(worker.call, function) for worker in self._pool], chunks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +16,7 @@ from core.interfaces import Simulator, Task
 from core.plugins import PluginPart
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
-from core.values.layouts import NONE, describe_ranges
+from core.values.layouts import NONE, Ranges
 from plugins.fitness.racing import SeveralTrials, Stops
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
@@ -152,4 +153,14 @@ def _alike(task: Task, seed: int) -> bool:
     one, other = (task.scene(of).bodies for of in (seed, seed + 1))
     return len(one) == len(other) and all(
         a.pose == b.pose and a.mass == b.mass for a, b in zip(one, other, strict=True)
+    )
+
+
+def describe_ranges(ranges: Ranges) -> str:
+    """List the ranges in words, for a model: metres, radians, kilograms."""
+    groups: dict[tuple[str, str], list[str]] = {}  # card_1.x, card_2.x, ... in one, if they share a range
+    for name, (low, high) in ranges.items():
+        groups.setdefault((re.sub(r"\d+", "", name), f"from {low:.4g} to {high:.4g}"), []).append(name)
+    return ", ".join(
+        f"{names[0]}{f' to {names[-1]}' if len(names) > 1 else ''} {span}" for (_, span), names in groups.items()
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
 from plugins.fitness.racing import SeveralTrials, Stops

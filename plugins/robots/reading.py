@@ -17,18 +17,12 @@ from scipy.spatial.transform import Rotation
 from core.errors import UsageError, UserError, check_positive, choices
 from core.geometry import Array, Cylinder, Pose
 from core.robot.description import RESERVED, write
-from core.robot.frames import link_poses
-from core.robot.kinematics import Arm
+from core.robot.kinematics import Arm, link_poses
 from core.robot.solids import robot_solids
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.support.text import clean, short_numbers
-from core.values.descriptions import (
-    MOVING,
-    Description,
-    Limits,
-    RobotJoint,
-)
+from core.values.descriptions import MOVING, Description, Limits, RobotJoint
 from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
 from core.values.urdf import MAX_BYTES, read_description
 from plugins.robots.normalise import normalised

@@ -28,8 +28,18 @@ from core.designs.rules import (
     MIN_TOOL_KG,
     NAME,
 )
-from core.designs.tool_joints import MAX_GAP_M, MAX_HZ, MAX_JOINTS, MIN_MOVED_KG, describe_springs
-from core.designs.weight import describe_weight, mass_limit
+from core.designs.statics import (
+    MAX_DAMPING,
+    MAX_GAP_M,
+    MAX_HZ,
+    MAX_JOINTS,
+    MAX_SPRING,
+    MAX_SPRINGS_J,
+    MIN_MOVED_KG,
+    describe_weight,
+    mass_limit,
+    spring_share,
+)
 from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
@@ -89,6 +99,18 @@ def weight_rules(material: Material, robot: Robot, masses: str) -> tuple[str, st
         bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
         return masses.format(payload=f"{mass_limit(robot, material)[0]:g}"), bend
     return describe_weight(material, robot), f"or {MAX_LOAD_N:g} N would break it"
+
+
+def describe_springs(material: Material) -> str:
+    """Write the part of a prompt that says how strong springs and dampers of joints may be."""
+    share = spring_share(material)
+    torque, force, energy = (share * most for most in (*MAX_SPRING.values(), MAX_SPRINGS_J))
+    turning, sliding = MAX_DAMPING.values()
+    return (
+        f"At the end of its range that is farther from `rest` a spring exerts {torque:.2g} N m or {force:.2g} N at "
+        f"most;\n  all together hold {energy:.2g} J at most. Damping is at most {turning:g} N m s/rad or {sliding:g} "
+        f"N s/m,\n  dry friction {MAX_SPRING['hinge']:g} N m or {MAX_SPRING['slider']:g} N"
+    )
 
 
 class ComponentTools(VariedTools):

@@ -7,7 +7,7 @@ import numpy as np
 from core.design import RIGID_MOUNT
 from core.geometry import Array
 from core.interfaces import Brief, Robot, Task
-from core.robot.extents import Finger, finger_gap, fingers_of
+from core.robot.extents import Finger, fingers_of
 from core.support.text import short_number
 
 _MEET_M = 0.0005  # fingers nearer than this meet
@@ -80,3 +80,9 @@ def _axis(way: Array) -> str:
     """Name an axis (3,), perhaps reversed, such as +y."""
     at = int(np.abs(way).argmax())
     return f"{'-' if way[at] < 0 else '+'}{'xyz'[at]}"
+
+
+def finger_gap(robot: Robot) -> float:
+    """Measure the way between the inner faces of the fingers of the open gripper, metres."""
+    left, right = fingers_of(robot)
+    return float((left.place(-left.opens) - right.place(-right.opens)) @ left.pose.rotation.apply(left.opens))

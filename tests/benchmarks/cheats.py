@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.designs.tool_joints import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
+from core.designs.statics import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
 from core.errors import UsageError
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, RolloutSettings, Task

@@ -12,7 +12,7 @@ from core.geometry import Pose
 from core.goals import goals_margins, goals_reward, needs_trace
 from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
 from core.task import Task, margins_of
-from core.values.traces import TRACE_HZ
+from core.values.states import TRACE_HZ
 
 RED = (1, 0, 0, 1)
 DRAWER = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)

@@ -22,14 +22,12 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evalu
 from core.events import Generation, Run
 from core.geometry import Array, Pose
 from core.interfaces import Recording, Robot
-from core.robot.frames import bearer_frames, link_frames, tool_values
-from core.robot.kinematics import arm_of
-from core.robot.meshes import link_visuals
+from core.robot.kinematics import arm_of, bearer_frames, link_frames, tool_values
+from core.robot.meshes import link_visuals, solids
 from core.robot.trajectory import Motion
 from core.scene import Camera, Color, State
 from core.simulation.rollout import prepare
-from core.solids.contacts import find_contacts, make_trace, up_to_each
-from core.solids.held import solids
+from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.record_rate import subset
 from core.support.text import clean
 from core.task import reward_of
@@ -236,6 +234,18 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
     rewards = np.asarray(reward_of(run.task, starts, scene.complete(states), trace), dtype=np.float64)
     latest = np.searchsorted(times, recording.times, side="right") - 1
     return motion, recording, np.where(recording.times >= max(times[0], 0.0), rewards[latest], np.nan)
+
+
+def up_to_each(contacts: Contacts) -> list[Contacts]:
+    """Return the contacts up to each sample of the motion, as if the rollout had ended there."""
+    return [
+        replace(
+            contacts,
+            taken=subset(contacts.taken, np.arange(end)),
+            touching={key: flags[:end] for key, flags in contacts.touching.items()},
+        )
+        for end in (np.flatnonzero(contacts.taken.times >= 0) + 1).tolist()
+    ]
 
 
 def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:

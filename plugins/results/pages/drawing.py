@@ -11,8 +11,8 @@ import trimesh
 
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Box, Pose
-from core.robot.frames import open_mounts
-from core.solids.held import as_held
+from core.robot.kinematics import open_mounts
+from core.robot.meshes import as_held
 from core.values.robots import Robot
 
 Pixels = npt.NDArray[np.uint8]

@@ -17,7 +17,7 @@ from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Material, Robot, Task, ToolRepresentation
-from core.solids.held import as_held
+from core.robot.meshes import as_held
 from core.store.reader import Key, StoredDesign, StoredEvaluation
 from core.support.text import clean, number
 from plugins.results.pages.runs import FinishedRun

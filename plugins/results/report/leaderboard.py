@@ -19,14 +19,14 @@ from core.config.compose import load
 from core.errors import UserError, choices
 from core.plugins import installed
 from core.store.database import FILE
-from core.store.reader import RunCost, StoredRun, rollouts
+from core.store.reader import StoredRun, rollouts
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from core.support.files import read_untrusted
 from core.values.efforts import Effort, holds
 from plugins.results.pages.formats import Column, Table, columns
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
-from plugins.results.report.statistics import CONFIDENCE, RESAMPLES, interval, mean
+from plugins.results.report.statistics import CONFIDENCE, RESAMPLES, RunCost, interval, mean
 
 AnyRun = FinishedRun | LeftOutRun
 

@@ -7,13 +7,14 @@ all runs of all tasks, and percentiles of the same over runs drawn anew, with re
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import numpy as np
 import scipy.stats
 
 from core.geometry import Array
+from core.store.reader import StoredRequest
 
 Statistic = Literal["mean", "interquartile mean"]
 
@@ -76,3 +77,31 @@ def _averaged(*tasks: Sequence[float] | Array, axis: int = -1) -> Any:
 
 
 _STATISTICS = {"mean": _averaged, "interquartile mean": _pooled}
+
+
+N = TypeVar("N", int, float)
+
+
+class RunCost(NamedTuple):
+    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
+
+    requests: int
+    replies: int
+    errors: int
+    prompt_tokens: int | None
+    completion_tokens: int | None
+    cost_usd: float | None
+
+    @classmethod
+    def of(cls, requests: Iterable[StoredRequest]) -> RunCost:
+        """Add up requests and their replies."""
+        asked = list(requests)
+        replies = [request.reply for request in asked if request.reply is not None]
+        sums = (known_sum(getattr(reply, name) for reply in replies) for name in cls._fields[3:])
+        return cls(len(asked), len(replies), sum(reply.error is not None for reply in replies), *sums)
+
+
+def known_sum(values: Iterable[N | None]) -> N | None:
+    """Add up the values that are known; None: none is."""
+    known = [value for value in values if value is not None]
+    return cast(N, sum(known)) if known else None

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from typing import Any
 
-from core.store.reader import RunCost, StoredEvaluation, StoredRequest, known_sum
+from core.store.reader import StoredEvaluation, StoredRequest
 from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table, columns
 from plugins.results.pages.tools import size
@@ -16,9 +16,11 @@ from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
     CONFIDENCE,
     RESAMPLES,
+    RunCost,
     deviation,
     interquartile_mean,
     interval,
+    known_sum,
     mean,
     mean_of_tasks,
 )

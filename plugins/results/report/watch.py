@@ -15,12 +15,13 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from core.errors import UserError
-from core.store.reader import RunCost, StoredRun
+from core.store.reader import StoredRun
 from core.support.cli import say
 from core.support.files import read_untrusted
 from plugins.results.pages.runs import FinishedRun, read_run, read_so_far, reasons
 from plugins.results.report.contents import Live, contents
 from plugins.results.report.results import Results
+from plugins.results.report.statistics import RunCost
 
 HERE, PORT = "127.0.0.1", 8080
 MAX_BYTES = 100_000_000  # of a recording

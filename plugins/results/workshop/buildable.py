@@ -10,7 +10,7 @@ from typing import Any
 from core.config.compose import listed, part
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.planning import resolve
-from core.designs.weight import mass_limit, moment_limit
+from core.designs.statics import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
 from core.interfaces import Evaluate, Fitness, Material
 from core.plugins import FITNESS

@@ -13,8 +13,7 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Recording
 from core.robot.description import assemble, merged
-from core.robot.frames import open_mounts
-from core.robot.kinematics import arm_of
+from core.robot.kinematics import arm_of, open_mounts
 from core.scene import Scene
 from core.solids.self_collision import self_distances
 from core.solids.tracks import Indices, Pair, Track, body_tracks, robot_tracks

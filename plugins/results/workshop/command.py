@@ -253,6 +253,6 @@ def main(words: list[str]) -> None:
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
     failing = [verdict for verdict in made.verdicts if verdict.passed is False]
     say(*(f"– {verdict}" for verdict in made.verdicts if verdict.passed is None))
-    say(*(f"✗ {verdict}" for verdict in failing), style="red")
+    say(*(f"✗ {verdict}" for verdict in failing))
     if failing:
         raise UserError(f"{len(failing)} of {len(made.verdicts)} checks failed; the files are written all the same")

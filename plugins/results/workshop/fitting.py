@@ -19,7 +19,7 @@ from core.design import RIGID_MOUNT, Component, ToolJoint
 from core.errors import UserError
 from core.geometry import Array, Cylinder, Mesh, Pose, resized
 from core.robot.extents import fingers_of
-from core.robot.frames import link_poses
+from core.robot.kinematics import link_poses
 from core.robot.solids import corners, robot_solids
 from core.values.materials import Material
 from core.values.robots import Robot

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from core.design import RIGID_MOUNT, Tool
-from core.designs.weight import flange_moment
+from core.designs.statics import flange_moment
 from core.geometry import Array
 from core.interfaces import Task
+from core.robot.meshes import as_held
 from core.scene import Scene
-from core.solids.held import as_held
 from core.support.cli import write_bytes
 from core.support.text import clean
 from core.values.robots import Robot

@@ -21,12 +21,11 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.rules import check_contacts
-from core.designs.stiffness import POINT_M, Beam, Beams
-from core.designs.weight import GRAVITY
+from core.designs.statics import GRAVITY, POINT_M, Beam, Beams
 from core.errors import UserError
 from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Pushes, Recording
-from core.robot.frames import bearer_frames, link_frames, tool_values
+from core.robot.kinematics import bearer_frames, link_frames, tool_values
 from core.scene import Scene
 from core.solids.tracks import robot_tracks
 from core.values.materials import Material

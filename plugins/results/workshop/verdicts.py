@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 from core.design import Tool
-from core.designs.weight import flange_moment, mass_limit, moment_limit
+from core.designs.statics import flange_moment, mass_limit, moment_limit
 from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
+import coal
 import numpy as np
 from manifold3d import Manifold, OpType
 
 from core.design import DesignError
 from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere
-from core.robot.solids import farthest_from_surface
 from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
 from plugins.tools.solids.convex import SLIVER, Tolerance, TooManyPieces, is_convex, vertices_of
 from plugins.tools.solids.reading import Node
@@ -165,3 +165,16 @@ def _slim(part: Manifold) -> Manifold:
 
 def _triangles(solid: Manifold) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
     return vertices_of(solid) / 1000, np.asarray(solid.to_mesh64().tri_verts, dtype=np.int64)
+
+
+def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float:
+    """Measure the largest distance of ``points`` (P, 3) from a surface of triangles, in the unit of both."""
+    corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    corners.extend(np.asarray(vertices))
+    triangles.extend(coal.Triangle(*face) for face in np.asarray(faces).tolist())
+    surface, point = coal.BVHModelOBBRSS(), coal.Sphere(1e-9)
+    surface.beginModel(len(triangles), len(corners))
+    surface.addSubModel(corners, triangles)
+    surface.endModel()
+    measure, here, request = coal.ComputeDistance(surface, point), coal.Transform3s(), coal.DistanceRequest()
+    return max(float(measure(here, coal.Transform3s(np.eye(3), at), request, coal.DistanceResult())) for at in points)

@@ -19,11 +19,11 @@ from core.designs.rules import (
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
-from core.designs.tool_joints import MAX_GAP_M, MAX_HZ, MAX_JOINTS, MIN_MOVED_KG, describe_springs
+from core.designs.statics import MAX_GAP_M, MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.interfaces import Brief
 from core.robot.description import tool_urdf
 from core.support.text import kind, short_numbers
-from plugins.tools.components import weight_rules
+from plugins.tools.components import describe_springs, weight_rules
 from plugins.tools.mounting import describe_mount, first_box
 from plugins.tools.urdf.building import build_tool
 from plugins.tools.urdf.parsing import parse_xml

@@ -18,7 +18,7 @@ from core.events import Generation, Result, Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request, Spending
 from core.plugins import MODEL, event_hub
-from core.search.listeners import add_listener
+from core.plugins.blame import add_listener
 from core.support.text import clean
 from core.support.threads import run_in_thread
 from plugins.vlms.ensemble.dealing import Dealer

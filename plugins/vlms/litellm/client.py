@@ -19,9 +19,9 @@ import httpx
 
 from core.errors import UserError
 from core.interfaces import Estimate, Message, Picture, Reply, Request, Text
-from core.search.replies import checked
 from core.support.secrets import is_secret_name
 from core.support.text import clean, kind
+from core.values.messages import checked
 from plugins.vlms.litellm.transport import OPENAI, BadAnswer, sender, transport
 
 _log = logging.getLogger(__name__)

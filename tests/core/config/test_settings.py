@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from core.config.settings import PerturbationRange, PromptSettings
+from core.config.schemas import PerturbationRange, PromptSettings
 from core.errors import UsageError
 
 

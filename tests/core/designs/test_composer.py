@@ -17,8 +17,7 @@ import pytest
 
 import prompts
 from core.config.compose import load, node
-from core.config.schemas import PromptConfig
-from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
+from core.config.schemas import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown
 from core.designs.rules import SpawnRules, check_tool
@@ -307,7 +306,7 @@ def test_without_a_tool_none_is_mentioned(n_action: int) -> None:
 
 def test_pictures_become_links_in_markdown() -> None:
     message = Message("user", (Text("a\n\n"), PICTURE, Text("b\n\n"), Picture(b"", "elite")))
-    assert as_markdown(message, "../") == "a\n\n![scene](../scene.png)\n\nb\n\n![elite](../elite.png)\n\n"
+    assert as_markdown(message) == "a\n\n![scene](scene.png)\n\nb\n\n![elite](elite.png)\n\n"
 
 
 # --- a person's idea --------------------------------------------------------------------------------------------
@@ -429,7 +428,7 @@ def test_each_template_is_used() -> None:
 
 
 def test_the_default_choice_is_the_default() -> None:
-    assert settings_of("vlmgineer") == PromptConfig(name="vlmgineer")
+    assert settings_of("vlmgineer") == PromptSettings(name="vlmgineer")
 
 
 def test_parts_can_be_chosen() -> None:
@@ -445,7 +444,7 @@ def from_folder(folder: Path) -> PromptComposer:
 
 def settings_of(name: str, *overrides: str) -> PromptSettings:
     """The settings of one config of the group ``prompt``."""
-    return node(load("config", [f"prompt={name}", *overrides]).prompt, PromptConfig)
+    return node(load("config", [f"prompt={name}", *overrides]).prompt, PromptSettings)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.config.settings import PromptSettings
+from core.config.schemas import PromptSettings
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
 from core.designs.feedback import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from core.designs.layout import layout_table
+from core.designs.task_text import layout_table
 from core.geometry import Pose
 from core.interfaces import Task
 from core.plugins import installed

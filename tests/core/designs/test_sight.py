@@ -12,7 +12,7 @@ from core.errors import UsageError
 from core.plugins import installed
 from core.prompt import compose
 from core.scene import Box, Cylinder, Sphere
-from core.search.experiment import Experiment
+from core.search.orchestration import Experiment
 from core.values.messages import Text
 from core.values.observations import Moved
 from plugins.vlms.offline.designer import OfflineDesigner

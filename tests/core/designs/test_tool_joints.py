@@ -6,7 +6,7 @@ import pytest
 
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import SpawnRules, check_tool, mount_solids
-from core.designs.tool_joints import check_joints, moved
+from core.designs.statics import check_joints, moved
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
 from plugins.conformance.joints import hinged, sliding, tongs

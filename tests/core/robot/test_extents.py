@@ -13,10 +13,11 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Pose
 from core.plugins import installed
 from core.robot.description import assemble, assembled
-from core.robot.extents import GRIPPER, HEAD, extents_at_home, finger_gap, fingers_of, link_extents, outline
+from core.robot.extents import GRIPPER, HEAD, extents_at_home, fingers_of, link_extents, outline
 from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
 from plugins.tools.given import broom
+from plugins.tools.mounting import finger_gap
 from tests.panda import PANDA
 
 HOMES = [Pose(np.array(at)) for at in ((0.5, 0.0, 0.5), (0.4, -0.2, 0.2), (0.4, 0.0, 0.3))]

@@ -4,7 +4,7 @@ import pytest
 
 from core.design import Tool
 from core.robot.description import assemble
-from core.robot.frames import link_frames, robot_model
+from core.robot.kinematics import link_frames, robot_model
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, PANDA
 
 RNG = np.random.default_rng(3)

@@ -3,8 +3,9 @@ import pytest
 import trimesh
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.robot.solids import Obstacles, body_solids, farthest_from_surface, gap, robot_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids, gap, robot_solids, signed_distance
 from core.scene import Body
+from plugins.tools.solids.making import farthest_from_surface
 from tests.panda import PANDA
 
 CUBE = Box((1, 1, 1))

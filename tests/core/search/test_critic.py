@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.config.settings import PromptSettings, Sampling
+from core.config.schemas import PromptSettings, Sampling
 from core.design import Candidate, Evaluation
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached, UsageError
@@ -40,7 +40,7 @@ def criticised(answer, count=2, events=None, **settings):
     prompt = PromptSettings(critic=count, **settings)
     vlm = Canned(lambda request: answer(request) if request.critique else good(request))
     made = designer(vlm, BUDGET, prompt=prompt, events=events)
-    made.critic = Critic(made.prompts, 1.0, lambda e: {"The tool": Picture(b"png", f"tool_{e.candidate.id}")})
+    made.critic = Critic(made.prompts, 1.0, lambda e: Picture(b"png", f"strip_{e.candidate.id}"))
     return made, vlm
 
 
@@ -70,7 +70,7 @@ def test_the_best_elite_and_the_most_instructive_failure_are_shown_and_their_cri
         assert request.brief.elites[0].candidate.id in shown
         assert "JSON schema" not in shown
         assert [p.name for m in request.messages for p in m.parts if isinstance(p, Picture)] == [
-            f"tool_{request.brief.elites[0].candidate.id}"
+            f"strip_{request.brief.elites[0].candidate.id}"
         ]
     quoted = json.loads(text.partition("## Critiques")[2].partition("```json")[2].partition("```")[0])
     assert [(q["id"], q["reward"], q["critique"]) for q in quoted] == [

@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 
-from core.config.settings import PromptSettings, Sampling
+from core.config.schemas import PromptSettings, Sampling
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached

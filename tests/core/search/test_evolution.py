@@ -9,9 +9,8 @@ from core.errors import Fault, LimitReached, UserError
 from core.events import INTERRUPTED
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
-from core.interfaces import Budget, EvolutionStrategy
+from core.interfaces import CHUNK, Budget, EvolutionStrategy
 from core.plugins import event_hub, installed
-from core.search.dispatch import CHUNK
 from core.search.evolution import evaluate_all, evolve
 from tests.executors import Inline
 

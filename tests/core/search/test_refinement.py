@@ -10,8 +10,7 @@ from core.design import Candidate, Evaluation, Tool
 from core.errors import UsageError
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
-from core.search.experiment import Experiment
-from core.search.orchestration import resume
+from core.search.orchestration import Experiment, resume
 from core.search.refinement import Refinement
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)

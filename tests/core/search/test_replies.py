@@ -3,7 +3,7 @@ import math
 import pytest
 
 from core.interfaces import Reply
-from core.search.replies import checked
+from core.values.messages import checked
 
 
 @pytest.mark.parametrize("count", [2**63, 2**53, -1, math.nan, "7", True, [7], 7.5])

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Joint, Scene, table
-from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
+from core.simulation.robustness import CONTACT_M, perturb, perturb_task, together
 from tests.panda import ARM, FINGER_OPEN
 
 pytestmark = pytest.mark.slow
@@ -116,7 +116,7 @@ def test_what_stands_together_moves_as_one():
 @every_task
 def test_a_changed_scene_is_at_rest(name):
     """In a real engine: nothing is pushed apart, nothing falls."""
-    task = Perturbed(installed().create("task", name), PerturbationRange(), 1)
+    task = perturb_task(installed().create("task", name), PerturbationRange(), 1)
     still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN]))
     job = Rollout(Tool(), still, seed=0, settle_s=0.4, hold_s=0.0)
     (outcome,) = installed().create("sim", "pybullet").rollout(task, [job])
@@ -196,7 +196,7 @@ def test_a_stack_moves_as_a_stack():
 @every_task
 def test_a_perturbed_task_is_the_task_but_for_its_scenes(name):
     task = installed().create("task", name)
-    changed = Perturbed(task, PerturbationRange(), 1)
+    changed = perturb_task(task, PerturbationRange(), 1)
     for attribute in ("name", "description", "goals", "home", "camera", "success_reward"):
         assert getattr(changed, attribute) == getattr(task, attribute)
     assert changed.source() == task.source()

@@ -10,8 +10,7 @@ from core.design import Candidate, Tool
 from core.interfaces import Contact, Observation, Recording, RolloutSettings
 from core.plugins import Offer, installed
 from core.scene import State, table
-from core.search.experiment import Experiment
-from core.search.orchestration import resume, run
+from core.search.orchestration import Experiment, resume, run
 from core.simulation.pictures import APART_S, FILM_HZ, FRAMES, moments, png, save_film
 from plugins.conformance.worlds import Bodies, cube, stick
 from tests import toys

@@ -7,7 +7,7 @@ import pytest
 from hydra import initialize_config_module
 
 from core.config.compose import load, part
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.design import Candidate
 from core.errors import UsageError
 from core.interfaces import Outcome, Recording, RolloutSettings
 from core.plugins.blame import PluginError
 from core.scene import State
-from core.simulation.perturbation import Perturbed
+from core.simulation.robustness import perturb_task
 from core.simulation.rollout import evaluate_batch, prepare
 from tests.faults import Faulty, Slide, candidate
 from tests.panda import ARM
@@ -139,7 +139,7 @@ def test_a_trace_needs_a_recording():
 
 def test_a_perturbed_task_reads_the_trace_of_its_own():
     for task, reads in ((Slide(), False), (Traced(), True)):
-        changed = Perturbed(task, PerturbationRange(), 0)
+        changed = perturb_task(task, PerturbationRange(), 0)
         assert (changed.reads_trace, changed.hold_s) == (reads, task.hold_s)
     (evaluation,) = evaluated(candidate(0), task=changed, simulator=Filming(), settings=LOOSE)
     assert evaluation.reward == 0.75

@@ -1,6 +1,5 @@
 """Signals, closed output, and what --help imports."""
 
-import io
 import math
 import os
 import re
@@ -177,20 +176,3 @@ def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
     (tmp_path / "[x]").mkdir()
     monkeypatch.chdir(tmp_path)
     assert cli.folders_and_overrides("usage: ", ["seed=1", "runs=[x]"]) == ([Path("seed=1"), Path("[x]")], [])
-
-
-def test_colours_are_for_terminals(monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    def said(file):
-        cli.say("✗ [b]it breaks\x07", file=file, style="red")
-        return file.getvalue()
-
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    assert said(Terminal()) == "\x1b[31m✗ [b]it breaks\\x07\x1b[0m\n"
-    assert said(io.StringIO()) == "✗ [b]it breaks\\x07\n"
-    monkeypatch.setenv("NO_COLOR", "1")
-    assert said(Terminal()) == "✗ [b]it breaks\\x07\n"

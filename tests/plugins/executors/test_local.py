@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from core.errors import Fault, UserError
+from core.interfaces import CHUNK
 from core.plugins import installed
-from core.search.dispatch import CHUNK
 from core.support.scratch import scratch
 from tests.processes import all_gone, living
 

@@ -12,7 +12,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from core.config.compose import load, part
-from core.config.settings import PerturbationRange
+from core.config.schemas import PerturbationRange
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from core.errors import UsageError, UserError
 from core.geometry import Pose
-from core.robot.frames import link_frames
-from core.robot.kinematics import arm_of
+from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
 from plugins.robots import hulls

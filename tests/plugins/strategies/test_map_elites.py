@@ -12,8 +12,7 @@ from core.design import Candidate, Evaluation, best_first
 from core.errors import UserError
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
-from core.search.experiment import Experiment
-from core.search.orchestration import resume, run
+from core.search.orchestration import Experiment, resume, run
 from tests import toys
 from tests.core.run_folders import hook
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
-from core.store.reader import RunCost
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_run
 from plugins.results.pages.tools import winners
+from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import edit, result, write_run
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Pushes, Recording
 from core.plugins import installed
-from core.robot.frames import link_frames
+from core.robot.kinematics import link_frames
 from core.values.materials import Material
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.strength import Load, contact_loads, strength, weights

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from core.design import Tool
-from core.designs.excerpts import helpers, task_source
+from core.designs.task_text import helpers, task_source
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
 from core.interfaces import JointTrajectory, Rollout

@@ -1,7 +1,10 @@
-"""Check the joints of a tool: number, ranges, what holds their two sides together, springs and dampers.
+"""Check what a tool's joints bear and that an arm can carry it, and estimate how far it bends, as beams.
 
-An engine's step is 2 to 5 ms. A spring or a damper that acts faster than that shakes or explodes in some engines. How
-strong springs may be follows from springs that one can buy or print; `docs/materials.md` has the sources.
+The beams follow each other from the mount to a tip. A force F across a beam moves its tip by F times the integral of
+r^2 / (E I), r being the distance from the tip (beam theory of Euler and Bernoulli), and stresses the outside of a
+section of thickness t with F r t / 2 I. Torsion is left out, and so is that parallel chains of components bear a load
+together. What is printed with walls and infill has the second moment of area I of its walls, and of its inside times
+the infill. Covered by `tests/core/designs/test_statics.py` and `tests/core/designs/test_tool_joints.py`.
 """
 
 from __future__ import annotations
@@ -15,10 +18,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Bearer, DesignError, Tool, ToolJoint
-from core.geometry import Array, Pose, mass_properties
+from core.geometry import Array, Compound, Pose, Shape, mass_properties
+from core.interfaces import Robot
+from core.robot.kinematics import arm_of, open_mounts
 from core.robot.solids import Solid, signed_distance, solid_geometry
-from core.values.materials import Material
+from core.values.materials import PAPER, Material
 
+# Of joints. An engine's step is 2 to 5 ms: a spring or a damper that acts faster than that shakes or explodes in some.
+# How strong springs may be follows from those that one can buy or print; docs/materials.md has the sources.
 MAX_JOINTS = 8
 MAX_TURN_RAD = 2 * math.pi
 MAX_SLIDE_M = 0.5
@@ -34,6 +41,129 @@ MAX_GAP_M = 0.001  # between a component and its parent
 _UNITS = {"hinge": ("rad", "N m", "N m s/rad"), "slider": ("m", "N", "N s/m")}
 _STEP_M, _FEWEST, _MOST = 0.005, 9, 201  # between places in which the two sides of a joint must touch; their number
 
+POINT_M = 1e-6  # what is shorter is no beam, and has no section
+_CORNERS = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, 8).T
+Beam = tuple[Array, Array, float, float]  # its ends, its length over E I, and half its thickness over I
+
+
+def corners(shape: Shape | Compound, pose: Pose) -> Array:
+    """Compute the corners (8, 3) of a shape's bounding box."""
+    middle, size = shape.bounds
+    return pose.apply(_CORNERS * size + middle)
+
+
+class Beams:
+    """The components of a tool of ``material`` as beams.
+
+    ``joints`` holds for each component the point (3,) where it touches its parent, in its mount's frame.
+    """
+
+    def __init__(self, tool: Tool, joints: Mapping[str, Array], material: Material) -> None:
+        self.tool, self.joints, self.material = tool, joints, material
+        self.placed = tool.placed()
+        self._shapes = {component.name: component.shape for component in tool.components}
+        # What carries each component, from the mount on: each carrier's name, and its beam up to the next joint.
+        self.chains: dict[str, list[tuple[str, Beam]]] = {mount: [] for mount in tool.mounts}
+        for component in tool.components:
+            name, parent = component.name, component.parent
+            own = [(parent, self.beam(parent, joints[name]))] if parent in self._shapes else []
+            self.chains[name] = [*self.chains[parent], *own]
+
+    def bending(self) -> dict[str, tuple[float, float]]:
+        """Estimate for each component what a newton at its far end does: how far that moves, and the largest stress.
+
+        The stress, in pascals, is that of the component or of what carries it.
+        """
+        bends = {}
+        for component in self.tool.components:
+            ends = corners(component.shape, self.placed[component.name][1])
+            tip = ends[np.argmax(np.linalg.norm(ends - self.joints[component.name], axis=1))]
+            bends[component.name] = self.bend(component.name, tip)
+        return bends
+
+    def bend(self, name: str, point: Array) -> tuple[float, float]:
+        """Estimate what a newton at a point (3,) of a component does, in the mount's frame: see `bending`."""
+        beams = [*(beam for _, beam in self.chains[name]), self.beam(name, point)]
+        starts, stops, soft, weak = map(np.array, zip(*beams, strict=True))
+        a, b = starts - point, stops - point
+        far = np.linalg.norm([a, b], axis=2).max(axis=0)
+        return float(soft @ (a * a + a * b + b * b).sum(axis=1)) / 3, float((weak * far).max())
+
+    def beam(self, name: str, stop: Array) -> Beam:
+        """Return a component's part from where it is held to ``stop`` (3,).
+
+        It bends about the weaker axis of the section across it, that of the bounding box. What fills a share s of its
+        volume has s^2 of its stiffness, which is 5 % too much for a rod.
+        """
+        start, shape, material = self.joints[name], self._shapes[name], self.material
+        along = int(np.argmax(np.abs((stop - start) @ self.placed[name][1].rotation.as_matrix())))
+        size = shape.bounds[1]
+        thin, wide = sorted(np.delete(size, along))
+        filled = shape.volume / float(np.prod(size))
+        inner_thin, inner_wide = (max(0.0, side - material.wall_mm / 500) for side in (thin, wide))
+        share = filled**2 * (1 - (1 - material.infill) * inner_wide * inner_thin**3 / (wide * thin**3))
+        length = float(np.linalg.norm(stop - start))
+        weak = 6 / (wide * thin**2 * share) if length > POINT_M else 0.0
+        return start, stop, length / (material.young_pa * wide * thin**3 / 12 * share), weak
+
+
+GRAVITY = 9.81  # m/s^2
+
+
+def moment_limit(robot: Robot) -> float:
+    """Return the largest moment about the mount that the wrist bears in any posture, N m.
+
+    It is the smallest effort limit of the last three joints, of which one is level in some posture.
+    """
+    return float(arm_of(robot).effort_limits[-3:].min())
+
+
+def flange_moment(tool: Tool, robot: Robot) -> float:
+    """Compute the largest moment of a tool's weight about the mount, N m: with its centre of mass level with it."""
+    mounts, placed = open_mounts(robot, tool.gripper), tool.placed()
+    weights = np.zeros(3)
+    for c in tool.components:
+        mount, pose = placed[c.name]
+        weights += c.mass * (mounts[mount] @ pose).apply(mass_properties(c.shape, c.mass)[0])
+    return GRAVITY * float(np.linalg.norm(weights))
+
+
+def mass_limit(robot: Robot, material: Material) -> tuple[float, str]:
+    """Return how much a tool may weigh, kg, and the reason in words."""
+    most_kg = math.inf if material.most_g is None else material.most_g / 1000
+    if most_kg < robot.payload_kg:
+        return most_kg, f"the budget of material is {most_kg:g} kg"
+    return robot.payload_kg, f"the arm carries at most {robot.payload_kg:g} kg"
+
+
+def check_weight(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
+    """Refuse a tool that is too heavy for an arm or its material's budget, or too far out for its weight.
+
+    Raises:
+        DesignError: with the figures, and the component that weighs most.
+    """
+    heaviest = max(tool.components, key=lambda component: component.mass)
+    mend = f"component {heaviest.name!r} weighs most, {heaviest.mass:.3g} kg: make parts thinner, shorter or fewer"
+    most_kg, why = mass_limit(robot, material)
+    if tool.mass > most_kg:
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {why}; {mend}")
+    moment, most = flange_moment(tool, robot), moment_limit(robot)
+    if moment > most:
+        raise DesignError(
+            f"the tool, of {tool.mass:.3g} kg, turns the wrist with {moment:.3g} N m, its centre of mass being "
+            f"{moment / GRAVITY / tool.mass:.3g} m from the mount; at most {most:g} N m are allowed; {mend}, or bring "
+            "heavy parts closer to the mount"
+        )
+
+
+def describe_weight(material: Material, robot: Robot) -> str:
+    """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
+    payload, moment = f"{mass_limit(robot, material)[0]:g} kg", f"{moment_limit(robot):g} N m"
+    return f"""\
+- Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
+  weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist
+  with {moment}: its mass in kg times {GRAVITY:g} times the distance in metres of its centre of mass from the mount."""
+
 
 def spring_share(material: Material) -> float:
     """Compute which share of a bought spring's energy, torque and force springs of a material may have.
@@ -44,18 +174,6 @@ def spring_share(material: Material) -> float:
     if material.strength_pa is None:
         return 1.0
     return min(1.0, PRINTED_M3 * material.strength_pa**2 / (18 * material.young_pa) / MAX_SPRINGS_J)
-
-
-def describe_springs(material: Material) -> str:
-    """Write the part of a prompt that says how strong springs and dampers of joints may be."""
-    share = spring_share(material)
-    torque, force, energy = (share * most for most in (*MAX_SPRING.values(), MAX_SPRINGS_J))
-    turning, sliding = MAX_DAMPING.values()
-    return (
-        f"At the end of its range that is farther from `rest` a spring exerts {torque:.2g} N m or {force:.2g} N at "
-        f"most;\n  all together hold {energy:.2g} J at most. Damping is at most {turning:g} N m s/rad or {sliding:g} "
-        f"N s/m,\n  dry friction {MAX_SPRING['hinge']:g} N m or {MAX_SPRING['slider']:g} N"
-    )
 
 
 def check_joints(tool: Tool, material: Material, mounts: Mapping[str, Sequence[Solid]]) -> None:

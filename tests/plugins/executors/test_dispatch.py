@@ -1,6 +1,7 @@
 import pytest
 
-from core.search.dispatch import CHUNK, dispatch, time_limit
+from core.interfaces import CHUNK
+from plugins.executors.dispatch import dispatch, time_limit
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,20 @@
-"""Write where the bodies of a layout are at the start, as a table for a prompt."""
+"""Write what a prompt shows of a task: parts of its source, and where the bodies of a layout are at the start.
+
+Covered by `tests/core/designs/test_excerpts.py` and `tests/core/designs/test_layout.py`.
+"""
 
 from __future__ import annotations
 
+import ast
+import inspect
+import re
+import sys
+import textwrap
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +24,80 @@ from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Geom
 from core.support.text import short_number, short_numbers, table
+from core.values.layouts import NONE
+
+_SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
+
+
+@lru_cache
+def function_source(function: Callable[..., Any]) -> str:
+    """Take a function's source without its docstring."""
+    lines, (node,) = inspect.getsource(function).splitlines(), ast.parse(inspect.getsource(function)).body
+    assert isinstance(node, ast.FunctionDef)
+    if ast.get_docstring(node) is not None:
+        del lines[node.body[0].lineno - 1 : node.body[0].end_lineno]
+    return "\n".join(lines)
+
+
+@lru_cache
+def class_source(part: type, *members: str) -> str:
+    """Take a class's head, its docstring without sections, and these members."""
+    text = _SECTION.sub("", inspect.getsource(part), count=1)
+    lines, (node,) = text.splitlines(), ast.parse(text).body
+    assert isinstance(node, ast.ClassDef)
+    kept = lines[: node.body[0].end_lineno]
+    for child in node.body[1:]:
+        target = child.target if isinstance(child, ast.AnnAssign) else None
+        name = target.id if isinstance(target, ast.Name) else getattr(child, "name", None)
+        if name in members:
+            decorators = getattr(child, "decorator_list", [])
+            first = min(each.lineno for each in (child, *decorators))
+            kept += [*[""] * bool(decorators), *lines[first - 1 : child.end_lineno]]
+    return "\n".join(kept)
+
+
+def task_source(task: Task) -> str:
+    """Return the task's file, without its short description, and without variations where the task has none of them."""
+    text = task.source()
+    left_out = {"in_words", *(("variations",) if task.variation == NONE else ())}
+    if task.language != "python":
+        keys = "|".join(sorted(left_out))
+        return re.sub(rf"^({keys}):.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines = text.splitlines(keepends=True)
+    members = [m for part in ast.parse(text).body if isinstance(part, ast.ClassDef) for m in part.body]
+    for member in reversed(members):
+        targets = member.targets if isinstance(member, ast.Assign) else []
+        if any(isinstance(target, ast.Name) and target.id in left_out for target in targets):
+            del lines[member.lineno - 1 : member.end_lineno]
+    return "".join(lines)
+
+
+def helpers(task: Task) -> str:
+    """Take the heads and docstrings of the functions that a task's file imports from its own package.
+
+    A function without a docstring is taken whole.
+    """
+    module = sys.modules[type(task).__module__]
+    package = module.__name__.partition(".")[0]
+    functions = [inspect.unwrap(value) for value in vars(module).values() if callable(value)]
+    taken = [
+        _head(function)
+        for function in functions
+        if inspect.isfunction(function)
+        and function.__module__ != module.__name__
+        and function.__module__.partition(".")[0] == package != "core"
+        and function.__name__.isidentifier()  # no lambda
+    ]
+    return "\n\n".join(taken)
+
+
+def _head(function: Callable[..., Any]) -> str:
+    text = textwrap.dedent(inspect.getsource(function))
+    (node,) = ast.parse(text).body
+    assert isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    documented = ast.get_docstring(node) is not None
+    return "\n".join(text.splitlines()[: node.body[0].end_lineno if documented else None])
+
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = 3  # parts of a hollow body, and sides on which they bound its middle, at least

@@ -22,10 +22,10 @@ from typing import Any, TypeVar
 
 from core.errors import RAISED, Fault, UsageError, UserError, check_positive
 from core.interfaces import Executor
-from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 from core.support.cli import say
 from core.support.scratch import scratch, use_scratch
 from core.support.threads import run_in_thread
+from plugins.executors.dispatch import check_limits, cores, dispatch, portable, time_limit
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -89,7 +89,7 @@ class RayExecutor(Executor):
         self._crew: _Crew | None = None
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map` and `core.search.dispatch.dispatch`."""
+        """See `Executor.map` and `plugins.executors.dispatch.dispatch`."""
         if self._crew is None:
             self._connect()
             count = self._workers or self._room(getattr(function, "batch", 1) > 1)

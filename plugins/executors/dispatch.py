@@ -13,12 +13,11 @@ from functools import partial
 from typing import TypeVar
 
 from core.errors import Fault, UsageError, check_positive, fault
+from core.interfaces import CHUNK
 from core.support.threads import run_in_thread
 
 A = TypeVar("A")
 B = TypeVar("B")
-
-CHUNK = 10  # candidates that travel together: the method has as many plans for a tool
 
 
 @dataclass(frozen=True)

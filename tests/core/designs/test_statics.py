@@ -10,8 +10,7 @@ from core.config.compose import load
 from core.design import Component, DesignError, Tool
 from core.designs.composer import as_markdown
 from core.designs.rules import check_tool
-from core.designs.stiffness import Beams
-from core.designs.weight import check_weight, describe_weight, flange_moment, moment_limit
+from core.designs.statics import Beams, check_weight, describe_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.prompt import compose
