@@ -86,7 +86,7 @@ class PromptComposer:
     def compose(
         self,
         brief: Brief,
-        pictures: Sequence[Picture],
+        pictures: Sequence[Picture] = (),
         strips: Mapping[str, Picture] | None = None,
         *,
         schema: bool = True,

@@ -98,7 +98,7 @@ def words(messages: tuple[Message, ...]) -> str:
 
 def prompt(settings: PromptSettings | None = None, **changes: Any) -> str:
     """The text for a changed brief, without a picture."""
-    return words(PromptComposer(settings).compose(make_brief(**changes), None))
+    return words(PromptComposer(settings).compose(make_brief(**changes)))
 
 
 def elites_in(text: str) -> tuple[str, str, list[dict[str, Any]]]:
@@ -127,7 +127,7 @@ BRIEFS = [
 
 @pytest.mark.parametrize("brief", BRIEFS)
 def test_contents_of_every_prompt(brief: Brief) -> None:
-    system, user = PromptComposer().compose(brief, PICTURE)
+    system, user = PromptComposer().compose(brief, [PICTURE])
     assert (system.role, user.role) == ("system", "user")
     assert user.parts[-1] == PICTURE
     assert all(isinstance(part, Text) and part.text.endswith("\n\n") for part in user.parts[:-1])
@@ -149,7 +149,7 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
         assert str(folder) not in text
     schema = json.dumps(answer_schema(brief), separators=(",", ":"))
     assert schema in text
-    assert schema not in words(PromptComposer().compose(brief, PICTURE, schema=False))  # the model gets it otherwise
+    assert schema not in words(PromptComposer().compose(brief, [PICTURE], schema=False))  # the model gets it otherwise
 
 
 def test_parts_come_in_order() -> None:
@@ -161,7 +161,7 @@ def test_parts_come_in_order() -> None:
 
 
 def test_without_a_picture_none_is_mentioned() -> None:
-    messages = PromptComposer().compose(make_brief(), None)
+    messages = PromptComposer().compose(make_brief())
     assert all(isinstance(part, Text) for message in messages for part in message.parts)
     assert "picture" not in words(messages).lower()
 
@@ -192,7 +192,7 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     assert "`details`" not in plain
     trials = (Trial("one", reward=0.5, change=1), Trial("one", reward=0.524690, change=2))
     elites = (replace(ELITES[0], trials=trials, combined=True, figures={"cost": float("nan")}, saved_s=1.5), ELITES[1])
-    text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites), None))
+    text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites)))
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
     _, _, (first, second) = elites_in(text)
     engine = {"mean": 0.5123, "std": 0.0123, "rewards": [0.5, 0.5247]}
@@ -207,7 +207,7 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
 def test_only_distance_is_left_to_gain(tie: float, reward: float, left: bool, given: bool) -> None:
     elites = (replace(make_elite(0, reward), distance_m=1.234), make_elite(1, 0.5))
     brief = make_brief(elites=elites, **({"representation": GivenBar(), "n_tool": 1} if given else {}))
-    text = words(PromptComposer(tie=tie).compose(brief, None))
+    text = words(PromptComposer(tie=tie).compose(brief))
     assert ("nothing but distance is left to gain" in text) == left
     assert ("The best went 1.23 m." in text) == left
     assert f"Rewards within {tie:g} of the highest count as equal" in text
@@ -235,7 +235,7 @@ def test_feedback(feedback: str) -> None:
     elite = replace(ELITES[0], candidate=replace(ELITES[0].candidate, plan=plan), **FIGURES)
     pictures = {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")} if feedback == "full" else {}
     prompts = PromptComposer(PromptSettings(feedback=feedback))
-    messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), PICTURE, pictures)
+    messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), [PICTURE], pictures)
     text = words(messages)
     _, listed, (first, second) = elites_in(text)
     shown = {
@@ -282,7 +282,7 @@ def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
     first = prompt(representation=GivenBar(), n_tool=1)
     assert "best plans so far" not in first
     brief = make_brief(representation=GivenBar(), n_tool=1, elites=ELITES)
-    later = words(PromptComposer().compose(brief, None))
+    later = words(PromptComposer().compose(brief))
     assert "## The best plans so far" in later
     assert '"action_plan"' in later
     assert "`parents`" in later
@@ -297,7 +297,7 @@ class NoTool(GivenBar):
 @pytest.mark.parametrize("n_action", [1, 4])
 def test_without_a_tool_none_is_mentioned(n_action: int) -> None:
     brief = make_brief(representation=NoTool(), n_tool=1, n_action=n_action, gripper=True)
-    text = words(PromptComposer().compose(brief, PICTURE))
+    text = words(PromptComposer().compose(brief, [PICTURE]))
     prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL).replace("There is no tool, and none can be designed.", "")
     assert not re.search(r"\btools?\b", prose.partition("# Mission")[2])
     assert "at (0.4, -0.2, 0.2) with roll, pitch, yaw (0, 0, 0)" in prose  # home
@@ -323,7 +323,7 @@ def idea(tmp_path: Path) -> Path:
     "brief", [make_brief(), make_brief(elites=ELITES), make_brief(representation=GivenBar(), n_tool=1)]
 )
 def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
-    text = words(PromptComposer(settings_of("human", f"prompt.file={idea}")).compose(brief, None))
+    text = words(PromptComposer(settings_of("human", f"prompt.file={idea}")).compose(brief))
     assert text.count("```text\nTake a broom {{ brief }}.\n```") == 1
     assert "# The colleague's instructions" in text
     assert "wide range" not in text
@@ -335,7 +335,7 @@ def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
 def test_samples_are_marked_as_such_and_the_mark_is_left_out() -> None:
     file = FOLDER.parent / "docs" / "ideas" / "one_book_layperson.md"
     assert file.read_text(encoding="utf-8").startswith("<!-- An example, written for this project")
-    text = words(PromptComposer(settings_of("human", f"prompt.file={file}")).compose(make_brief(), None))
+    text = words(PromptComposer(settings_of("human", f"prompt.file={file}")).compose(make_brief()))
     assert file.read_text(encoding="utf-8").partition("-->")[2].strip() in text
     assert "<!--" not in text
 
@@ -370,9 +370,9 @@ def test_an_idea_that_is_not_used_and_a_missing_one() -> None:
 
 def test_evolution_alone_needs_elites() -> None:
     prompts = PromptComposer(settings_of("evolve"))
-    assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES), None))
+    assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES)))
     with pytest.raises(UserError, match="this prompt evolves elites, and there are none"):
-        prompts.compose(make_brief(), None)
+        prompts.compose(make_brief())
 
 
 # --- a repair ---------------------------------------------------------------------------------------------------
@@ -380,7 +380,7 @@ def test_evolution_alone_needs_elites() -> None:
 
 def test_a_repair_shows_the_reply_and_its_problem() -> None:
     brief = make_brief()
-    first = Request("g0-a0", brief, PromptComposer().compose(brief, PICTURE), {}, 1.0)
+    first = Request("g0-a0", brief, PromptComposer().compose(brief, [PICTURE]), {}, 1.0)
     messages = PromptComposer().repair(first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}")
     assert messages[:2] == first.messages
     assert [m.role for m in messages[2:]] == ["assistant", "user"]
@@ -401,11 +401,9 @@ def test_one_elite_can_only_be_mutated() -> None:
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
-    same = words(
-        PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),)), None)
-    )
+    same = words(PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),))))
     other = words(
-        PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=not gripper),)), None)
+        PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=not gripper),)))
     )
     assert "of the other kind" not in same
     assert f"`gripper` is {json.dumps(not gripper)}, it is of the other kind" in other
@@ -414,7 +412,7 @@ def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
 def test_an_elite_without_a_tool_is_an_error() -> None:
     elite = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no tool"), "rejected")
     with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool"):
-        PromptComposer().compose(make_brief(elites=(elite,)), None)
+        PromptComposer().compose(make_brief(elites=(elite,)))
 
 
 # --- the templates ----------------------------------------------------------------------------------------------
@@ -433,7 +431,7 @@ def test_the_default_choice_is_the_default() -> None:
 
 def test_parts_can_be_chosen() -> None:
     chosen = PromptSettings(system=[], initial=["units", "context", "frames"])
-    messages = PromptComposer(chosen).compose(make_brief(), None)
+    messages = PromptComposer(chosen).compose(make_brief())
     assert [message.role for message in messages] == ["user"]
     assert headings(words(messages)) == ["Units", "The task: PushCube", "Frames"]
 
@@ -454,7 +452,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_another_folder(folder: Path) -> None:
     (folder / "units.md.j2").write_text("# Units\nInches, for {{ task.name }}.\n", encoding="utf-8")
-    assert "Inches, for PushCube." in words(from_folder(folder).compose(make_brief(), None))
+    assert "Inches, for PushCube." in words(from_folder(folder).compose(make_brief()))
 
 
 @pytest.mark.parametrize(
@@ -468,7 +466,7 @@ def test_another_folder(folder: Path) -> None:
 def test_a_template_that_cannot_be_used_is_an_error(folder: Path, text: str, said: str) -> None:
     (folder / "units.md.j2").write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=said) as error:
-        from_folder(folder).compose(make_brief(), None)
+        from_folder(folder).compose(make_brief())
     assert "\n" not in str(error.value)
 
 
@@ -564,7 +562,7 @@ def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> N
 
 @pytest.mark.parametrize("penetration", ["forbid", "warn"])
 def test_what_collides_is_stated_as_it_is_checked(penetration: str) -> None:
-    text = words(PromptComposer(rollout=RolloutSettings(penetration=penetration)).compose(make_brief(), None))
+    text = words(PromptComposer(rollout=RolloutSettings(penetration=penetration)).compose(make_brief()))
     assert ("or the tool into the arm, is rejected without a trial" in text) == (penetration == "forbid")
     assert ("earns 0: don't" in text) == (penetration == "forbid")
     assert ("Arm and tool do not collide with each other" in text) == (penetration != "forbid")
@@ -584,7 +582,7 @@ def for_robot(robot: Robot, **changes: Any) -> Brief:
 
 def prose(brief: Brief) -> str:
     """The composed text without code, the schema and the names of links."""
-    return re.sub(r"```.*?```|`.*?`", "", words(PromptComposer().compose(brief, PICTURE)), flags=re.DOTALL)
+    return re.sub(r"```.*?```|`.*?`", "", words(PromptComposer().compose(brief, [PICTURE])), flags=re.DOTALL)
 
 
 class Flange(GivenBar):

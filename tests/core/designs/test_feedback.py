@@ -181,7 +181,7 @@ def test_what_is_said_of_an_elite():
 
 def text(feedback, elites=(), **given):
     prompts = PromptComposer(PromptSettings(feedback=feedback, **given))
-    _, user = prompts.compose(make_brief(elites=elites, tried=(tried(), tried(1))), None)
+    _, user = prompts.compose(make_brief(elites=elites, tried=(tried(), tried(1))))
     return "".join(part.text for part in user.parts)
 
 
@@ -196,4 +196,4 @@ def test_the_prompt_has_the_lines_unless_it_is_the_papers(elites):
 
 def test_a_first_prompt_has_no_heading_for_a_last_round():
     prompts = PromptComposer(PromptSettings(feedback="numbers"))
-    assert "last round" not in "".join(part.text for m in prompts.compose(make_brief(), None) for part in m.parts)
+    assert "last round" not in "".join(part.text for m in prompts.compose(make_brief()) for part in m.parts)

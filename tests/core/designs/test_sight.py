@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from core.config.compose import load
+from core.designs.arm_sheet import describe_arm
 from core.designs.sight import Sight, bodies_table
 from core.errors import UsageError
+from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.prompt import compose
 from core.scene import Box, Cylinder, Sphere
@@ -77,9 +79,10 @@ def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
     monkeypatch.setattr("core.search.designer.calibrated_pictures", lambda *_: ())
     made = installed().create("task", task, {"variation": "wide"})
     home = " ".join(f"{x:.3f} {x:.4g}" for x in [*made.home.position, *made.home.rpy])
+    arm = " ".join(repr(describe_arm(made, RolloutSettings(), "mujoco", gripper)) for gripper in (False, True))
     words = ("task.variation=wide", "seed=7", "prompt.picture=false")
     for told in ("pictures", "photos"):
-        assert leaked(prompt(task, told, *words), made, 7, usual() + made.in_words + home) == set()
+        assert leaked(prompt(task, told, *words), made, 7, usual() + made.in_words + home + arm) == set()
     assert leaked(prompt(task, "words", *words), made, 7, usual())  # what is there is found
 
 

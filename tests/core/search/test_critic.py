@@ -120,7 +120,7 @@ def test_whatever_a_critic_writes_stays_one_bounded_text(text):
     request = made.critic.requests(replace(brief, tried=tuple(evaluations)))[0]
     made.critic.hear(Reply(request.id, text, "a critic"), request)
     words = made.critic.words(evaluations, evaluations)
-    prompt = made.prompts.compose(replace(brief, critiques=words, tried=tuple(evaluations)), None)
+    prompt = made.prompts.compose(replace(brief, critiques=words, tried=tuple(evaluations)))
     shown = "".join(part.text for message in prompt for part in message.parts).partition("## Critiques")[2]
     fenced = shown.partition("```json")[2].partition("```")[0]
     assert [len(entry["critique"]) <= MAX_CRITIQUE for entry in json.loads(fenced or "[]")] == [True] * len(words)

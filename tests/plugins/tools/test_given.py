@@ -53,7 +53,7 @@ def test_prompt_asks_for_plans_only(representation, words):
     brief = Brief(
         task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0, actions=WaypointActions()
     )
-    user = PromptComposer().compose(brief, None)[-1]
+    user = PromptComposer().compose(brief)[-1]
     text = "".join(part.text for part in user.parts if isinstance(part, Text))
     assert words in text
     assert "tool_urdf" not in text
