@@ -104,7 +104,6 @@ def _lines() -> Iterator[str]:
         "",
     )
     yield "````text"
-    yield "\n".join(
-        as_markdown(message, "images/tasks/").strip() + "\n" for message in messages("first sampling")
-    ).rstrip()
+    texts = (as_markdown(message).strip() + "\n" for message in messages("first sampling"))
+    yield "\n".join(texts).replace("](BringCube.png)", "](images/tasks/BringCube.png)").rstrip()
     yield from ("````", "")

@@ -125,6 +125,7 @@ def test_result_and_generations(opened):
     result = json.loads((store.folder / "result.json").read_text())
     assert result.pop("versions").keys() >= {"python", "vlmgineer", "numpy", "pin"}
     assert result == {
+        "name": "",
         "task": "BringCube",
         "robot": "panda",
         "sim": "none",
