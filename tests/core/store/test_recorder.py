@@ -39,7 +39,6 @@ def opened(tmp_path):
     events = event_hub()
     events.register(store)
     parts = {
-        "name": "",
         "task": "BringCube",
         "robot": "panda",
         "sim": "none",

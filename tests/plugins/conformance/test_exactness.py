@@ -23,7 +23,8 @@ def test_the_stored_figures_are_those_of_the_engine(engine):
     assert measured.keys() == stored.keys()
     for name, figure in stored.items():
         least = 2e-4 if "rad" in name else 0.1  # radians; millimetres and newtons
-        assert measured[name] == pytest.approx(figure, rel=0.1, abs=least), name
+        wanted = figure if figure is None else pytest.approx(figure, rel=0.1, abs=least)  # None: too stiff to be seen
+        assert measured[name] == wanted, name
 
 
 @pytest.mark.thorough
