@@ -173,6 +173,7 @@ class World:
         if tool.bearers:  # Bullet brakes everything that moves, by 4 % in a second
             p.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
+        self._noted = [*self._joints, *self._loose]
         self._hung = [*zip(self._loose, (bearer.joint for bearer in tool.bearers), strict=True)]
         self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
         for number in self._loose:  # held until then
@@ -201,16 +202,16 @@ class World:
         velocities += [finger_speed] * self._fingers
         if (targets, velocities) != self._driven:  # motors keep their targets
             self._driven = targets, velocities
-            p.setJointMotorControlArray(
+            p.setJointMotorControlArray(  # names would cost half a microsecond a step
                 self.robot,
                 self._joints,
                 p.POSITION_CONTROL,
-                targetPositions=targets,
-                targetVelocities=velocities,
-                forces=self._forces,
-                positionGains=self._gains,
-                velocityGains=self._velocity_gains,
-                physicsClientId=self.client,
+                targets,
+                velocities,
+                self._forces,
+                self._gains,
+                self._velocity_gains,
+                self.client,
             )
         for number, spring in self._springs:
             value = p.getJointState(self.robot, number, physicsClientId=self.client)[0]
@@ -218,7 +219,7 @@ class World:
             p.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque, physicsClientId=self.client)
         for mechanism in self._mechanisms:
             mechanism.drive()
-        p.stepSimulation(physicsClientId=self.client)
+        p.stepSimulation(self.client)
         if self.forces:
             self.forces.add_step()
 
@@ -267,16 +268,15 @@ class World:
         return *self._joints_of(angles), self._states_of(bodies)
 
     def _angles(self) -> list[float]:
-        states = p.getJointStates(self.robot, [*self._joints, *self._loose], physicsClientId=self.client)
-        return [state[0] for state in states]
+        return [state[0] for state in p.getJointStates(self.robot, self._noted, self.client)]
 
     def _bodies(self) -> list[tuple[float, ...]]:
         """Position, quaternion (x, y, z, w) and velocities of each free body's centre of mass, 13 numbers."""
         found = []
         for body, link in self._free:
             if link < 0:
-                position, quaternion = p.getBasePositionAndOrientation(body, physicsClientId=self.client)
-                linear, angular = p.getBaseVelocity(body, physicsClientId=self.client)
+                position, quaternion = p.getBasePositionAndOrientation(body, self.client)
+                linear, angular = p.getBaseVelocity(body, self.client)
             else:
                 moving = p.getLinkState(body, link, 1, 1, physicsClientId=self.client)
                 position, quaternion, linear, angular = moving[0], moving[1], moving[6], moving[7]
