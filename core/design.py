@@ -88,6 +88,7 @@ class Trial:
         observation: of several trials only the one that is shown has it.
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
         motion_s: the time of the motion, s; None: nothing was played to its end.
+        goals: where several goals count, how far each was fulfilled, 0..1, by name.
     """
 
     engine: str = ""
@@ -101,6 +102,7 @@ class Trial:
     observation: Observation | None = None
     margins: tuple[Margin, ...] = ()
     motion_s: float | None = None
+    goals: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

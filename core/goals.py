@@ -5,7 +5,7 @@ Plugins import it from `core.scene`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Protocol
@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from core.geometry import Array, Pose, Vector
-from core.values.joints import PlacedJoint, Placement, rotate
+from core.values.joints import Layout, Placement, rotate
 from core.values.margins import Margin
 from core.values.states import State, Trace
 
@@ -23,20 +23,6 @@ SLIP_M, SLIP_RAD = 0.1, 0.5  # what is right at the start counts as lost when it
 STILL_M_S, STILL_RAD_S = 0.02, 0.2  # at rest
 KEPT_M, STRAYED_M = 0.02, 0.1  # a body to keep may move so far; from here on nothing is earned
 DONE = 0.95  # a goal is fulfilled from this progress on, where one instant is compared with another
-
-
-class _Bodies(Protocol):
-    @property
-    def pose(self) -> Pose: ...
-
-
-class Layout(Protocol):
-    """A scene, or what has its bodies and joints."""
-
-    def __getitem__(self, name: str, /) -> _Bodies: ...
-
-    @property
-    def placed_joints(self) -> Mapping[str, PlacedJoint]: ...
 
 
 @dataclass(frozen=True)
@@ -193,6 +179,18 @@ def goals_reward(task: Aim, start: State, end: State, trace: Trace | None = None
         own = [factor for factor, moves in zip(factors, moving, strict=True) if moves]
         total = np.max([one * factor for one, factor in zip(earned, own, strict=True)], axis=0)
     return np.clip(reduce(np.multiply, guards, total), 0.0, 1.0)
+
+
+def goals_shares(task: Aim, start: State, end: State, trace: Trace | None = None) -> tuple[tuple[str, float], ...]:
+    """Say how far one world fulfilled each of several goals that all count, 0..1; none where one goal is enough."""
+    judge = _Judge(tuple(task.goals), start, trace)
+    moving = [(number, goal) for number, goal in enumerate(task.goals) if goal.moves]
+    if not task.every or len(moving) < 2:
+        return ()
+    return tuple(
+        (goal.name or f"{goal.joint or ' '.join(goal.bodies[:3])} (goal {number})", float(judge.earned(goal, end)))
+        for number, goal in moving
+    )
 
 
 @dataclass(frozen=True, eq=False)

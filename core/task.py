@@ -13,7 +13,7 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
-from core.goals import goals_margins
+from core.goals import goals_margins, goals_shares
 from core.scene import Camera, Goal, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
@@ -130,3 +130,11 @@ def margins_of(task: Task, start: State, end: State, trace: Trace | None, reward
         far = 1 - task.success_reward
         return least_first([Margin.at_least("reward", reward, task.success_reward, "", far)])
     return tuple(margin for margin in margins if reward < task.success_reward or margin.margin >= 0)
+
+
+def shares_of(task: Task, start: State, end: State, trace: Trace | None) -> tuple[tuple[str, float], ...]:
+    """Return how far each of a task's goals was fulfilled in one world, if all of them count."""
+    try:
+        return goals_shares(task, start, end, trace)
+    except (AssertionError, AttributeError, KeyError, ValueError):  # goals are a hint, as for `margins_of`
+        return ()

@@ -15,11 +15,12 @@ import numpy as np
 from core.design import Evaluation, Trial, best_first
 from core.designs.sight import Sight
 from core.interfaces import Brief, Contact, Observation, Task
-from core.support.text import clean, short_numbers
+from core.support.text import by_reason, clean, short_numbers
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
 _BODIES, _CONTACTS, _LAYOUTS = 2, 6, 3
 _REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
+_REASONS = 3  # of candidates without a line of their own
 _OUTCOMES, _DRAWN = 6, 8  # kinds of trials, and drawn numbers of a layout
 
 
@@ -101,7 +102,9 @@ def generation_lines(evaluations: tuple[Evaluation, ...], budget: int, sight: Si
         chosen.add(text)
     shown = [line for text, line in lines.items() if text in chosen]
     rest = [evaluation for text, group in groups.items() if text not in chosen for evaluation in group]
-    return "\n".join([*shown, *([f"- Left out: {_summary(rest)}."] if rest else [])])
+    why = by_reason((e.candidate.id, e.reason) for e in rest)[:_REASONS]
+    left_out = "; ".join([_summary(rest), *(_said(clean(line, _OUTCOME), sight) for line in why)])
+    return "\n".join([*shown, *([f"- Left out: {left_out}."] if rest else [])])
 
 
 def combined_figures(evaluation: Evaluation, task: Task, sight: Sight | None = None) -> dict[str, Any]:
@@ -152,6 +155,7 @@ def poor_layouts(evaluation: Evaluation, task: Task, *, drawn: bool = True) -> l
 def elite_feedback(trial: Trial, seen: Observation, sight: Sight | None = None) -> dict[str, Any]:
     """Describe what was observed of an elite's trial; with ``sight`` without the numbers of bodies."""
     described: dict[str, Any] = {"trial": _where(trial), "result": _said(_result(seen), sight)}
+    described["goals"] = {name: _percent(share) for name, share in trial.goals}
     described["moved"] = dict(_moves(seen, 2 * _BODIES, sight))
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
@@ -188,6 +192,8 @@ def describe(evaluation: Evaluation, sight: Sight | None = None) -> str:
         parts[0] += f" ({'; '.join(trial_lines(evaluation, sight))}); in {shown}:"
     if not evaluation.reason:
         parts[0] += f" {_said(_result(seen), sight)}"
+    goals = evaluation.shown.goals if evaluation.shown is not None else ()
+    parts += [f"of the goals {', '.join(f'{name} {_percent(share)}' for name, share in goals)}"] if goals else []
     moves = _moves(seen, _BODIES, sight)
     parts += [f"{name} {move}" for name, move in moves] or ["nothing moved"]
     first: dict[str, Contact] = {}
@@ -271,6 +277,10 @@ def _contacts(contacts: Sequence[Contact], sight: Sight | None) -> list[str]:
 
 def _said(text: str, sight: Sight | None) -> str:
     return text if sight is None else sight.text(text)
+
+
+def _percent(share: float) -> str:
+    return f"{math.floor(100 * share)} %"  # 100 % is whole
 
 
 def _deep(contact: Contact) -> str:

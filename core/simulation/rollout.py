@@ -25,7 +25,7 @@ from core.solids.penetration import Explosion, Finding, findings_of_each
 from core.solids.record_rate import is_finite, sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
-from core.task import margins_of, reward_of
+from core.task import margins_of, reward_of, shares_of
 from core.values.states import TRACE_HZ
 
 _WARNINGS = 10  # findings of a rollout that are listed
@@ -284,7 +284,12 @@ class _Batch:
                 moved_m=dict(zip(starts.names, moved, strict=True)),
                 warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
                 trials=(
-                    replace(self._trial(attempt, reward), margins=margins, motion_s=float(motion.trajectory.duration)),
+                    replace(
+                        self._trial(attempt, reward),
+                        margins=margins,
+                        motion_s=float(motion.trajectory.duration),
+                        goals=shares_of(self.task, starts[number], ends[number], film),
+                    ),
                 ),
             )
             if not 0.0 <= reward <= 1.0:

@@ -68,14 +68,14 @@ def number(value: float | None, digits: int) -> str:
 def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
     """Group candidates, each with the reason why it earned nothing or less; a line for each reason, common ones first.
 
-    What a rule gives to all plans of a tool is one line: it names the first, and says how many more there are.
+    Reasons that differ in numbers alone are one: its line counts the candidates, and has the first of them.
     """
-    groups: dict[str, list[str]] = {}
+    groups: dict[str, list[tuple[str, str]]] = {}
     for name, reason in candidates:
         if reason:
-            groups.setdefault(clean(reason, 300), []).append(name)
-    ordered = sorted(groups.items(), key=lambda of: -len(of[1]))
-    return [f"{of[0]}{f' and {len(of) - 1} more' * (len(of) > 1)}: {reason}" for reason, of in ordered]
+            groups.setdefault(re.sub(r"[\d.]*\d", "0", clean(reason, 300)), []).append((name, clean(reason, 300)))
+    ordered = sorted(groups.values(), key=lambda of: -len(of))
+    return [f"{len(of)} times, first {of[0][0]}: {of[0][1]}" if len(of) > 1 else ": ".join(of[0]) for of in ordered]
 
 
 def hydra_word(value: object) -> str:

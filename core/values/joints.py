@@ -7,8 +7,9 @@ Plugins import it from `core.scene`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -244,6 +245,20 @@ class PlacedJoint:
         arm = rotate(quaternion, np.asarray(joint.origin))
         linear = parent.linear + np.cross(parent.angular, there) + glide - np.cross(angular, arm)
         return Placement(parent.position + there - arm, quaternion, linear, angular)
+
+
+class _Posed(Protocol):
+    @property
+    def pose(self) -> Pose: ...
+
+
+class Layout(Protocol):
+    """A scene, or what has its bodies and joints."""
+
+    def __getitem__(self, name: str, /) -> _Posed: ...
+
+    @property
+    def placed_joints(self) -> Mapping[str, PlacedJoint]: ...
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:

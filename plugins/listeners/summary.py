@@ -51,7 +51,7 @@ class SummaryListener:
     def run_finished(self, run: Run, result: Result) -> None:
         if result.best is not None:
             _print_tools(result, self.top)
-        said = (remark for of in (_reasons, _tied, _margin, _unseen) for remark in of(result))
+        said = (remark for of in (_reasons, _tied, _goals, _margin, _unseen) for remark in of(result))
         say(*said, _spent(self._replies), *_commands(run, result), file=sys.stderr)
 
 
@@ -86,6 +86,17 @@ def _tied(result: Result) -> Iterable[str]:
     if highest is not None and result.best is not None and number(highest.reward, 3) != number(result.best.reward, 3):
         earned = f"{highest.candidate.id} earned {number(highest.reward, 3)}"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
+
+
+def _goals(result: Result) -> Iterable[str]:
+    """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached."""
+    every = [trial.goals for evaluation in result.ranking for trial in evaluation.trials]
+    best = [dict(trial.goals) for trial in result.best.trials if trial.goals] if result.best is not None else []
+    if best:
+        most = {name: max(dict(goals).get(name, 0.0) for goals in every) for name in best[0]}
+        means = {name: statistics.fmean(goals.get(name, 0.0) for goals in best) for name in most}
+        shares = (f"{name} {number(means[name], 3)} ({number(most[name], 3)})" for name in most)
+        yield f"goals, by the best candidate (and the most by any): {', '.join(shares)}"
 
 
 def _margin(result: Result) -> Iterable[str]:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Pose
-from core.goals import goals_margins, goals_reward, needs_trace
+from core.goals import goals_margins, goals_reward, goals_shares, needs_trace
 from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
 from core.task import Task, margins_of
 from core.values.states import TRACE_HZ
@@ -303,3 +303,14 @@ class Untold(Task):
 
     def reward(self, start, end):
         return end.position("cube")[..., 0]
+
+
+def test_each_of_several_goals_that_count_has_a_share():
+    goals = (Goal(joint="drawer", to=0.2), Goal(("cube",), away=0.2, name="cube away"), Goal(keep=("other",)))
+    end = shifted(0.25)
+    task = SimpleNamespace(goals=goals, every=True)
+    shares = dict(goals_shares(task, START, end))
+    assert shares == pytest.approx({"drawer (goal 0)": 0.0, "cube away": 0.25})
+    assert np.mean(list(shares.values())) == pytest.approx(goals_reward(task, START, end))
+    assert goals_shares(SimpleNamespace(goals=goals, every=False), START, end) == ()
+    assert goals_shares(SimpleNamespace(goals=goals[1:], every=True), START, end) == ()

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from core.design import DesignError
 from core.designs.planning import look
-from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request
+from core.hooks import hookimpl
+from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request, Task
+from core.scene import Goal, Scene
+from core.support.cli import say
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Layout, Workshop
 from plugins.vlms.offline.plans import turn_of
 from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.tools import recognize
+
+if TYPE_CHECKING:
+    from core.events import Run
 
 _LAYOUTS, _DRAWN = 4, 32  # others in which an anchored plan is checked, the most unlike of so many
 
@@ -32,12 +39,45 @@ class OfflineDesigner(VLM):
     criticises = False
     sees = False
 
+    @hookimpl(trylast=True)
+    def run_started(self, run: Run) -> None:
+        if left := left_out(run.task, run.seed):
+            say(f"the embedded designer does not plan for: {'; '.join(left)}", file=sys.stderr)
+
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:
             try:
                 yield Reply(request.id, json.dumps(answer(request.brief), indent=1), self.model)
             except (NothingToMove, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
+
+
+def left_out(task: Task, seed: int) -> list[str]:
+    """Name what a task's goals ask that its plans leave out."""
+    scene = task.scene(seed)
+    balls = {joint.name for joint in scene.joints if joint.kind == "ball"}
+    goals = [goal.within(scene) for goal in task.goals if goal.moves]
+    cases = {
+        "a ball joint's position": any(goal.joint in balls for goal in goals),
+        "a turn about the vertical": any(_turns_level(goal, scene) for goal in goals),
+        "a time limit": any(goal.by_s is not None for goal in goals),
+        "a limit of force": any(goal.max_force_n for goal in task.goals),
+        "a second goal, where one is a joint's or a turn (each tool is made for one)": task.every
+        and len(goals) > 1
+        and any(goal.joint or goal.axis for goal in goals),
+        "anything but its first free body, as the task has no goals": not goals,
+    }
+    return [name for name, holds in cases.items() if holds]
+
+
+def _turns_level(goal: Goal, scene: Scene) -> bool:
+    """Report whether a goal's axis must turn about the vertical."""
+    if goal.axis is None or not goal.bodies:
+        return False
+    now = scene[goal.bodies[0]].pose.rotation.apply(np.divide(goal.axis, np.linalg.norm(goal.axis)))
+    about = np.cross(now, np.divide(goal.points, np.linalg.norm(goal.points)))
+    length = float(np.linalg.norm(about))
+    return length > np.sin(np.radians(goal.tolerance_deg)) and abs(float(about[2])) > 0.5 * length
 
 
 def answer(brief: Brief) -> dict[str, Any]:

@@ -17,8 +17,10 @@ from core.designs.feedback import (
     outcome_of,
     trial_lines,
 )
+from core.designs.sight import Sight
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
+from core.scene import Camera
 from core.values.margins import Margin
 from core.values.observations import Moved
 from tests.core.designs.test_composer import make_brief
@@ -117,6 +119,17 @@ def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the
     assert found[3] == "- g0-a0-s0-p0: rejected: the tool starts inside the arm"
 
 
+def test_of_several_goals_that_count_each_has_its_share_and_no_number_of_a_body():
+    trial = Trial("mujoco", observation=SEEN, goals=(("door", 0.996), ("cube (goal 1)", 0.0)))
+    (line,) = lines(tried(trials=(trial,)))
+    assert "0.500 missed; of the goals door 99 %, cube (goal 1) 0 %; cube by" in line
+    assert elite_feedback(trial, SEEN)["goals"] == {"door": "99 %", "cube (goal 1)": "0 %"}
+    sight = Sight(("door", "cube", "can"), Camera())
+    assert "of the goals door 99 %, cube (goal 1) 0 %; cube in the picture" in generation_lines(
+        (tried(trials=(trial,)),), 1000, sight
+    )
+
+
 def test_equal_ones_share_a_line():
     heavy = [tried(number, status="rejected", reward=0.0, reason="too heavy", seen=None) for number in range(9)]
     (line,) = lines(*heavy)
@@ -136,6 +149,7 @@ def test_two_thousand_candidates_keep_to_their_budget_and_every_kind_is_there():
     left = found[-1]
     assert left.startswith(f"- Left out: {2000 - sum(shown.values())} candidates: {1900 - shown['missed']} missed")
     assert f"{90 - shown['dropped']} dropped" in left
+    assert left.endswith(f"; {10 - shown['rejected']} times, first g0-a0-s199-p{shown['rejected']}: rule {shown['rejected']}.")
     assert lines(*many, budget=0)[1].startswith("- Left out: 1999 candidates")
 
 

@@ -174,7 +174,7 @@ def test_numbers_come_back_to_the_last_bit(opened):
     )
     trials = (
         Trial("mujoco", 3, reward=1 / 3, touch_m=1 / 9, observation=seen, margins=(Margin("x", 1 / 3, 1, "m", 2 / 3),)),
-        Trial("a", 4, 1, "failed", reason="no"),
+        Trial("a", 4, 1, "failed", reason="no", goals=(("door", 1 / 3), ("can", 0.0))),
     )
     more = {"trials": trials, "combined": True, "planned": 5, "saved_s": 1 / 7, "figures": {"x": 1 / 9}}
     more |= {"final": (("mujoco", 0, 1 / 7),)}

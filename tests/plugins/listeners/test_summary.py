@@ -62,7 +62,7 @@ def test_the_best_tools(capsys):
 
 def test_what_spoke_against_candidates_is_said_by_candidate(capsys):
     said = summary(capsys, [0.2, None, None], [None])
-    assert "g0-a0-s1-p0 and 2 more: heavy" in said.splitlines()
+    assert "3 times, first g0-a0-s1-p0: heavy" in said.splitlines()
 
 
 def test_a_shorter_way_that_goes_first_is_explained(capsys):
@@ -90,6 +90,14 @@ def test_the_least_margin_of_the_best(capsys):
     margins = (Margin.at_most("force on board", 6, 15, "N"),)
     said = summary(capsys, [0.5], more={"trials": (Trial(), Trial(margins=margins))})
     assert "least margin of the best 0.60: force on board 6 N, limit 15 N\n" in said
+
+
+def test_each_goal_of_several_has_its_score(capsys):
+    goals = [Trial(goals=(("door", door), ("can (goal 1)", 0.0))) for door in (0.25, 0.75)]
+    said = summary(capsys, [0.5], more={"trials": tuple(goals)})
+    assert (
+        "goals, by the best candidate (and the most by any): door 0.500 (0.750), can (goal 1) 0.000 (0.000)\n" in said
+    )
 
 
 def test_a_models_words_stay_words(capsys):

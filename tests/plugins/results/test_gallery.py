@@ -83,7 +83,7 @@ def test_what_is_checked_stands_beside_each_tool(made):
 def test_what_spoke_against_candidates_is_on_the_page(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.3, None, None]])
     gallery([tmp_path / "run"], tmp_path / "out", 3, Printer())
-    assert "<li>g0-a0-s1-p0 and 1 more: it is too heavy</li>" in (tmp_path / "out" / "index.html").read_text()
+    assert "<li>2 times, first g0-a0-s1-p0: it is too heavy</li>" in (tmp_path / "out" / "index.html").read_text()
 
 
 def test_names_that_models_wrote_stay_in_the_gallery(tmp_path):

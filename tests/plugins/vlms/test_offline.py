@@ -20,7 +20,7 @@ from core.scene import Body, Geom, Goal, Joint, Scene, floor, goals_reward, tabl
 from core.simulation.rollout import RolloutSettings, evaluate_batch
 from core.solids.self_collision import find_self_collision
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.offline.designer import OfflineDesigner
+from plugins.vlms.offline.designer import OfflineDesigner, left_out
 from plugins.vlms.offline.guided import handles
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from tasks.high_object import HighObject
@@ -433,6 +433,25 @@ class SortTask(CubeTask):
     def scene(self, seed):
         box = Body.of("box", Box((0.1, 0.2, 0.1)), (0.9, 0.2, 0.05), mass=0.5, color=RED)
         return Scene((*super().scene(seed).bodies, box))
+
+
+def test_what_no_plan_is_made_for_is_named():
+    bodies = tuple(Body.of(name, Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=1.0, color=RED) for name in ("can", "tin"))
+    door = Joint("door", "hinge", "tin", axis=(0, 0, 1))
+    turned = Goal(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
+
+    class Two(CubeTask):
+        goals, every = (Goal(joint="door", to=1.0), turned), True
+
+        def scene(self, seed):
+            return Scene(bodies, (door,))
+
+    assert left_out(Two(), 0) == [
+        "a turn about the vertical",
+        "a time limit",
+        "a second goal, where one is a joint's or a turn (each tool is made for one)",
+    ]
+    assert left_out(CubeTask(), 0) == []
 
 
 def test_goals_become_errands():

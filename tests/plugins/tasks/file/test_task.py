@@ -2,19 +2,21 @@
 
 import pickle
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from core.design import Tool
+from core.design import Candidate, Tool
 from core.designs.task_text import helpers, task_source
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
-from core.interfaces import JointTrajectory, Rollout
+from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from core.scene import Goal
+from core.simulation.rollout import evaluate_batch
 from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
@@ -60,6 +62,15 @@ def test_the_scaffold_is_simulated_and_drawn(scaffold, engine):
     picture = simulator(engine).render(task, seed=0, width=64, height=48)
     assert picture.shape == (48, 64, 3)
     assert picture.std() > 1
+
+
+def test_each_of_several_goals_has_its_score_in_a_trial(tmp_path, scaffold):
+    goals = "  - {bodies: [can], away: 0.1, name: can aside}\nevery: true\nsuccess_reward:"
+    task = on_panda(task_of(tmp_path, Path(scaffold).read_text().replace("success_reward:", goals)))
+    home = Candidate(Tool(), np.array([[*task.home.position, 0, 0, 0]]))
+    (evaluation,) = evaluate_batch(task, simulator("mujoco"), [home], 0, RolloutSettings())
+    assert [name for name, _ in evaluation.trials[0].goals] == ["block (goal 0)", "can aside"]
+    assert np.mean([share for _, share in evaluation.trials[0].goals]) == pytest.approx(evaluation.reward)
 
 
 def test_a_variation_draws_layouts_and_none_ignores_the_seed(scaffold):
