@@ -17,6 +17,7 @@ from core.goals import goals_margins, goals_shares
 from core.scene import Camera, Goal, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
+from core.values.messages import Picture
 from core.values.robots import Robot
 
 
@@ -86,6 +87,14 @@ class Task(ABC):
         Arguments are as those of `reward`, of one world; ``trace`` is None where the reward reads none.
         """
         return goals_margins(self, start, end, trace)
+
+    def photographs(self) -> Sequence[Picture]:
+        """Return pictures of one's own bench that show this scene, for the prompt.
+
+        Raises:
+            UserError: one can't be read.
+        """
+        return ()
 
     def reward_in_words(self) -> list[str]:
         """Describe the reward in lines, for a model that can't read it in `source`; none of one in Python."""

@@ -1,10 +1,11 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
-``prompts``, ``ranges``, ``strips``, ``tempo``, ``table``.
+``prompts``, ``levels``, ``ranges``, ``strips``, ``tempo``, ``table``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
-sizes and the whole prompt of ``docs/prompts.md``. Ranges: the tables of what varies, of both sets of tasks. Strips: a
+sizes and the whole prompt of ``docs/prompts.md``. Levels: its table of ``prompt.told``.
+Ranges: the tables of what varies, of both sets of tasks. Strips: a
 picture for each task of HardToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a
 throw, for ``docs/designs.md``. Table (takes hours): the
 rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
@@ -153,10 +154,11 @@ def collision_shapes(body: Body) -> tuple[Geom, ...]:
     )
 
 
-def fill(file: Path, text: str) -> None:
+def fill(file: Path, text: str, what: str = "table") -> None:
     """Write what is made by a command into its page."""
-    before, after = (file.read_text(encoding="utf-8").split(mark)[side] for side, mark in ((0, BEGIN), (1, END)))
-    file.write_text(f"{before}{BEGIN}\n{text}{END}{after}", encoding="utf-8")
+    begin, end = BEGIN.replace("table", what), END.replace("table", what)
+    before, after = (file.read_text(encoding="utf-8").split(mark)[side] for side, mark in ((0, begin), (1, end)))
+    file.write_text(f"{before}{begin}\n{text}{end}{after}", encoding="utf-8")
 
 
 def notebook(file: Path) -> None:
@@ -298,6 +300,7 @@ def main() -> None:
             "notebook",
             "arm",
             "prompts",
+            "levels",
             "ranges",
             "strips",
             "tempo",
@@ -326,6 +329,9 @@ def main() -> None:
         fill(DOCS / "prompts.md", prompt_page.contents())
     elif given.what == "tempo":
         tempo(DOCS / "images" / "tempo.png")
+    elif given.what == "levels":
+        names = [*tasks_of("robotoolbench"), *tasks_of("hardtoolbench")]
+        fill(DOCS / "prompts.md", "\n".join(["", *prompt_page.LEVELS, *prompt_page.levels(names)]) + "\n\n", "levels")
     elif given.what == "ranges":
         fill(DOCS / "layouts.md", ranges("robotoolbench"))
         fill(DOCS / "hardtoolbench.md", ranges("hardtoolbench"))

@@ -5,18 +5,20 @@ Held up to date by ``tests/test_docs.py``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Unpack, cast
 
 import numpy as np
 
 from core.config.compose import load, node, part
-from core.config.schemas import PromptSettings
+from core.config.schemas import TOLD, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.designs.composer import PromptComposer, as_markdown
 from core.geometry import Box, Pose
-from core.interfaces import Brief, Message, Picture, Text
+from core.interfaces import Brief, Image, Message, Picture, Simulator, Task, Text, View
+from core.search.prompt_pictures import prompt_pictures
 from plugins.vlms.litellm.client import load as litellm
 
 MODEL = "gemini/gemini-2.5-pro"  # LiteLLM counts alike for most models
@@ -32,6 +34,7 @@ EARLIER = {
     "plans for a given tool": 8010,
     "plans for the bare gripper": 9329,
 }
+LEVELS = [f"| task | {' | '.join(f'`{told}`' for told in TOLD)} |", "|---|" + "---|" * len(TOLD)]
 CRITIQUE = "a critique of one candidate, `prompt.critic`"
 
 
@@ -79,10 +82,42 @@ def messages(use: str) -> tuple[Message, ...]:
     return composer.compose(brief, [Picture(b"", "BringCube")])
 
 
+class Blank:
+    """Stands in for a simulator: captions and counts of pictures are those of any."""
+
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
+        return np.zeros((view.get("height", 480), view.get("width", 640), 3), dtype=np.uint8)
+
+
+def told_less(task: str, told: str) -> tuple[int, int]:
+    """Count the tokens of a first prompt's texts at a level of ``prompt.told``, and its pictures."""
+    cfg = load("prompt", [f"task={task}", "vlm=replay", "budget=paper", f"prompt.told={told}"])
+    settings, made = node(cfg.prompt, PromptSettings), part("task", cfg.task).create()
+    actions = part("action", cfg.action).create()
+    brief = Brief(made, 0, part("tool", cfg.tool).create(), False, 10, 10, 0, 0, 0, (), actions=actions)
+    shown, _ = prompt_pictures(made, cast(Simulator, Blank()), settings, 0, [Tool()])
+    composed = PromptComposer(settings, engine="pybullet").compose(brief, shown[False])
+    return counted(composed), len(shown[False])
+
+
+def levels(tasks: Sequence[str]) -> list[str]:
+    """Write a row for each task: tokens at each level, and the pictures."""
+    rows = []
+    for task in tasks:
+        found = [told_less(task, told) for told in TOLD]
+        rows.append(f"| {task} | " + " | ".join(f"{tokens:,} + {pictures}" for tokens, pictures in found) + " |")
+    return rows
+
+
 def tokens(use: str) -> int:
     """Count the tokens of a prompt's texts, without pictures."""
+    return counted(messages(use))
+
+
+def counted(messages: Sequence[Message]) -> int:
+    """Count the tokens of the texts of messages."""
     counter = litellm().token_counter
-    texts = [part.text for message in messages(use) for part in message.parts if isinstance(part, Text)]
+    texts = [part.text for message in messages for part in message.parts if isinstance(part, Text)]
     return sum(int(counter(model=MODEL, text=text)) for text in texts)
 
 

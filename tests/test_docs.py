@@ -156,7 +156,7 @@ def test_each_kind_of_block_is_looked_at():
         "prompts.md": {"json": 1, "python": 3},
         "layouts.md": {"json": 1},
         "python.md": {"python": 2},
-        "scene_files.md": {"yaml": 3},
+        "scene_files.md": {"yaml": 4},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 1, "yaml": 1},
         "writing_a_scene.md": {"python": 5, "py": 4},  # the last are parts of a class
@@ -219,6 +219,13 @@ def test_the_prompt_in_the_docs_is_what_is_sent():
     assert text.partition("<!-- table -->\n")[2].startswith(prompt_page.contents()), "python docs/build.py prompts"
     sizes = {use: tokens for use, _, tokens in re.findall(r"^\| (.+) \| ([\d,]+) \| ([\d,]+) \|$", text, re.MULTILINE)}
     assert int(sizes["first sampling"].replace(",", "")) <= 6500
+
+
+def test_the_sizes_of_what_is_told_less_are_those_of_the_prompts():
+    text = (ROOT / "docs/prompts.md").read_text().partition("<!-- levels -->")[2]
+    for row in prompt_page.levels(["OneBook", "PastGlasses"]):
+        assert row in text, "python docs/build.py levels"
+    assert len(re.findall(r"^\| \w+ \| [\d,]+ \+ 1 \| [\d,]+ \+ 1 \| [\d,]+ \+ 5 \| [\d,]+ \+ 2 \|$", text, re.M)) == 24
 
 
 @pytest.mark.parametrize(("page", "plugin"), [("layouts", "robotoolbench"), ("hardtoolbench", "hardtoolbench")])
@@ -341,7 +348,7 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
 
 
 def test_the_scene_files_of_the_page_are_tasks(tmp_path):
-    whole, joints, imports = blocks(ROOT / "docs/scene_files.md", "yaml")
+    whole, joints, imports, photographs = blocks(ROOT / "docs/scene_files.md", "yaml")
     (tmp_path / "whole.yaml").write_text(whole)
     verdicts = [*examine("task", installed().create("task", "file", file=str(tmp_path / "whole.yaml")))]
     assert verdicts
@@ -356,8 +363,12 @@ def test_the_scene_files_of_the_page_are_tasks(tmp_path):
         '<robot name="c"><link name="box"><collision><geometry>'
         '<box size="1 1 1"/></geometry></collision></link></robot>'
     )
-    (tmp_path / "moving.yaml").write_text(text + imports)
-    scene = installed().create("task", "file", file=str(tmp_path / "moving.yaml")).scene(0)
+    for name in ("bench.jpg", "tripod.png"):
+        Image.new("RGB", (64, 48)).save(tmp_path / name)
+    (tmp_path / "moving.yaml").write_text(text + imports + photographs)
+    task = installed().create("task", "file", file=str(tmp_path / "moving.yaml"))
+    assert [picture.name for picture in task.photographs()] == ["photo1", "photo2"]
+    scene = task.scene(0)
     assert [joint.name for joint in scene.joints] == ["runner", "click", "gate"]
     assert "cupboard_box" in [body.name for body in scene.bodies]
 

@@ -23,6 +23,7 @@ EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolutio
 GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
 TOLD = ("source", "words", "pictures", "photos")
+PHOTOGRAPHS = ("beside", "alone", "none")
 UNSEEN = ("pictures", "photos")  # no place, size or mass of a body
 
 
@@ -37,6 +38,9 @@ class PromptSettings:
             places and sizes (``words``), or the description with calibrated pictures (``pictures``) or photographs
             (``photos``) and no number of any body.
         picture: show a picture of the scene, from the task's camera.
+        depth: show heights as a depth camera measures them: a coloured picture, and a coarse grid of numbers.
+        photographs: those of a scene file stand ``beside`` the drawn pictures of the scene, or ``alone``, or nowhere
+            (``none``).
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and what was observed of its
             rollout, and a line for each candidate of the last generation (``numbers``), or also a picture (``full``).
         generation_characters: the length of the lines of the last generation's candidates, beyond which some are left
@@ -55,6 +59,8 @@ class PromptSettings:
     file: str | None = None
     told: str = "source"
     picture: bool = True
+    depth: bool = False
+    photographs: str = "beside"
     feedback: str = "paper"
     generation_characters: int = 12_000
     repair: bool = False

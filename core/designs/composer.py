@@ -19,7 +19,7 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.schemas import CRITIQUES, FEEDBACK, LAST, TOLD, UNSEEN, PromptSettings
+from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, TOLD, UNSEEN, PromptSettings
 from core.design import TIE, Evaluation, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
@@ -76,6 +76,8 @@ class PromptComposer:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
         if settings.told not in TOLD:
             raise choices("level", settings.told, TOLD, "prompt.told")
+        if settings.photographs not in PHOTOGRAPHS:
+            raise choices("value", settings.photographs, PHOTOGRAPHS, "prompt.photographs")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
         parts -= {LAST} if settings.feedback == "paper" else set()
         parts -= {CRITIQUES} if not settings.critic else set()

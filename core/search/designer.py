@@ -11,14 +11,14 @@ from functools import cache
 import numpy as np
 import pluggy
 
-from core.config.schemas import UNSEEN, PromptSettings, Sampling
+from core.config.schemas import UNSEEN, Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
 from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import RAISED, NoPicture, UsageError, UserError, choices
+from core.errors import RAISED, UsageError, UserError, choices
 from core.events import Generation
 from core.geometry import Array
 from core.hooks import hookimpl
@@ -39,8 +39,8 @@ from core.interfaces import (
 from core.plugins import describe_part
 from core.search.agent_groups import Team
 from core.search.critic import Critic
-from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
-from core.simulation.views import calibrated_pictures
+from core.search.prompt_pictures import prompt_pictures
+from core.simulation.pictures import draw_strip, png, report_missing
 from core.support.cli import say
 from core.support.text import shorten
 from core.support.threads import run_in_thread
@@ -330,21 +330,6 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
     return borne
 
 
-def _drawn(
-    task: Task, simulator: Simulator, settings: PromptSettings, seed: int, mounted: Sequence[Tool]
-) -> tuple[dict[bool, tuple[Picture, ...]], bool]:
-    """Draw the scene as the prompt's settings ask; see `core.simulation.pictures.scene_pictures`."""
-    if settings.told not in UNSEEN:
-        made, drawable = scene_pictures(task, simulator, settings.picture, seed, mounted)
-        return {gripper: (picture,) for gripper, picture in made.items()}, drawable
-    try:
-        return {t.gripper: calibrated_pictures(task, simulator, seed, t, settings.told) for t in mounted}, True
-    except NoPicture as error:
-        raise UserError(
-            f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
-        ) from error
-
-
 def make_designer(
     assignment: Assignment,
     create: Callable[[], Simulator],
@@ -390,7 +375,7 @@ def make_designer(
         return Picture(png(strip), f"strip_{candidate.id}")
 
     mounted = bare if given is None else [given]
-    pictures, drawable = _drawn(task, create(), prompts.settings, seed, mounted)
+    pictures, drawable = prompt_pictures(task, create(), prompts.settings, seed, mounted)
     film = show if drawable else None
     count, critic = prompts.settings.critic, None
     if count and not vlm.criticises:

@@ -41,7 +41,7 @@ def calibrated_pictures(task: Task, simulator: Simulator, seed: int, tool: Tool,
         NoPicture: nothing here can draw.
     """
     bodies = list(task.scene(seed).bodies)
-    low, high = _extent([body for body in bodies if _size(body) < _LARGE_M] or bodies)
+    low, high = _shown(bodies)
     moving = [body for body in bodies if body.mass] or bodies
     cameras = {"scene": task.camera}
     about = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
@@ -55,15 +55,20 @@ def calibrated_pictures(task: Task, simulator: Simulator, seed: int, tool: Tool,
         drawn = simulator.render(task, seed=seed, tool=tool, camera=camera, width=SIZE[0], height=SIZE[1])
         picture = Pillow.fromarray(drawn)
         if camera.height_m is not None:
-            _grid(picture, camera, *_PARALLEL[name][1:])
+            draw_grid(picture, camera, *_PARALLEL[name][1:])
         _label(picture, camera, bodies, axes=told == "pictures")
         made.append(Picture(png(np.asarray(picture)), name, f"{name}: {describe_camera(camera, name)}"))
     return tuple(made)
 
 
-def describe_camera(camera: Camera, name: str) -> str:
+def top_camera(task: Task, seed: int) -> Camera:
+    """Return the camera of the view from above."""
+    return _parallel("top", *_shown(list(task.scene(seed).bodies)))
+
+
+def describe_camera(camera: Camera, name: str, size: tuple[int, int] = SIZE) -> str:
     """Say where a camera stands, where it looks and how: what one needs to measure in its picture."""
-    width, height = SIZE
+    width, height = size
     if camera.height_m is not None:
         _, right, up = _PARALLEL[name]
         sign = "-" if camera.axes[0][right] < 0 else ""
@@ -82,6 +87,11 @@ def describe_camera(camera: Camera, name: str) -> str:
 def _size(body: Body) -> float:
     low, high = own_bounds(body)
     return float((high - low).max())
+
+
+def _shown(bodies: list[Body]) -> tuple[Array, Array]:
+    """Compute the corners of what parallel views show: all but what is as large as a table."""
+    return _extent([body for body in bodies if _size(body) < _LARGE_M] or bodies)
 
 
 def _extent(bodies: list[Body]) -> tuple[Array, Array]:
@@ -122,7 +132,7 @@ def _turned(camera: Camera, middle: Array) -> Camera:
     return replace(camera, position=(x, y, z), target=tuple(middle.tolist()))
 
 
-def _grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> None:
+def draw_grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> None:
     """Draw lines and scales in metres over a parallel view."""
     assert camera.height_m is not None
     pen, per_m = ImageDraw.Draw(picture, "RGBA"), SIZE[1] / camera.height_m
@@ -138,8 +148,9 @@ def _grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> None:
             text, place = f"{k * step + 0.0:.2f}", (at + 2, SIZE[1] - 15) if side == 0 else (2, at - 14)
             pen.rectangle(pen.textbbox(place, text, font_size=12), fill=(*_PALE, 190))
             pen.text(place, text, fill=_INK, font_size=12)
-    pen.text((SIZE[0] - 60, SIZE[1] - 32), f"{'xyz'[right]} (m)", fill=_INK, font_size=14)
-    pen.text((4, 4), f"{'xyz'[up]} (m)", fill=_INK, font_size=14)
+    for place, axis in (((SIZE[0] - 60, SIZE[1] - 32), right), ((4, 4), up)):
+        pen.rectangle(pen.textbbox(place, f"{'xyz'[axis]} (m)", font_size=14), fill=(*_PALE, 190))
+        pen.text(place, f"{'xyz'[axis]} (m)", fill=_INK, font_size=14)
 
 
 def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body], *, axes: bool) -> None:

@@ -14,7 +14,15 @@ from typing import Annotated, Any, Self, get_type_hints
 
 import numpy as np
 from PIL import ImageColor
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetPydanticSchema, ValidationError, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetPydanticSchema,
+    ValidationError,
+    create_model,
+)
 from pydantic import model_validator as check_whole
 from pydantic_core import ErrorDetails, core_schema
 
@@ -27,6 +35,7 @@ from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 MAX_BODIES, MAX_PARTS, MAX_IMPORTS, MAX_GOALS, MAX_RANGES, MAX_VARIATIONS = 100, 100, 20, 50, 200, 20
+MAX_PHOTOS = 8
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST, _OBJECT = "must be a list, such as [0, 0, 0.1]", "must be an object of keys and values, such as {radius: 0.1}"
 WORDS = {
@@ -99,6 +108,12 @@ def _made(of: type, **types: Any) -> GetPydanticSchema:
 def _looks(camera: Camera) -> Camera:
     if np.allclose(camera.position, camera.target, atol=1e-3):
         raise ValueError("the camera's position and target are one point; move one of them")
+    return camera
+
+
+def _perspective(camera: Camera | None) -> Camera | None:
+    if camera is not None and camera.height_m is not None:
+        raise ValueError("a photograph is in perspective; give fov_deg in place of height_m")
     return camera
 
 
@@ -185,11 +200,23 @@ class MarkSpec(_Spec):
     color: ColorName = "royalblue"
 
 
+CameraSpec = Annotated[
+    Camera, _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None), AfterValidator(_looks)
+]
+
+
 class HomeSpec(_Spec):
     """The end-effector's pose at the start."""
 
     position: Place = (0.5, 0.0, 0.5)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
+
+
+class PhotoSpec(_Spec):
+    """A photograph of one's own bench, in the scene file's folder."""
+
+    file: Annotated[str, Field(min_length=1, max_length=200)]
+    camera: Annotated[CameraSpec | None, AfterValidator(_perspective)] = None
 
 
 class SceneSpec(_Spec):
@@ -212,9 +239,8 @@ class SceneSpec(_Spec):
     hold_s: Annotated[float, Field(ge=0, le=60)] = 0.0
     success_reward: Annotated[float, Field(gt=0, le=1)] = 0.95
     home: HomeSpec = HomeSpec()
-    camera: Annotated[
-        Camera, _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None), AfterValidator(_looks)
-    ] = Camera()
+    camera: CameraSpec = Camera()
+    pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()
     variations: Annotated[
         dict[Name, Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)]],
         Field(max_length=MAX_VARIATIONS),
@@ -228,6 +254,8 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
     Raises:
         UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
     """
+    if isinstance(given := data.get("pictures"), list):  # a name stands for a photograph without its camera
+        data = {**data, "pictures": [{"file": each} if isinstance(each, str) else each for each in given]}
     try:
         return SceneSpec.model_validate_json(json.dumps(data))  # strictly, but a list is a tuple
     except ValidationError as error:

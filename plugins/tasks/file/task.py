@@ -13,10 +13,10 @@ import numpy as np
 from core import goals as core_goals
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Task
+from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
-from plugins.tasks.file import building, doubts, files, tree, words
+from plugins.tasks.file import building, doubts, files, photos, tree, words
 from plugins.tasks.file import spec as schema
 
 VARYING = ("bodies", "imports", "marks", "joints")
@@ -55,11 +55,18 @@ class FileTask(Task):
             "variations": spec.variations,
         }
         vars(self).update(own)
+        self._photographs = spec.pictures
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
         self._check_variations()
         for doubt in doubts.find_doubts(self._scene, self._tree.data):
             files.warn_once(f"{file}: {doubt}")
+
+    def photographs(self) -> list[Picture]:
+        """See `core.interfaces.Task.photographs`."""
+        folder = self._files.folder
+        given = enumerate(self._photographs, 1)
+        return [photos.read_photograph(folder, photo.file, photo.camera, f"photo{n}") for n, photo in given]
 
     def scene(self, seed: int) -> Scene:
         if self.variation == NONE:

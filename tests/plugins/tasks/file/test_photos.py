@@ -1,0 +1,72 @@
+"""Photographs of one's own bench, from a scene file to the request."""
+
+import io
+
+import pytest
+from PIL import Image
+
+from core.config.compose import load
+from core.errors import UserError
+from core.prompt import compose
+from core.values.messages import Picture
+from plugins.tasks.file.task import FileTask
+from tests.plugins.tasks.file.test_mistakes import GOOD
+
+PHOTO = "pictures: [a.jpg, {file: b.png, camera: {position: [1.4, -0.9, 0.8], target: [0.6, 0, 0.1], fov_deg: 42}}]\n"
+
+
+def scene(folder, pictures):
+    (folder / "scene.yaml").write_text(GOOD + pictures)
+    return str(folder / "scene.yaml")
+
+
+@pytest.fixture
+def bench(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112], exif[0x010E] = 6, "the bench of Mary"  # to be turned by 90 degrees; a description
+    Image.new("RGB", (2000, 1000), (200, 30, 30)).save(tmp_path / "a.jpg", exif=exif)
+    Image.new("RGBA", (640, 480), (0, 200, 0, 255)).save(tmp_path / "b.png")
+    return tmp_path
+
+
+def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
+    file = scene(bench, PHOTO)
+
+    def sent(*words):
+        cfg = load("prompt", ["task=file", f"task.file={file}", "vlm=replay", "sim=mujoco", *words])
+        return [part for message in compose(cfg).messages for part in message.parts if isinstance(part, Picture)]
+
+    assert [picture.name for picture in sent()] == ["scene", "photo1", "photo2"]
+    assert [picture.name for picture in sent("prompt.photographs=none")] == ["scene"]
+    alone = sent("prompt.photographs=alone", "prompt.depth=true")
+    assert [picture.name for picture in alone] == ["photo1", "photo2", "depth"]
+    first = Image.open(io.BytesIO(alone[0].png))
+    assert (first.format, first.size) == ("PNG", (640, 1280))
+    assert not first.info
+    assert not first.getexif()
+    assert "not known" in alone[0].caption
+    assert "camera at (1.400, -0.900, 0.800)" in alone[1].caption
+    assert "640 x 480 pixels, focal length 625.2 pixels" in alone[1].caption
+
+
+@pytest.mark.parametrize(
+    ("pictures", "said"),
+    [
+        ("pictures: [none.jpg]", "none.jpg can't be read: No such file"),
+        ("pictures: [scene.yaml]", "scene.yaml is no PNG or JPEG"),
+        ("pictures: [../out.png]", "out.png is not in the scene file's folder"),
+        ("pictures: [large.png]", "has 9000 x 9000 pixels; at most 64,000,000"),
+        ("pictures: [half.jpg]", "half.jpg is no PNG or JPEG picture that can be read"),
+    ],
+)
+def test_what_is_no_photograph_is_refused_in_a_line(bench, pictures, said):
+    Image.new("1", (9000, 9000)).save(bench / "large.png")
+    (bench / "half.jpg").write_bytes((bench / "a.jpg").read_bytes()[:3000])
+    with pytest.raises(UserError, match=said) as caught:
+        FileTask(scene(bench, pictures)).photographs()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_parallel_view_is_no_photograph(bench):
+    with pytest.raises(UserError, match="in perspective; give fov_deg"):
+        FileTask(scene(bench, "pictures: [{file: b.png, camera: {height_m: 1}}]"))
