@@ -76,7 +76,7 @@ FAST = ("PastGlasses", "LiftBox")
 
 @pytest.mark.parametrize("task", [t if t in FAST else pytest.param(t, marks=pytest.mark.thorough) for t in TASKS])
 def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
-    monkeypatch.setattr("core.search.designer.calibrated_pictures", lambda *_: ())
+    monkeypatch.setattr("core.search.prompt_pictures.calibrated_pictures", lambda *_: ())
     made = installed().create("task", task, {"variation": "wide"})
     home = " ".join(f"{x:.3f} {x:.4g}" for x in [*made.home.position, *made.home.rpy])
     arm = " ".join(repr(describe_arm(made, RolloutSettings(), "mujoco", gripper)) for gripper in (False, True))
@@ -89,7 +89,7 @@ def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
 def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
     """The embedded designer stands for a model that sees; the numbers of its designs are its own."""
     monkeypatch.setattr(OfflineDesigner, "sees", True)
-    monkeypatch.setattr("core.search.designer.calibrated_pictures", lambda *_: ())
+    monkeypatch.setattr("core.search.prompt_pictures.calibrated_pictures", lambda *_: ())
     words = (
         "task.variation=wide action=anchored fitness=layouts fitness.layouts=2 fitness.unseen=0 fitness.final=0 seed=7"
     )
@@ -107,6 +107,7 @@ def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
     assert any("in the picture" in text for text in texts)
     assert any('"contacts"' in text for text in texts)
     for text in texts:
+        assert not re.search(r"`by`|error_m|path_m|clearance_m", text)  # what is not shown is not explained
         assert leaked(text, task, 7, known) | leaked(text, task, 8, known) == set()
 
 
