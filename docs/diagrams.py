@@ -142,4 +142,35 @@ def loop() -> str:
     return drawing(xs[3] + w + 20, bottom + h + 106, title, [*boxes, *arrows, *labels, strip])
 
 
-DRAWINGS = {"house": house, "loop": loop}
+def flange() -> str:
+    """Draw the flange's outer face, with the mount's axes, as it must stand at home, and as it must not."""
+    red, pieces = "#c62828", list[str]()
+    for x, turn, title in ((150, 0, "home: the outer face looks down"), (500, 90, "no home: it looks ahead")):
+        steel = f'fill="{QUIET}" stroke="{INK}"'
+        drawn = [
+            f'<rect x="-34" y="-150" width="68" height="96" rx="14" {steel}/>',
+            f'<rect x="-24" y="-54" width="48" height="34" {steel}/>',
+            f'<rect x="-40" y="-20" width="80" height="18" {steel}/>',
+            *(
+                f'<line x1="{s * 26}" y1="-20" x2="{s * 26}" y2="-2" stroke="{SOFT}" stroke-width="5"/>'
+                for s in (-1, 1)
+            ),
+            f'<line x1="-42" y1="0" x2="42" y2="0" stroke="{red}" stroke-width="5"/>',
+            f'<path d="M-9 4V92H60V74H9V4z" fill="{PART}" stroke="{INK}" stroke-dasharray="5 4"/>',
+            *((arrow((0, 0), (0, -84)), arrow((0, 0), (84, 0))) if not turn else ()),
+        ]
+        pieces += [f'<g transform="translate({x} 210) rotate({-turn})">', *drawn, "</g>"]
+        pieces.append(text(x, 30, title, bold=True))
+    labels = [
+        text(192, 120, "z, into the arm", size=12, anchor="start"),
+        text(238, 214, "x, forward", size=12, anchor="start"),
+        text(100, 206, "outer face", size=12, color=red, anchor="end"),
+        text(100, 222, "with the bolts", size=12, color=red, anchor="end"),
+        text(150, 322, "the tool hangs from it", size=12, color=SOFT),
+        text(112, 90, "last link", size=12, color=SOFT, anchor="end"),
+        text(500, 322, "turn it by 90 degrees about y, (0, 1, 0)", size=12, color=SOFT),
+    ]
+    return drawing(660, 345, "The flange's outer face and the mount's axes at home", [*pieces, *labels])
+
+
+DRAWINGS = {"house": house, "loop": loop, "flange": flange}

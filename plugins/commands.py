@@ -12,6 +12,7 @@ def commands() -> dict[str, Command]:
         "facts": Command(
             "measure how exact the arm is in engines, and write a sheet about it", "plugins.conformance.facts:main"
         ),
+        "home": Command("find joints at which the flange of one's own arm looks down", "plugins.robots.home:main"),
         "new": Command("write a plugin package to start from", "plugins.new.command:main"),
         "render": Command("draw a task's scene, with a tool if one is given", "plugins.render:main"),
         "transfer": Command("try the best designs in several engines and in perturbed scenes", "plugins.transfer:main"),

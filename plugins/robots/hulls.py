@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from core.values.descriptions import ONE, Scale
 KINDS = (".stl", ".obj", ".dae", ".ply")
 MAX_MB, LIMIT_S = 64, 120
 MAX_DRAWN = 100_000  # triangles
+_HEAD = 10_000  # bytes of a Collada file, of which the materials are the first
 _LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
 
 
@@ -56,6 +58,14 @@ def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
     return kept("visuals", "dae", key.encode() + _content(mesh), lambda: _made(False, mesh, *scale, *color))
+
+
+def main_color(drawn: Path) -> Color | None:
+    """Read the colour of the largest part of what `visual_file` wrote: PyBullet draws a link in one colour."""
+    with drawn.open("rb") as file:
+        found = re.search(rb"<diffuse>\s*<color>([^<]*)<", file.read(_HEAD))
+    red, green, blue, opacity = map(float, found[1].split()) if found else (0.0,) * 4
+    return (red, green, blue, opacity) if found else None
 
 
 def _content(mesh: Path) -> bytes:
@@ -128,7 +138,7 @@ def _hull(parts: list[trimesh.Trimesh]) -> bytes:
 
 def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
     drawn = []
-    for part in parts:
+    for part in sorted(parts, key=lambda part: -part.area):  # see `main_color`
         own = getattr(part.visual, "material", part.visual).main_color / 255 if part.visual.defined else color
         plain = _coarse(part)
         plain.visual = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(baseColorFactor=own))

@@ -5,9 +5,10 @@ Covered by `tests/plugins/robots/test_reading.py`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,11 +16,31 @@ from core.errors import UserError
 from core.geometry import Color, Pose
 from core.robot.description import merged
 from core.values.descriptions import DIGITS, Description, Inertial, Origin, RobotJoint, RobotLink, RobotShape, Weight
-from plugins.robots.hulls import hull_file, visual_file
+from plugins.robots.hulls import hull_file, main_color, visual_file
 
+ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 _BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))  # of one without: it stays, but engines want a mass
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
+
+T = TypeVar("T")
+
+
+class Problems(list[UserError]):
+    """What is wrong with an arm, collected, so that a person reads all of it at once."""
+
+    def attempt(self, make: Callable[..., T], *given: Any) -> T | None:
+        """Call a function; None: it raised an error, which is noted."""
+        try:
+            return make(*given)
+        except UserError as error:
+            self.append(error)
+            return None
+
+    def report(self) -> None:
+        """Raise one error for all that was noted, of the first one's type."""
+        if self:
+            raise type(self[0])(ALSO.join(map(str, self)))
 
 
 def normalised(
@@ -38,10 +59,11 @@ def normalised(
     """
     heads = [name for name, joint in description.joints.items() if joint.name in drives or name in detached]
     parts = description.rigid_parts(heads)
-    links, joints = dict[str, RobotLink](), dict[str, RobotJoint]()
+    links, joints, wrong = dict[str, RobotLink](), dict[str, RobotJoint](), Problems()
     for head in (description.root, *heads):
         joined = [(description.links[name], pose) for name, (first, pose) in parts.items() if first == head]
-        links[head] = _joined(head, joined, base=head == description.root)
+        links[head] = wrong.attempt(_joined, head, joined, head == description.root) or RobotLink(head)
+    wrong.report()
     for head in heads:
         joint = description.joints[head]
         parent, pose = parts[joint.parent]
@@ -58,7 +80,7 @@ def normalised(
     return Description(description.name, links, joints)
 
 
-def _joined(head: str, parts: Sequence[tuple[RobotLink, Pose]], *, base: bool) -> RobotLink:
+def _joined(head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool) -> RobotLink:
     """Make rigidly joined links, at poses in the frame of the first, one. A base needs no inertia of its own."""
     try:
         inertial = Inertial.of(*_inertia(head, parts), form=DIGITS)
@@ -98,4 +120,5 @@ def _read_alike(shape: RobotShape, pose: Pose, drawn: bool) -> RobotShape:
     color, file, origin = shape.color or _GREY, shape.shape, Origin.of(pose @ shape.origin.pose, DIGITS)
     if isinstance(file, Path):
         file = visual_file(file, color, shape.scale) if drawn else hull_file(file, shape.scale)
+        color = main_color(file) or color if drawn else color
     return RobotShape(file, origin, color)

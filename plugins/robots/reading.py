@@ -6,129 +6,44 @@ import importlib.util
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from pydantic import ConfigDict
 from scipy.spatial.transform import Rotation
 
-from core.errors import UsageError, UserError, check_positive, choices
-from core.geometry import Array, Cylinder, Pose
+from core.errors import UsageError, UserError, choices
+from core.geometry import Array, Pose
 from core.robot.description import RESERVED, write
 from core.robot.kinematics import Arm, link_poses
 from core.robot.solids import robot_solids
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.support.text import clean, short_numbers
-from core.values.descriptions import MOVING, Description, Limits, RobotJoint
-from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
+from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
+from core.values.robots import Gripper, Robot
 from core.values.urdf import MAX_BYTES, read_description
-from plugins.robots.normalise import normalised
+from plugins.robots.normalise import Problems, normalised
+from plugins.robots.settings import ArmSettings as ArmSettings
+from plugins.robots.settings import BoltOptions as BoltOptions
+from plugins.robots.settings import GripperOptions as GripperOptions
 from plugins.robots.xacro import expand
 
-# A URDF has none of these; each is a setting.
+# A URDF has neither; each is a setting.
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
 MOTOR_INERTIA = 0.1  # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.5 to 12.5 kg
-PAYLOAD_KG = 1.0
 XACRO_S = 60
 
 _TURN = 2 * math.pi  # a continuous joint turns this far each way: limits are finite everywhere
 _TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
 _UNDER_M = 0.005
-
-
-@dataclass(frozen=True)
-class GripperOptions:
-    """Say what a description does not say of its parallel gripper.
-
-    Attributes:
-        link: its first link. It goes, with all that it bears, where a rigid tool is mounted.
-        joints: of its two fingers: prismatic, 0 when closed.
-        force_n: of each finger; None: the smaller effort in the joints' limits.
-        friction: of the fingers.
-    """
-
-    link: str
-    joints: tuple[str, str]
-    force_n: float | None = None
-    friction: float = 1.0
-
-    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
-
-
-@dataclass(frozen=True)
-class BoltOptions:
-    """Say where a flange has its bolts, metres and radians; the defaults are those of ISO 9409-1-50-4-M6.
-
-    Attributes:
-        circle_m: diameter of the ring of bolts.
-        count: how many, equally spaced.
-        thread: such as M6.
-        angle: of the first bolt, about the mount's z from its x.
-        disc_m: diameter of the flange.
-        centring_m: diameter of the recess in the middle; None: there is none.
-
-    Raises:
-        UsageError: a number is not positive, or the ring does not lie on the disc.
-    """
-
-    circle_m: float = 0.05
-    count: int = 4
-    thread: str = "M6"
-    angle: float = math.pi / 4
-    disc_m: float = 0.063
-    centring_m: float | None = 0.0315
-
-    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
-
-    def flange(self) -> Flange:
-        check_positive("robot.bolts.", circle_m=self.circle_m, count=self.count, disc_m=self.disc_m)
-        if not (self.centring_m or 0.0) < self.circle_m < self.disc_m < 1.0:
-            raise UsageError("robot.bolts: lengths are diameters in metres, centring_m < circle_m < disc_m")
-        disc, ring = Cylinder(self.disc_m / 2, ISO_9409_1_50.disc.length), (self.circle_m, self.count, self.thread)
-        return Flange(disc, *ring, bolt_angle=self.angle, centring_m=self.centring_m)
-
-
-@dataclass(frozen=True)
-class ArmSettings:
-    """What is chosen of a file, and what a description does not say of its arm.
-
-    Attributes:
-        path: a URDF file, or one whose name ends in ``.xacro``.
-        home: joints (J,) from the base on, radians; there the flange looks down.
-        flange: the link that bears tools; None: the only one that bears no other link.
-        title: as people call it; empty: the name in the description.
-        mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
-            home are nearest to the world's.
-        payload_kg: what it carries at most.
-        acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in `REACHES_SPEED_S`.
-        motor_inertia: (J,), reflected through the gears, kg m^2; None: `MOTOR_INERTIA` each.
-        gripper: the parallel gripper, if there is one.
-        bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
-        fixed: joints that are held at 0.
-        without: links that are left out, with all that they bear.
-        arguments: of a Xacro file.
-    """
-
-    path: Path
-    home: list[float]
-    flange: str | None = None
-    title: str = ""
-    mount_rpy: tuple[float, float, float] | None = None
-    payload_kg: float = PAYLOAD_KG
-    acceleration: list[float] | None = None
-    motor_inertia: list[float] | None = None
-    gripper: GripperOptions | None = None
-    bolts: BoltOptions | None = None
-    fixed: list[str] | None = None
-    without: list[str] | None = None
-    arguments: Mapping[str, str] | None = None
+_JOINTS, _NAMED = 7, 20  # of an arm, at most; names that a message lists
+TURNING = ("revolute", "continuous")
 
 
 def read_robot(
-    path: Path, home: Sequence[float], flange: str | None = None, *, name: str = "urdf", **settings: Any
+    path: Path, home: Sequence[float] | None = None, flange: str | None = None, *, name: str = "urdf", **settings: Any
 ) -> Robot:
     """Make a robot of a file. Its base is the only link that has no parent.
 
@@ -142,32 +57,56 @@ def read_robot(
     Raises:
         UserError: the file or something in it can't be used; says what, where, and how to mend it.
     """
-    path = path.expanduser().absolute()
-    chosen = ArmSettings(path, list(home), flange, **settings)
-    description = read_description(
-        _text(path, chosen.arguments or {}), path, tuple(chosen.without or ()), taken=RESERVED
-    )
+    chosen = ArmSettings(path.expanduser().absolute(), None if home is None else list(home), flange, **settings)
+    description = describe(chosen)
     try:
-        return _robot(description, chosen, name)
+        return mounted(*unmounted(description, chosen, name), chosen.mount_rpy)
     except UserError as error:
-        raise type(error)(f"{path}: {error}") from error
+        raise type(error)(f"{chosen.path}: {error}") from error
 
 
-def _robot(description: Description, chosen: ArmSettings, name: str) -> Robot:
-    link, fixed = _flange(description, chosen.flange), chosen.fixed or ()
-    arm = [_turning(joint) for joint in _arm(description, link, fixed)]
-    home = _home(chosen.home, arm)
-    grip, fingers = (None, []) if chosen.gripper is None else _gripper(description, chosen.gripper, link, arm)
+def describe(chosen: ArmSettings) -> Description:
+    """Read the description that is chosen.
+
+    Raises:
+        UserError: the file can't be used.
+    """
+    data = _text(chosen.path, chosen.arguments or {})
+    return read_description(data, chosen.path, tuple(chosen.without or ()), taken=RESERVED)
+
+
+def unmounted(
+    description: Description, chosen: ArmSettings, name: str = "urdf", *, anywhere: bool = False
+) -> tuple[Robot, Array]:
+    """Make a robot whose mount is the flange, as it is turned; and the last joint's axis (3,) in the flange's frame.
+
+    With ``anywhere`` its home is in the middle of the joints' limits.
+
+    Raises:
+        UserError: names all that is wrong with the arm.
+    """
+    wrong, description = Problems(), _held(description, chosen.fixed or {})
+    link = _flange(description, chosen.flange)
+    arm = [wrong.attempt(_turning, joint) or joint for joint in _arm(description, link)]
+    middle = [sum(joint.range) / 2 for joint in arm]
+    home = wrong.attempt(_home, middle if anywhere else chosen.home, arm) or tuple(middle)
+    grip, fingers = None, list[RobotJoint]()
+    if chosen.gripper is not None and (found := wrong.attempt(_gripper, description, chosen.gripper, link, arm)):
+        grip, fingers = found
     drives = {joint.name: joint for joint in (*arm, *fingers)}
-    _check_rest(description, drives, fixed)
+    if chosen.gripper is None or grip is not None:
+        wrong.attempt(_check_rest, description, drives)
     parts = description.rigid_parts(joint.child for joint in arm)
     if not any(description.links[name].collisions for name, (head, _) in parts.items() if head != description.root):
-        raise UserError("the arm has no collision shape; repeat each <visual> as <collision>: its hull counts")
+        wrong.append(UserError("the arm has no collision shape; repeat each <visual> as <collision>: its hull counts"))
+    made = wrong.attempt(normalised, description, drives, link, [grip.link] if grip else [])
+    wrong.report()
+    assert made is not None
     speeds = [joint.limits.velocity or 0.0 for joint in arm]
     robot = Robot(
         name=name,
         title=chosen.title or clean(description.name, 60),
-        urdf=write(normalised(description, drives, link, [grip.link] if grip else [])),
+        urdf=write(made),
         arm_joints=tuple(joint.name for joint in arm),
         home=home,
         acceleration_limits=tuple(chosen.acceleration or (speed / REACHES_SPEED_S for speed in speeds)),
@@ -179,9 +118,17 @@ def _robot(description: Description, chosen: ArmSettings, name: str) -> Robot:
         gripper=grip,
         flange=(chosen.bolts or BoltOptions()).flange(),
     )
-    mount = _mount(robot, parts[link][1].rotation.inv().apply(arm[-1].direction), chosen.mount_rpy)
-    if grip is not None:
-        grip = replace(grip, mount=grip.mount @ mount)
+    return robot, parts[link][1].rotation.inv().apply(arm[-1].direction)
+
+
+def mounted(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
+    """Turn the mount of an `unmounted` robot as its home has it, and the arm until that is exactly upright.
+
+    Raises:
+        UserError: at home the flange does not look down; says which way it is off.
+    """
+    mount, grip = _mount(robot, axis, rpy), robot.gripper
+    grip = None if grip is None else replace(grip, mount=grip.mount @ mount)
     return _straightened(replace(robot, mount=mount, gripper=grip))
 
 
@@ -205,15 +152,45 @@ def _flange(description: Description, flange: str | None) -> str:
             raise choices("link", flange, description.links)
         return flange
     leaves = sorted(description.links.keys() - {joint.parent for joint in description.joints.values()})
-    if len(leaves) != 1:
-        raise UsageError(f"which link bears tools? Choose it with robot.flange=LINK; possible: {', '.join(leaves[:9])}")
-    return leaves[0]
+    if len(leaves) == 1:
+        return leaves[0]
+    turns = {link: sum(joint.kind in TURNING for joint in _between(description, link)) for link in description.links}
+    most = max((count for count in turns.values() if count <= _JOINTS), default=0)
+    ends = [link for link in description.links if turns[link] == most][:_NAMED]
+    after = f"after {most} joints that turn there are: {', '.join(ends)}"
+    raise UsageError(f"which link bears tools? Choose it with robot.flange=LINK; {after}")
 
 
-def _arm(description: Description, flange: str, fixed: Sequence[str]) -> list[RobotJoint]:
+def _between(description: Description, link: str) -> list[RobotJoint]:
+    return [description.joints[below] for below in description.above(link)[-2::-1]]
+
+
+def _held(description: Description, fixed: Sequence[str] | Mapping[str, float]) -> Description:
+    """Hold joints at values, radians or metres.
+
+    Raises:
+        UserError: there is no such joint, or a value is not in its limits.
+    """
+    joints = dict(description.joints)
+    for name, value in (fixed if isinstance(fixed, Mapping) else dict.fromkeys(fixed, 0.0)).items():
+        if name not in description.named:
+            raise choices("joint", name, description.named, "fixed")
+        joint = description.named[name]
+        (lower, upper), turns = joint.range, joint.kind in TURNING
+        if not (math.isfinite(value) if joint.kind == "continuous" else lower <= value <= upper):
+            mend = f"give a value, robot.fixed={{{name}:{lower:g}}}"
+            raise UserError(f"joint {name!r} can't be held at {value:g}: its limits are {lower:g} to {upper:g}; {mend}")
+        origin, way = joint.origin, value * joint.direction
+        if value:
+            moved = Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way)) if turns else Pose(way)
+            origin = Origin.of(origin.pose @ moved, DIGITS)
+        joints[joint.child] = replace(joint, kind="fixed", origin=origin, mimic=None)
+    return replace(description, joints=joints)
+
+
+def _arm(description: Description, flange: str) -> list[RobotJoint]:
     """List the joints that move between base and flange."""
-    between = [description.joints[link] for link in description.above(flange)[-2::-1]]
-    arm = [joint for joint in between if joint.kind != "fixed" and joint.name not in fixed]
+    arm = [joint for joint in _between(description, flange) if joint.kind != "fixed"]
     if not arm:
         raise UserError(f"no joint moves between base {description.root!r} and flange {flange!r}")
     return arm
@@ -222,14 +199,17 @@ def _arm(description: Description, flange: str, fixed: Sequence[str]) -> list[Ro
 def _turning(joint: RobotJoint) -> RobotJoint:
     """Check a joint of the arm, and give it finite limits."""
     where = f"joint {joint.name!r}"
-    if joint.kind not in ("revolute", "continuous"):
-        mend = f"an arm's joints turn; hold it at 0 with robot.fixed=[{joint.name}]"
+    if joint.kind not in TURNING:
+        mend = f"an arm's joints turn; hold it at a value with robot.fixed={{{joint.name}:{joint.range[0]:g}}}"
         raise UserError(f"{where} between base and flange is {joint.kind}; {mend}")
     if joint.mimic:
         raise UserError(f"{where} between base and flange mimics another one, which can't be; drive each by itself")
-    lower, upper = (-_TURN, _TURN) if joint.kind == "continuous" else _span(joint, "radians")
-    limits = Limits(lower, upper, _limit(joint, "effort", "N m"), _limit(joint, "velocity", "rad/s"))
-    return replace(joint, kind="revolute", limits=limits)
+    wrong = Problems()
+    ends = (-_TURN, _TURN) if joint.kind == "continuous" else wrong.attempt(_span, joint, "radians")
+    effort, velocity = wrong.attempt(_limit, joint, "effort", "N m"), wrong.attempt(_limit, joint, "velocity", "rad/s")
+    wrong.report()
+    assert ends is not None
+    return replace(joint, kind="revolute", limits=Limits(*ends, effort, velocity))
 
 
 def _span(joint: RobotJoint, unit: str) -> tuple[float, float]:
@@ -248,7 +228,11 @@ def _limit(joint: RobotJoint, name: str, unit: str) -> float:
     return value
 
 
-def _home(home: Sequence[float], arm: Sequence[RobotJoint]) -> tuple[float, ...]:
+def _home(home: Sequence[float] | None, arm: Sequence[RobotJoint]) -> tuple[float, ...]:
+    if home is None:
+        raise UsageError(
+            "robot.home is needed, at which the flange looks down; `vlmgineer home` with these words finds it"
+        )
     if len(home) != len(arm):
         names = ", ".join(joint.name for joint in arm)
         raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {names}")
@@ -296,21 +280,21 @@ def _gripper(
     return made, [replace(joint, limits=limits) for joint in (left, right)]
 
 
-def _check_rest(description: Description, drives: Mapping[str, RobotJoint], fixed: Sequence[str]) -> None:
+def _check_rest(description: Description, drives: Mapping[str, RobotJoint]) -> None:
     """Refuse joints that would move by themselves."""
-    joints = description.named
-    for name in fixed:
-        if name not in joints:
-            raise choices("joint", name, joints, "fixed")
-        lower, upper = joints[name].range
-        if joints[name].kind != "continuous" and not min(lower, 0.0) == lower <= 0.0 <= upper:
-            raise UserError(f"joint {name!r} can't be held at 0: its limits are {lower:g} to {upper:g}")
-    for joint in joints.values():
-        if joint.kind != "fixed" and joint.name not in drives and joint.name not in fixed:
-            mend = f"hold it with robot.fixed=[{joint.name}], or leave out robot.without=[{joint.child}]"
-            if joint.kind not in MOVING:
-                mend = f"make it fixed, or leave out robot.without=[{joint.child}]"
-            raise UserError(f"joint {joint.name!r} is {joint.kind}, and neither the arm's nor the gripper's; {mend}")
+    moving = [joint for joint in description.joints.values() if joint.kind != "fixed" and joint.name not in drives]
+    if not moving:
+        return
+    below = {joint.child for joint in moving}
+    tops = [joint.child for joint in moving if not below & {*description.above(joint.child)[1:]}]
+    values = {joint.name: min(max(joint.range[0], 0.0), joint.range[1]) for joint in moving}
+    held = f"[{','.join(values)}]"
+    if any(values[joint.name] for joint in moving if joint.kind != "continuous"):
+        held = f"{{{','.join(f'{name}:{value:g}' for name, value in values.items())}}}"
+    found = ", ".join(f"{joint.name!r} is {joint.kind}" for joint in moving[:3])
+    others = f" and {len(moving) - 3} others move" if len(moving) > 3 else ""
+    beside = f"joint {found}{others}, and neither the arm's nor the gripper's"
+    raise UserError(f"{beside}; hold with robot.fixed={held}, or leave out robot.without=[{','.join(tops)}]")
 
 
 def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
@@ -323,8 +307,11 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
     if rpy is None:
         tilt = math.acos(min(1.0, abs(flange.rotation.apply(axis)[2])))
         if tilt > _TILT_RAD:
+            along = flange.rotation.apply(axis) * np.sign(flange.rotation.apply(axis)[2] or 1.0)
+            way = _way(Rotation.from_rotvec(_to_vertical(along)))
             found = f"at home the axis of {robot.arm_joints[-1]!r} is {math.degrees(tilt):.0f} degrees off the vertical"
-            raise UserError(f"{found}; choose a home where the flange looks down, or turn the mount: robot.mount_rpy")
+            mend = "or choose a home where the flange looks down (vlmgineer home), or turn the mount: robot.mount_rpy"
+            raise UserError(f"{found}; {way}, {mend}")
         turns = Rotation.create_group("O")  # by right angles
         turn = turns[int((turns.inv() * exact).magnitude().argmin())]
     elif len(rpy) != 3 or not all(map(math.isfinite, rpy)):
@@ -335,10 +322,24 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
     if off > _TILT_RAD:
         found = f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's"
         same = short_numbers(Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy, 4, ",")
-        raise UserError(f"{found}; choose another home, or robot.mount_rpy=[{same}]")
+        raise UserError(f"{found}; {_way((flange.rotation * turn).inv())}, or set robot.mount_rpy=[{same}]")
     mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
     _check_looks_down(robot, flange @ mount)
     return mount
+
+
+def _to_vertical(along: Array) -> Array:
+    """Compute the rotation vector (3,) that turns a unit vector (3,) upright by the shortest way."""
+    about = np.cross(along, (0.0, 0.0, 1.0))
+    return about / max(float(np.linalg.norm(about)), 1e-9) * math.acos(min(1.0, along[2]))
+
+
+def _way(rotation: Rotation) -> str:
+    """Say how the flange has to turn in the world."""
+    way = rotation.as_rotvec()
+    angle = float(np.linalg.norm(way))
+    axis = short_numbers(way / angle, 2, ", ")
+    return f"turn the flange by {math.degrees(angle):.0f} degrees about the world's axis ({axis})"
 
 
 def _straightened(robot: Robot) -> Robot:

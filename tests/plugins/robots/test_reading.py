@@ -186,13 +186,27 @@ def gripped(
 
 def test_what_moves_beside_the_arm_is_held_or_left_out(changed):
     with pytest.raises(
-        UserError, match=r"joint 'left' is prismatic, and neither .*robot.fixed=\[left\].*=\[finger_l\]"
+        UserError,
+        match=r"'left' is prismatic, 'right' is prismatic, and neither .*fixed=\[left,right\].*=\[finger_l,finger_r\]",
     ):
         changed(*gripped())
     assert len(changed(*gripped(), fixed=["left", "right"]).arm_joints) == 6
     bare = changed(*gripped(), without=["hand_base"])
     assert "finger" not in bare.urdf
     assert changed(fixed=["joint_4"], home=[*HOME[:3], *HOME[4:]]).arm_joints[3] == "joint_5"
+
+
+def test_a_joint_is_held_at_a_value(changed):
+    """The other joints bring the flange where all of them would."""
+    whole = changed(home=[0.3, *HOME[1:]])
+    held = changed(fixed={"joint_1": 0.3}, home=HOME[1:])
+    assert held.arm_joints == whole.arm_joints[1:]
+    turned = np.array([0.1, 0.5, 0.2, 0.4, 0.1])
+    there = link_frames(held, False, turned[None], np.zeros((1, 0)))["hand"]
+    for one, other in zip(
+        there, link_frames(whole, False, np.r_[0.3, turned][None], np.zeros((1, 0)))["hand"], strict=True
+    ):
+        np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 @pytest.fixture

@@ -40,8 +40,9 @@ def test_it_performs_the_reference_solution(words, sim):
 
 
 @pytest.mark.slow
-def test_it_is_drawn_in_its_own_colours(words, tmp_path):
-    picture, _ = render.render(load("render", [*words, "task=BringCube", "sim=mujoco"], render.RenderConfig))
+@pytest.mark.parametrize("sim", ["mujoco", "pybullet"])
+def test_it_is_drawn_in_its_own_colours(words, sim):
+    picture, _ = render.render(load("render", [*words, "task=BringCube", f"sim={sim}"], render.RenderConfig))
     pixels = picture.reshape(-1, 3).astype(int)
     assert (np.abs(pixels - (230, 120, 30)).sum(axis=1) < 60).sum() > 200, "no orange of its turret"
 
@@ -61,7 +62,6 @@ def test_settings_of_a_gripper(words):
     ("settings", "reason"),
     [
         ({}, "setting 'path' is needed; settings: path, home, flange"),
-        ({"path": "a.urdf"}, "setting 'home' is needed"),
         ({"path": "a.urdf", "home": ["a"]}, "setting 'home' can't be"),
         (
             {"path": "a.urdf", "home": [0.0], "gripper": {"link": "hand"}},

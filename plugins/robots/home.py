@@ -1,0 +1,151 @@
+"""``vlmgineer home robot=urdf robot.path=FILE ...``: find joints at which the flange of one's own arm looks down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from omegaconf import MISSING
+from scipy.spatial.transform import Rotation
+
+from core.config.compose import load, robot_part
+from core.design import Tool
+from core.errors import UsageError, UserError
+from core.geometry import Array, Pose
+from core.interfaces import JointTrajectory, Robot
+from core.plugins.registry import check_settings
+from core.robot.kinematics import Arm, arm_of, link_poses
+from core.robot.solids import robot_solids
+from core.solids.self_collision import find_self_collision
+from core.support.cli import arguments, say
+from core.support.text import short_numbers
+from core.values.descriptions import Description
+from plugins.robots.normalise import ALSO
+from plugins.robots.reading import describe, mounted, unmounted
+from plugins.robots.settings import ArmSettings
+from plugins.robots.urdf import urdf
+
+USAGE = (
+    "usage: vlmgineer home robot=urdf robot.path=FILE [robot.flange=LINK ...] [at=[x,y,z]]; at: where the flange is to "
+    "be in the world, metres"
+)
+_TRIES, _DIGITS = 10, 3  # starts for each way the flange may be turned; of a joint
+_NEAR_M, _NEAR_RAD = 1e-3, 1e-2
+_ROOM, _STRAIGHT = 0.1, 0.08  # share of a joint's range, and a singular value, beyond which more is no better
+
+
+@dataclass
+class HomeConfig:
+    """Settings of ``vlmgineer home``."""
+
+    robot: dict[str, Any] = MISSING
+    at: list[float] = field(default_factory=lambda: [0.5, 0.0, 0.5])
+
+
+def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robot:
+    """Find a home at which the flange is ``at`` (3,) in the base's frame and looks down, with the mount turned so.
+
+    Of the homes that are found it has room to the joints' limits and to singularities, and stands high.
+
+    Args:
+        robot: made by `plugins.robots.reading.unmounted`, as ``axis`` is.
+        axis: the last joint's (3,) in the flange's frame.
+        chosen: the settings of the arm.
+        at: metres.
+
+    Raises:
+        UserError: none is found; says what came nearest.
+    """
+    arm, found, nearest = arm_of(robot), list[tuple[float, Array]](), (math.inf, math.inf)
+    for goal in _goals(axis, chosen.mount_rpy, at):
+        rng = np.random.default_rng(0)
+        for start in rng.uniform(
+            np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi), (_TRIES, arm.lower.size)
+        ):
+            solution = arm.inverse(goal, start)
+            nearest = min(nearest, (solution.error_m, solution.error_rad))
+            if solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD:
+                found.append((_worth(arm, robot, solution.joints), solution.joints))
+    problem = f"the nearest that was found misses it by {nearest[0]:.3f} m and {math.degrees(nearest[1]):.0f} degrees"
+    for _, joints in sorted(found, key=lambda one: -one[0]):
+        try:
+            made = mounted(replace(robot, home=tuple(joints.round(_DIGITS).tolist())), axis, chosen.mount_rpy)
+        except UserError as error:
+            problem = str(error)
+            continue
+        if met := find_self_collision(made, Tool(), JointTrajectory(np.zeros(1), np.array([made.home]), np.zeros(1))):
+            problem = f"there {met.describe(np.zeros(1))}"
+            continue
+        return made
+    place = short_numbers(at, 3, ", ")
+    raise UserError(
+        f"no joints bring the flange to ({place}) from its base, looking down: {problem}; choose another at="
+    )
+
+
+def _goals(axis: Array, rpy: tuple[float, float, float] | None, at: Array) -> Iterator[Pose]:
+    """Yield the flange's poses at which a mount on it can have the axes of the base."""
+    turns = Rotation.create_group("O") if rpy is None else Rotation.from_euler("xyz", [rpy])
+    for turn in turns.inv():
+        if rpy is not None or abs(turn.apply(axis)[2]) > 0.94:
+            yield Pose.from_rotation(at, turn)
+
+
+def _worth(arm: Arm, robot: Robot, joints: Array) -> float:
+    """Rate joints (J,) as a home."""
+    room = float((np.minimum(joints - arm.lower, arm.upper - joints) / (arm.upper - arm.lower)).min())
+    # Singular values of how the flange's place and direction follow the joints, by differences.
+    here, steps = arm.forward(joints), 1e-4 * np.eye(len(joints))
+    moved = [arm.forward(joints + step) for step in steps]
+    ways = [np.r_[to.position - here.position, 0.3 * (to.rotation * here.rotation.inv()).as_rotvec()] for to in moved]
+    straight = float(np.linalg.svd(np.array(ways) / 1e-4, compute_uv=False)[-1]) if len(joints) >= 6 else 0.0
+    poses = link_poses(robot, False, joints)
+    heights = [pose.position[2] for pose in poses.values()]
+    before = robot.description.named[robot.arm_joints[-1]].parent  # a flange looks away from it
+    middle = np.mean(
+        [poses[s.name].apply(s.bounds()[0])[2] for s in robot_solids(robot, False) if s.name == before] or 0
+    )
+    return float(
+        10 * (middle > here.position[2])
+        + min(room, _ROOM) / _ROOM
+        + min(straight, _STRAIGHT) / _STRAIGHT
+        + np.mean(heights)
+        + 20 * min(min(heights), 0.0)
+        - 0.05 * np.abs(joints).sum()
+    )
+
+
+def _beyond(description: Description, flange: str) -> list[str]:
+    """List the links on the flange, where a tool is to go, that have shapes or bear some."""
+    shaped = {name for name, link in description.links.items() if link.visuals or link.collisions}
+    tops = [child for child, joint in description.joints.items() if joint.parent == flange]
+    return [top for top in tops if any(top in description.above(name) for name in shaped)]
+
+
+def main(words: list[str]) -> None:
+    cfg = load("home", arguments(USAGE, words), HomeConfig)
+    part = robot_part(cfg.robot)
+    if part.name != "urdf":
+        raise UsageError(f"robot={part.name} has a home; give your own arm: robot=urdf robot.path=FILE")
+    if len(cfg.at) != 3 or not all(map(math.isfinite, cfg.at)):
+        raise UsageError(f"at must be three numbers, metres, got {list(cfg.at)}")
+    chosen = ArmSettings(**check_settings(urdf, dict(part.settings), "robot=urdf", {}))
+    at = part.pose.inverse().apply(np.array(cfg.at, dtype=float))
+    description = describe(chosen)
+    try:
+        robot = find_home(*unmounted(description, chosen, anywhere=True), chosen, at)
+    except UserError as error:  # a line for each problem
+        raise type(error)(str(error).replace(ALSO, "\n- ")) from error
+    arm, home = arm_of(robot), np.array(robot.home)
+    room = np.minimum(home - arm.lower, arm.upper - home)
+    place = short_numbers(part.pose.apply(arm.forward(home).position), 3, ", ")
+    say(
+        f"the flange {robot.mount_link!r} is at ({place}) and looks down; the least room to a limit has "
+        f"{robot.arm_joints[int(room.argmin())]!r}, {room.min():.2f} rad"
+    )
+    say(f"robot.home=[{short_numbers(home, _DIGITS, ',')}]")
+    if not robot.gripper and (beyond := _beyond(description, robot.mount_link)):
+        say(f"{', '.join(beyond)} hang on the flange where tools go: leave out with robot.without=[{','.join(beyond)}]")

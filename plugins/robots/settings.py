@@ -1,0 +1,105 @@
+"""The settings of ``robot=urdf``: what is chosen of a file, and what a description does not say of its arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic import ConfigDict
+
+from core.errors import UsageError, check_positive
+from core.geometry import Cylinder
+from core.values.robots import ISO_9409_1_50, Flange
+
+PAYLOAD_KG = 1.0  # a URDF has none
+
+
+@dataclass(frozen=True)
+class GripperOptions:
+    """Say what a description does not say of its parallel gripper.
+
+    Attributes:
+        link: its first link. It goes, with all that it bears, where a rigid tool is mounted.
+        joints: of its two fingers: prismatic, 0 when closed.
+        force_n: of each finger; None: the smaller effort in the joints' limits.
+        friction: of the fingers.
+    """
+
+    link: str
+    joints: tuple[str, str]
+    force_n: float | None = None
+    friction: float = 1.0
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+
+
+@dataclass(frozen=True)
+class BoltOptions:
+    """Say where a flange has its bolts, metres and radians; the defaults are those of ISO 9409-1-50-4-M6.
+
+    Attributes:
+        circle_m: diameter of the ring of bolts.
+        count: how many, equally spaced.
+        thread: such as M6.
+        angle: of the first bolt, about the mount's z from its x.
+        disc_m: diameter of the flange.
+        centring_m: diameter of the recess in the middle; None: there is none.
+
+    Raises:
+        UsageError: a number is not positive, or the ring does not lie on the disc.
+    """
+
+    circle_m: float = 0.05
+    count: int = 4
+    thread: str = "M6"
+    angle: float = math.pi / 4
+    disc_m: float = 0.063
+    centring_m: float | None = 0.0315
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+
+    def flange(self) -> Flange:
+        check_positive("robot.bolts.", circle_m=self.circle_m, count=self.count, disc_m=self.disc_m)
+        if not (self.centring_m or 0.0) < self.circle_m < self.disc_m < 1.0:
+            raise UsageError("robot.bolts: lengths are diameters in metres, centring_m < circle_m < disc_m")
+        disc, ring = Cylinder(self.disc_m / 2, ISO_9409_1_50.disc.length), (self.circle_m, self.count, self.thread)
+        return Flange(disc, *ring, bolt_angle=self.angle, centring_m=self.centring_m)
+
+
+@dataclass(frozen=True)
+class ArmSettings:
+    """What is chosen of a file, and what a description does not say of its arm.
+
+    Attributes:
+        path: a URDF file, or one whose name ends in ``.xacro``.
+        home: joints (J,) from the base on, radians; there the flange looks down. ``vlmgineer home`` finds some.
+        flange: the link that bears tools; None: the only one that bears no other link.
+        title: as people call it; empty: the name in the description.
+        mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
+            home are nearest to the world's.
+        payload_kg: what it carries at most.
+        acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in half a second.
+        motor_inertia: (J,), reflected through the gears, kg m^2; None: 0.1 each.
+        gripper: the parallel gripper, if there is one.
+        bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
+        fixed: joints that are held at 0, or each at its value, radians or metres.
+        without: links that are left out, with all that they bear.
+        arguments: of a Xacro file.
+    """
+
+    path: Path
+    home: list[float] | None = None
+    flange: str | None = None
+    title: str = ""
+    mount_rpy: tuple[float, float, float] | None = None
+    payload_kg: float = PAYLOAD_KG
+    acceleration: list[float] | None = None
+    motor_inertia: list[float] | None = None
+    gripper: GripperOptions | None = None
+    bolts: BoltOptions | None = None
+    fixed: list[str] | dict[str, float] | None = None
+    without: list[str] | None = None
+    arguments: Mapping[str, str] | None = None

@@ -1,0 +1,96 @@
+"""``vlmgineer home``: joints at which the flange of one's own arm looks down, or all that is wrong."""
+
+import numpy as np
+import pytest
+
+from core.errors import UsageError, UserError
+from core.robot.kinematics import arm_of
+from plugins.robots import home, hulls
+from plugins.robots.descriptions import robots_folder
+from plugins.robots.reading import read_robot
+from tests.outside_arm import FLANGE, write_arm
+from tests.plugins.tasks.file.imports.conftest import called
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    """Meshes are read in this process, which starts no other for each."""
+    monkeypatch.setattr(hulls, "isolated", called)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_arm(tmp_path_factory.mktemp("arm"))
+
+
+def found(capsys):
+    """The home that was printed."""
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("robot.home=")]
+    return [float(number) for number in line.removeprefix("robot.home=[").rstrip("]").split(",")]
+
+
+@pytest.mark.parametrize(("base", "at"), [((0, 0, 0, 0), (0.5, 0.0, 0.5)), ((0.1, -0.2, 0.1, 1.0), (0.4, 0.2, 0.45))])
+def test_joints_are_found_and_the_arm_takes_them(file, capsys, base, at):
+    home.main(["robot=urdf", f"robot.path={file}", f"robot.base={list(base)}", f"at={list(at)}"])
+    robot = read_robot(file, found(capsys), FLANGE)
+    there = arm_of(robot).forward(np.array(robot.home))
+    turned = np.array([[np.cos(base[3]), -np.sin(base[3]), 0], [np.sin(base[3]), np.cos(base[3]), 0], [0, 0, 1]])
+    np.testing.assert_allclose(turned @ there.position + base[:3], at, atol=2e-3)
+    np.testing.assert_allclose(there.rotation.as_matrix(), np.eye(3), atol=1e-3)
+
+
+def test_all_that_is_wrong_is_said_at_once(file):
+    text = file.read_text().replace('velocity="2.6"', 'velocity="0"').replace('effort="40" ', "", 1)
+    (file.parent / "wrong.urdf").write_text(text.replace('<mass value="0.172"/>', '<mass value="0"/>'))
+    with pytest.raises(UserError) as caught:
+        home.main(["robot=urdf", f"robot.path={file.parent / 'wrong.urdf'}"])
+    lines = str(caught.value).splitlines()
+    for joint in (1, 2, 3):
+        assert sum(f"joint 'joint_{joint}' has 0 as velocity limit" in line for line in lines) == 1
+    assert "- joint 'joint_4' has no effort limit; take it from the arm's data sheet, N m" in lines
+    assert lines[-1].startswith("- link 'hand' with what is fixed to it (1 more) moves, but has no mass")
+
+
+def test_out_of_reach(file):
+    with pytest.raises(UserError, match=r"no joints bring the flange to \(2, 0, 0.5\).* misses it by 1\.\d+ m"):
+        home.main(["robot=urdf", f"robot.path={file}", "at=[2,0,0.5]"])
+
+
+def test_what_hangs_where_tools_go_is_named(file, capsys):
+    box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
+    joint = '<joint name="on" type="fixed"><parent link="tool0"/><child link="lamp"/></joint>'
+    hung = f'<link name="lamp">{box}</link>{joint}'
+    (file.parent / "lamp.urdf").write_text(file.read_text().replace("</robot>", f"{hung}</robot>"))
+    home.main(["robot=urdf", f"robot.path={file.parent / 'lamp.urdf'}", f"robot.flange={FLANGE}"])
+    assert "lamp hang on the flange where tools go: leave out with robot.without=[lamp]" in capsys.readouterr().out
+
+
+ARMS = {
+    "baxter_description/urdf/baxter.urdf": (
+        "robot.flange=left_hand_link robot.without=[head,right_upper_shoulder,left_gripper_base_link] at=[0.7,0.3,0.5]",
+        ("which link bears tools.*left_hand_link", "'right_w2'|right_s0"),
+    ),
+    "tiago_description/robots/tiago.urdf": (
+        "robot.flange=arm_tool_link robot.fixed={torso_lift_joint:0.15} at=[0.6,0,0.9] "
+        "robot.without=[wheel_right_link,wheel_left_link,head_1_link,hand_tool_link,wrist_ft_link]",
+        ("which link bears tools.*arm_tool_link", "fixed=.torso_lift_joint:0"),
+    ),
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ARMS)
+def test_an_arm_of_a_robot_with_more_joints(name, capsys, monkeypatch):
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(robots_folder().parent))
+    words, errors = ARMS[name]
+    chosen = ["robot=urdf", f"robot.path={robots_folder() / name}"]
+    for more, error in zip(([], words.split()[:1]), errors, strict=True):
+        with pytest.raises(UserError, match=error):
+            home.main([*chosen, *more])
+    home.main([*chosen, *words.split()])
+    assert len(found(capsys)) == 7
+
+
+def test_other_arms_have_a_home():
+    with pytest.raises(UsageError, match="robot=panda has a home; give your own arm"):
+        home.main([])
