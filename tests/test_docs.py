@@ -228,6 +228,13 @@ def test_the_sizes_of_what_is_told_less_are_those_of_the_prompts():
     assert len(re.findall(r"^\| \w+ \| [\d,]+ \+ 1 \| [\d,]+ \+ 1 \| [\d,]+ \+ 5 \| [\d,]+ \+ 2 \|$", text, re.M)) == 24
 
 
+def test_each_test_that_the_page_of_attacks_names_is_there():
+    named = re.findall(r"`([\w/]+\.py)::(\w+)`", (ROOT / "docs/attacks.md").read_text())
+    assert len(named) > 30
+    for file, name in named:
+        assert f"def {name}(" in (ROOT / file).read_text(), f"{file}::{name}"
+
+
 @pytest.mark.parametrize(("page", "plugin"), [("layouts", "robotoolbench"), ("hardtoolbench", "hardtoolbench")])
 def test_the_ranges_in_the_docs_are_those_of_the_tasks(page, plugin):
     text = (ROOT / f"docs/{page}.md").read_text()
