@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,17 +11,16 @@ from typing import Any, Literal, get_args
 import gymnasium
 import numpy as np
 import numpy.typing as npt
-from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 
-from core.config.compose import load, robot_part, tool_part
+from core.config.compose import load, part, task_part, tool_part
 from core.design import DesignError, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Recording, Task, ToolRepresentation, World
-from core.plugins import SIMULATOR, TASK, installed
+from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
 from core.scene import State, Trace
 from core.simulation.playback import begin_motion
@@ -59,22 +58,15 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     Args:
         task: the task's name.
-        task_settings: its settings, such as ``{"variation": "wide"}``; those left out have their defaults.
         designs: a designs file, whose ``strategy`` (from 0) has the tool; None: the bare arm, or with ``gripper`` the
             bare hand.
         strategy: see ``designs``.
+        words: settings as ``python -m core.evaluate`` takes them, such as ``["robot=ur5", "task.variation=wide"]``. The
+            simulator must be one that can be stepped.
         gripper: see ``designs``.
-        sim: the name of a simulator that can be stepped.
-        sim_settings: its settings; those left out have their defaults.
-        robot: the arm's name; None: the default robot.
-        robot_settings: its settings, and ``base``, [x, y, z, yaw].
-        tool: the representation in which the file describes tools.
-        material: the name of what they are made of.
-        material_settings: its settings; those left out have their defaults.
         control_mode: what actions mean.
         render_mode: None or ``rgb_array``.
-        width: of pictures, pixels.
-        height: of pictures, pixels.
+        size: width and height of pictures, pixels.
 
     Raises:
         UserError: an argument can't be used; says what is possible.
@@ -88,38 +80,26 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         designs: str | Path | None = None,
         strategy: int = 0,
         *,
+        words: Sequence[str] = (),
         gripper: bool = False,
-        task_settings: Mapping[str, Any] | None = None,
-        sim: str = "pybullet",
-        sim_settings: Mapping[str, Any] | None = None,
-        robot: str | None = None,
-        robot_settings: Mapping[str, Any] | None = None,
-        tool: str = "urdf",
-        material: str = "paper",
-        material_settings: Mapping[str, Any] | None = None,
         control_mode: ControlMode = "joints",
         render_mode: str | None = None,
-        width: int = 640,
-        height: int = 480,
+        size: tuple[int, int] = (640, 480),
     ) -> None:
         if control_mode not in get_args(ControlMode):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
-        chosen = {"name": robot or installed().default_robot.name, **(robot_settings or {})}
-        arm = robot_part(OmegaConf.create(chosen)).create() if robot is not None or robot_settings else None
-        self.task = installed().create(TASK, task, task_settings, robot=arm)
+        config = load("evaluate", [f"task={task}", *words])
+        self.task, self.simulator = task_part(config).create(), part(SIMULATOR, config.sim).create()
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
-        self.simulator = installed().create(SIMULATOR, sim, sim_settings)
-        made_of = {**load("evaluate", [f"material={material}"]).material, **(material_settings or {})}
-        tools = tool_part(OmegaConf.create({"tool": {"name": tool}, "material": made_of}))
         self.tool = Tool(gripper=gripper)
         if designs is not None:
-            self.tool = _tool(Path(designs), strategy, tools.create(robot=self.task.robot), self.task)
+            self.tool = _tool(Path(designs), strategy, tool_part(config).create(), self.task)
         self.control_mode = control_mode
         self.render_mode = render_mode
-        self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=width, height=height)
+        self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=size[0], height=size[1])
         self._arm, self._opening = arm_of(self.task.robot), self.task.robot.opening_m
         joints = len(self.task.robot.arm_joints)
         moves = (joints if control_mode == "joints" else 6) + self.tool.gripper

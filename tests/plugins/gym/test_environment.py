@@ -57,15 +57,14 @@ def test_gymnasiums_checker_passes(name):
         gripper=task == "LiftBox",
         control_mode=mode,
         render_mode="rgb_array",
-        width=64,
-        height=48,
+        size=(64, 48),
     )
     check_env(env.unwrapped, skip_render_check=task != "BringCube")
     env.close()
 
 
 def test_observations_have_what_the_docstring_says():
-    env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", width=80, height=60)
+    env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", size=(80, 60))
     observed, info = env.reset(seed=1)
     assert observed.shape == (9 + 13,)
     np.testing.assert_allclose(observed[9:12], (1.0, 0.0, 0.035), atol=1e-3)
@@ -76,7 +75,7 @@ def test_observations_have_what_the_docstring_says():
 
 
 def test_a_variation_draws_the_layout_and_shows_its_marks():
-    env = gymnasium.make("RoboToolBench/BringCube-v0", task_settings={"variation": "wide"})
+    env = gymnasium.make("RoboToolBench/BringCube-v0", words=["task.variation=wide"])
     seen = [env.reset(seed=seed)[0] for seed in (0, 0, 1)]
     assert env.observation_space.shape == seen[0].shape == (9 + 13 + 3 * 7,)  # floor, table, mark
     np.testing.assert_array_equal(seen[0], seen[1])
@@ -122,8 +121,8 @@ def test_the_same_plan_earns_what_it_earns_in_a_rollout():
     assert info["reward"] >= task.success_reward
 
 
-def test_settings_are_the_default_robot_s_where_none_is_named():
-    base = ToolEnv("BringCube", robot_settings={"base": [0.1, 0, 0, 0]}).task.robot.base
+def test_words_set_parts_as_on_the_command_line():
+    base = ToolEnv("BringCube", words=["robot.base=[0.1,0,0,0]"]).task.robot.base
     np.testing.assert_allclose(base.position, (0.1, 0, 0))
 
 
@@ -154,7 +153,7 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
             {"designs": DESIGNS / "BringCube.json", "strategy": 7},
             r"BringCube.json has \d strategies; there is no",
         ),
-        ({"sim": "pybulet"}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\)"),
+        ({"words": ["sim=pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\)"),
     ],
 )
 def test_wrong_arguments_are_refused(settings, reason):
@@ -177,7 +176,7 @@ class Pressed(BringCube):
 @every_simulator
 def test_a_reward_may_read_the_trace_of_the_episode(engine, monkeypatch):
     monkeypatch.setitem(installed().offers, ("task", "Timed"), Offer("task", "Timed", "mine", "vlmgineer", Timed))
-    env = ToolEnv("Timed", sim=engine)
+    env = ToolEnv("Timed", words=[f"sim={engine}"])
     for _ in range(2):  # an episode has nothing of the last one
         _, info = env.reset(seed=0)
         assert info["reward"] == pytest.approx(0, abs=0.005)
@@ -196,15 +195,14 @@ def test_a_tool_weighs_by_its_material():
     made = gymnasium.make(
         "RoboToolBench/BringCube-v0",
         designs=DESIGNS / "BringCube.json",
-        material="pla",
-        material_settings={"infill": 1.0, "friction": 0.3},
+        words=["material=pla", "material.infill=1.0", "material.friction=0.3"],
     ).unwrapped.tool
     assert made.mass == pytest.approx(1240 * sum(component.shape.volume for component in made.components))
     assert made.friction == 0.3
     with pytest.raises(UserError, match="no material 'wood'"):
-        gymnasium.make("RoboToolBench/BringCube-v0", material="wood")
+        gymnasium.make("RoboToolBench/BringCube-v0", words=["material=wood"])
     with pytest.raises(UserError, match=r"the arm carries at most 3 kg"):
-        gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json", material="steel")
+        gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json", words=["material=steel"])
 
 
 @pytest.mark.parametrize(
