@@ -155,7 +155,7 @@ def _light(spec: Element) -> None:
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.1] * 3
     spec.visual.headlight.specular = [0.0] * 3
     spec.stat.extent, spec.stat.center = 1.0, [0.6, 0.0, 0.2]  # metres; the extent is the unit of the view settings
-    spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = 0.02, 15.0, 2.5
+    spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = 0.02, 15.0, 8.0
     spec.visual.quality.shadowsize = 4096
 
 

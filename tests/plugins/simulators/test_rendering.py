@@ -6,9 +6,10 @@ import pytest
 from core.errors import NoPicture
 from core.interfaces import Simulator
 from core.plugins import Offer, installed
-from core.scene import Camera, table
+from core.scene import Camera, floor, table
 from plugins.conformance.worlds import HOME, Bodies, cube
 from plugins.simulators.rendering import DrawingSimulator, Renderer
+from tests.engines import simulator
 from tests.panda import ARM, FINGER_OPEN
 
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
@@ -93,3 +94,13 @@ def test_another_simulator_stands_in(painter):
 def test_with_neither_both_reasons_are_said():
     with pytest.raises(NoPicture, match=r"needs a pencil, and missing's can't stand in for it: no sim 'missing'"):
         drawing(Pencilless, "missing").render(TASK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_ground_far_from_the_table_is_plain(engine):
+    """Nothing shades it but the table and the arm, which stand at the picture's other end."""
+    task = Bodies(floor(), cube(at=(0.6, 0.0, 0.05)))
+    far = Camera(position=(0.5, -4.0, 1.2), target=(0.4, 0.0, 0.0))
+    ground = simulator(engine).render(task, camera=far, width=320, height=240)[180:]
+    assert ground.std(axis=(0, 1)).max() < 3
