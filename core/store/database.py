@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import shutil
 import sqlite3
 import tempfile
@@ -35,6 +36,7 @@ _WRITTEN = (
 )
 MOST_BYTES = 4_000_000_000  # of a store
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
+_ASKED_S = 0.2  # in which `is_held` of another process is over
 _sound: set[object] = set()  # the states of files that this process has checked
 
 
@@ -312,7 +314,7 @@ def _lock(file: Path) -> FileLock:
     """Take the lock, which is held until it is released or the process ends in any way."""
     from filelock import FileLock, Timeout
 
-    lock = FileLock(file, timeout=0, thread_local=False)
+    lock = FileLock(file, timeout=_ASKED_S, thread_local=False)
     try:
         lock.acquire()
     except Timeout as error:
@@ -320,6 +322,19 @@ def _lock(file: Path) -> FileLock:
             f"another process is at work on the run in {file.parent}; wait for its end, or end it"
         ) from error
     return lock
+
+
+def is_held(folder: Path) -> bool:
+    """Report whether a process is at work on the run in ``folder``; nothing is written."""
+    file = folder / LOCK
+    if file.is_symlink() or not file.is_file():
+        return False
+    try:
+        with file.open("rb") as opened:
+            fcntl.flock(opened, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:  # it is held, or nobody can tell here
+        return True
+    return False
 
 
 def _version(database: sqlite3.Connection) -> int | None:

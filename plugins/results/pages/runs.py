@@ -13,7 +13,7 @@ from typing import Any, Literal
 from core.config.trust import read_stored_yaml
 from core.design import TIE, ranked
 from core.errors import UserError
-from core.store.database import FILE
+from core.store.database import FILE, is_held
 from core.store.reader import StoredEvaluation, StoredRun, rollouts
 from core.store.rows import Best, RunFigures
 from core.support.text import by_reason, clean
@@ -135,7 +135,7 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         return LeftOutRun(folder, "unreadable", short(str(error)))
     if figures is None:
         config = config or _hydra_config(folder)
-        return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
+        return LeftOutRun(folder, "unfinished", _progress(folder, store), _task(config), config)
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
     if figures.best is None:
@@ -184,7 +184,7 @@ def _hydra_config(folder: Path) -> dict[str, Any]:
         return {}
 
 
-def _progress(store: StoredRun) -> str:
+def _progress(folder: Path, store: StoredRun) -> str:
     """The progress of an unfinished run, in words."""
     try:
         evaluations, generations = store.evaluations(), len(store.generations())
@@ -192,7 +192,8 @@ def _progress(store: StoredRun) -> str:
         return short(str(error))
     best = max((e.reward for e in evaluations if e.status == "ok"), default=None)
     reached = "" if best is None else f", best reward so far {best:.3f}"
-    return f"{generations} generations and {len(evaluations)} candidates done{reached}"
+    how = "goes on" if is_held(folder) else "was killed"
+    return f"{generations} generations and {len(evaluations)} candidates done{reached}; it {how}"
 
 
 def reasons(store: StoredRun) -> list[str]:

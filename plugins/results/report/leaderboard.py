@@ -32,6 +32,7 @@ AnyRun = FinishedRun | LeftOutRun
 
 MAX_BYTES = 10_000_000  # of a results file
 FIRST_UNSEEN = 1_000_000  # the seed of the first test layout
+_NAMED = 3  # runs in a message
 SAME = 1e-6  # by which a mean in a file may differ from that of its rewards
 
 
@@ -257,8 +258,32 @@ def find_entries(
             try:
                 entries += [_entry(called, protocol(rules), version, track, own)] if own else []
             except UserError as error:
-                problems.append(f"no entry of the track {track}: {called}: {error}")
+                every = [run for key, others in grouped.items() if key[1:] == (rules, version) for run in others]
+                apart = differences([run for run in every if run.task in _tracks(rules)[track]])
+                problems.append(
+                    f"no entry of the track {track}: {called}: {error}{apart and f'; runs differ: {apart}'}"
+                )
     return entries, problems
+
+
+def differences(runs: Sequence[AnyRun]) -> str:
+    """Say in which settings runs differ, and which runs have which value; empty: in none."""
+    settings = [flatten(run.config) for run in runs]
+    found = []
+    for key in dict.fromkeys(key for own in settings for key in own):
+        values: dict[str, list[str]] = {}
+        of_task: dict[str, set[str | None]] = {}  # what follows from the task alone is no difference
+        for run, own in zip(runs, settings, strict=True):
+            values.setdefault(own.get(key, "not set"), []).append(short(run.folder.name))
+            of_task.setdefault(run.task, set()).add(own.get(key))
+        if len(values) > 1 and (key.endswith(".name") or max(map(len, of_task.values())) > 1):
+            each = (f"{short(value)} in {_some(names)}" for value, names in values.items())
+            found.append(f"{key} is {', '.join(each)}")
+    return "; ".join(found)
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
 
 
 def _tracks(rules: str) -> dict[str, list[str]]:
@@ -272,8 +297,8 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
     for run in runs:
         if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
             raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
-    if len(methods := {*label([(run.task, {**run.config, "name": ""}) for run in runs])}) > 1:
-        raise UserError(f"its runs differ in more than task and seed: {', '.join(sorted(methods))}")
+    if len({*label([(run.task, {**run.config, "name": ""}) for run in runs])}) > 1:
+        raise UserError("its runs differ in more than task and seed")
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
     versions: dict[str, set[str]] = {}

@@ -6,6 +6,7 @@ The server is a process of its own, at the lowest priority; it writes nothing.
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import threading
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from core.errors import UserError
+from core.store.database import is_held
 from core.store.reader import StoredRun
 from core.support.cli import say
 from core.support.files import read_untrusted
@@ -55,7 +57,8 @@ class Server(ThreadingHTTPServer):
     def state(self) -> str:
         """How far the run has come: another text when a generation or the run has ended, or goes on again."""
         ended, most = self._store.result(), self._store.config().get("budget", {}).get("n_iteration")
-        how = "goes on (or was killed)" if ended is None else "has ended"
+        stopped = f"was killed (to go on: python -m core.run resume={shlex.quote(str(self._folder))})"
+        how = "has ended" if ended is not None else "goes on" if is_held(self._folder) else stopped
         how = f"was stopped ({ended.stopped})" if ended is not None and ended.stopped else how
         done = len(self._store.generations())
         return f"The run {how}: {done}{'' if most is None else f' of {most + 1}'} generations done."

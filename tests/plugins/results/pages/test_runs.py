@@ -68,7 +68,7 @@ def test_a_run_that_was_killed_is_unfinished(tmp_path):
     run = read_run(folder)
     assert isinstance(run, LeftOutRun)
     assert (run.status, run.task) == ("unfinished", "BringCube")
-    assert run.reason == "1 generations and 2 candidates done, best reward so far 0.600"
+    assert run.reason == "1 generations and 2 candidates done, best reward so far 0.600; it goes on"
 
 
 def test_a_run_that_stopped_before_its_time_is_unfinished(tmp_path):

@@ -35,7 +35,7 @@ def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path, capsys):
     main([str(tmp_path / "runs"), f"output={tmp_path / 'out'}"])
     (line,) = [line for line in capsys.readouterr().out.splitlines() if name in line]
     assert line.startswith("not counted, unfinished: ")
-    assert line.endswith("1 candidates done, best reward so far 0.500")
+    assert line.endswith("1 candidates done, best reward so far 0.500; it goes on")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="names are text there")
