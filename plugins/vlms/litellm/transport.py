@@ -21,6 +21,8 @@ MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes
 MAX_ITEMS = 100_000  # of lists and objects in an answer, outside of its texts
 
+LISTS = {"choices", "candidates", "tool_calls", "parts", "images", "annotations", "thinking_blocks"}  # in answers
+
 OPENAI = ("openai", "text-completion-openai")  # providers that OPENAI_API_KEY is for, at any address
 
 _STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)  # linear, closed or not
@@ -74,8 +76,11 @@ class _Transport(httpx.BaseTransport):
         answer = self._client.send(request, stream=True)
         try:
             content = _read(answer, deadline)
-            if answer.status_code >= 400 or not _is_json(content):
+            found = _parsed(content)
+            if answer.status_code >= 400 or found is None:
                 content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
+            else:
+                _check_lists(found)
         finally:
             answer.close()
         hop = ("content-encoding", "content-length", "transfer-encoding")
@@ -143,12 +148,30 @@ def _read(answer: httpx.Response, deadline: float | None) -> bytes:
     return bytes(content)
 
 
-def _is_json(content: bytes) -> bool:
+def _parsed(content: bytes) -> list[Any] | None:
+    """Read JSON into a list of one value; None: it is none."""
     try:
-        json.loads(content)
+        return [json.loads(content)]
     except (ValueError, RecursionError):
-        return False
-    return True
+        return None
+
+
+def _check_lists(found: list[Any]) -> None:
+    """Refuse a text where a list belongs: LiteLLM makes an object of each of its letters, which takes minutes.
+
+    Raises:
+        BadAnswer: there is one, at any depth.
+    """
+    left = list(found)
+    while left:
+        match left.pop():
+            case dict() as fields:
+                for name in LISTS & fields.keys():
+                    if isinstance(fields[name], str):
+                        raise BadAnswer(f"the answer's `{name}` is a text where a list belongs; it is not read")
+                left += fields.values()
+            case list() as items:
+                left += items
 
 
 def _unpacked(parts: Iterator[bytes], *, packed: bool) -> Iterator[bytes]:

@@ -137,6 +137,18 @@ def test_what_is_too_large_is_one_line_and_one_call(protocol):
     assert len(server.calls) == 1
 
 
+@pytest.mark.parametrize(
+    ("protocol", "path"), [("openai", ("choices", 0, "message", "tool_calls")), ("ollama", ("message", "tool_calls"))]
+)
+def test_a_text_where_a_list_belongs_is_not_handed_on(protocol, path):
+    """LiteLLM made an object of each letter of `tool_calls`: more than ten minutes for both."""
+    act = Send(changed(protocol, path, "a" * 100_000).encode())
+    with serving(lambda call: act) as server:
+        reply = ask(server, protocol)[0]
+    assert reply.error == "the answer's `tool_calls` is a text where a list belongs; it is not read"
+    assert len(server.calls) == 1
+
+
 @pytest.mark.parametrize("packer", [gzip.compress, zlib.compress])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_packed_answer_is_read(protocol, packer):
