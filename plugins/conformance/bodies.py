@@ -130,11 +130,16 @@ def check_mesh_collides_as_its_convex_hull(simulator: Simulator) -> None:
 
 def check_what_is_put_down_rests(simulator: Simulator) -> None:
     """Shapes on the table, and a stack of four cubes."""
-    shapes: dict[Shape, float] = {Box((0.1, 0.2, 0.06)): 0.03, Cylinder(0.05, 0.1): 0.05, Sphere(0.04): 0.04}
-    shapes[Capsule(0.03, 0.1)] = 0.03
+    yaw, roll = (0.0, 0.0, 0.4), math.pi / 2
+    shapes: list[tuple[Shape, float, tuple[float, float, float]]] = [
+        (Box((0.1, 0.2, 0.06)), 0.03, yaw),
+        (Cylinder(0.05, 0.1), 0.05, yaw),
+        (Sphere(0.04), 0.04, yaw),
+        (Capsule(0.03, 0.1), 0.03, (roll, 0.0, 0.0)),
+        (Capsule(0.02, 0.1), 0.02, (roll, 0.0, 0.4)),
+    ]
     worlds = [[cube(f"brick{i}", (0.6, 0, 0.03 + 0.06 * i), side=0.06, mass=0.4) for i in range(4)]]
-    for shape, height in shapes.items():
-        rpy = (math.pi / 2, 0.0, 0.0) if isinstance(shape, Capsule) else (0.0, 0.0, 0.4)
+    for shape, height, rpy in shapes:
         worlds.append([Body.of(str(shape), shape, (0.6, 0.1, height), mass=0.3, color=GREY, rpy=rpy)])
     for bodies in worlds:
         state = end(wait(simulator, table(), *bodies, seconds=3.0))

@@ -1,13 +1,15 @@
 """Test what PyBullet alone has. What every engine must do is in test_conformance.py and test_settings.py."""
 
+import math
+
 import numpy as np
 import pytest
 
-from core.geometry import Box, Pose
+from core.geometry import Box, Capsule, Cylinder, Pose
 from core.plugins import installed
 from core.scene import Body, Geom, Scene, table
 from plugins.conformance.output import bits
-from plugins.conformance.worlds import BARE, Bodies, cube, move, stick
+from plugins.conformance.worlds import BARE, GREY, Bodies, cube, end, move, stick, wait
 from tests.panda import PANDA
 
 pytest.importorskip("pybullet")
@@ -98,3 +100,12 @@ def test_frames_of_many_bodies_are_those_of_each(tmp_path):
     positions, turned = scene.frames(centers, quaternions)
     assert positions.tobytes() == np.array([[pose.position for pose in row] for row in each]).tobytes()
     assert turned.tobytes() == np.array([[pose.quaternion for pose in row] for row in each]).tobytes()
+
+
+@pytest.mark.parametrize("shape", [Capsule(0.01, 0.1), Cylinder(0.03, 0.1)])
+@pytest.mark.parametrize("yaw", [0.1, 0.4, 1.2])
+def test_what_lies_on_its_round_side_does_not_creep(shape, yaw):
+    at, rpy = (0.6, 0.1, shape.radius), (0.0, math.pi / 2, yaw)
+    body = Body.of("body", shape, at, mass=0.3, color=GREY, rpy=rpy)
+    state = end(wait(installed().create("sim", "pybullet"), table(), body, seconds=2.0))
+    assert np.abs(state.position("body") - at).max() < 1e-3
