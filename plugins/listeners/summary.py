@@ -100,8 +100,8 @@ def _goals(result: Result) -> Iterable[str]:
 
 
 def _margin(result: Result) -> Iterable[str]:
-    """Say how near to a limit the best candidate came, if the task says its margins."""
-    if result.best is not None and (least := result.best.least_margin) is not None:
+    """Say how near to a limit the best candidate came, if the task has limits beside its reward."""
+    if result.best is not None and (least := result.best.least_margin) is not None and least.name != "reward":
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
 
 
