@@ -177,7 +177,10 @@ class AnchoredActions(ActionRepresentation):
             if at != Anchor():
                 pose = step.frame(seen, f"waypoint {number}").inverse() @ Pose.xyz_rpy(row[:3], row[3:6])
                 row = np.round([*pose.position, *pose.rpy], _DIGITS) + 0.0
-            steps.append(replace(step, offset=tuple(row[:3].tolist()), rpy=tuple(row[3:6].tolist())).dump())
+            try:
+                steps.append(replace(step, offset=tuple(row[:3].tolist()), rpy=tuple(row[3:6].tolist())).dump())
+            except ValidationError as error:
+                raise DesignError(f"waypoint {number}: {error.errors(include_url=False)[0]['msg']}") from error
         return steps
 
     def parameters(self, plan: ActionPlan) -> Numbers:

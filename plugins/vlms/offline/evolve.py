@@ -92,6 +92,8 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
             new, anchors, what = vary(new, anchors, elite, workshop.analysis, rng)
             done.append(what)
+        if not workshop.writes(new, anchors):  # it leads too far away
+            new, anchors, done = base, elite.anchors, done[:1]
         uses.append(Use(new, ", ".join(done), anchors))
     return uses
 

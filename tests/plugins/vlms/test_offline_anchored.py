@@ -104,6 +104,15 @@ def test_offspring_keep_their_parents_anchors():
     assert any(len(plan.anchors) != len(first.plan.anchors) for plan in plans)
 
 
+def test_offspring_of_what_flew_away_can_be_written():
+    """By the measure of what is missing, some strokes would get 60 m longer, and no step leads as far."""
+    given = brief("BringCube")
+    (first, *_) = candidates(given, answer(given))
+    flown = (Evaluation(first, "ok", 0.1, moved_m={"cube": 60.0}),)
+    offspring = replace(given, elites=flown, n_tool=4, n_action=3, actions=AnchoredActions(), seed=8)
+    assert len(answer(offspring)["strategies"]) == 4
+
+
 @pytest.mark.thorough
 def test_one_plan_lifts_a_plate_in_layouts_that_it_was_not_made_for():
     given = brief("ElevatePlate", "wide", AnchoredActions(), n_tool=3)
