@@ -58,8 +58,10 @@ def figures(evaluations: Sequence[Evaluation]) -> list[tuple[str, float]]:
 
 
 def check_each_candidate_has_its_evaluation(make: Make) -> None:
-    tried = candidates((0.1, 0.1, 0.15))
-    evaluations = make(evaluator())(tried)
+    tried, fitness = candidates((0.1, 0.1, 0.15)), make(evaluator())
+    expect(isinstance(said := fitness.instructions(), str), f"instructions returned {said!r}, not a text")
+    expect((none := fitness([])) == [], f"without candidates it returned {none!r}, not an empty list")
+    evaluations = fitness(tried)
     expect(isinstance(evaluations, list), f"it returned a {type(evaluations).__name__}, not a list of Evaluation")
     expect(len(evaluations) == len(tried), f"{len(tried)} candidates have {len(evaluations)} evaluations")
     for candidate, evaluation in zip(tried, evaluations, strict=True):
@@ -68,16 +70,6 @@ def check_each_candidate_has_its_evaluation(make: Make) -> None:
         expect(got == candidate.id, f"the evaluation of {candidate.id} belongs to {got}; keep the order")
         expect(0 <= evaluation.reward <= 1, f"a reward is {evaluation.reward}, not in [0, 1]")
         as_json(dict(evaluation.figures), "what an evaluation has as figures")
-
-
-def check_what_counts_is_text(make: Make) -> None:
-    said = make(evaluator()).instructions()
-    expect(isinstance(said, str), f"instructions returned {said!r}, not a text for the prompt")
-
-
-def check_no_candidates_have_no_evaluations(make: Make) -> None:
-    evaluations = make(evaluator())([])
-    expect(evaluations == [], f"without candidates it returned {evaluations!r}, not an empty list")
 
 
 def check_it_travels_to_workers(make: Make) -> None:

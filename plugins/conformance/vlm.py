@@ -21,6 +21,7 @@ def check_it_has_a_name(vlm: VLM) -> None:
 
 
 def check_each_request_has_its_reply(vlm: VLM) -> None:
+    expect(list(vlm.complete([])) == [], "no requests have replies")
     sent = requests()
     replies = list(vlm.complete(sent))
     for reply in replies:
@@ -31,10 +32,6 @@ def check_each_request_has_its_reply(vlm: VLM) -> None:
             expect(count is None or count >= 0, f"a reply counts {count} tokens or dollars")
     ids, wanted = sorted(reply.request_id for reply in replies), [one.id for one in sent]
     expect(ids == wanted, f"the requests {', '.join(wanted)} had replies to {', '.join(ids) or 'none'}")
-
-
-def check_no_requests_have_no_replies(vlm: VLM) -> None:
-    expect(list(vlm.complete([])) == [], "no requests have replies")
 
 
 def check_a_request_has_an_estimate(vlm: VLM) -> None:

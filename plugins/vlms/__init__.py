@@ -1,0 +1,24 @@
+"""What answers requests. Modules are imported when a model is made: LiteLLM alone takes seconds."""
+
+from collections.abc import Mapping
+
+from core.hooks import hookimpl
+
+LITELLM = {
+    "gemini": "Gemini",
+    "openai": "OpenAI",
+    "anthropic": "Anthropic",
+    "ollama": "Ollama",
+    "litellm": "LanguageModel",
+}
+
+
+@hookimpl
+def vlms() -> Mapping[str, str]:
+    return {
+        "offline": "plugins.vlms.offline.designer:OfflineDesigner",
+        **{name: f"plugins.vlms.litellm.model:{cls}" for name, cls in LITELLM.items()},
+        "replay": "plugins.vlms.replay:PastReplies",
+        "mailbox": "plugins.vlms.mailbox:Mailbox",
+        "ensemble": "plugins.vlms.ensemble.model:Ensemble",
+    }

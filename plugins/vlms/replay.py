@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from core.errors import UsageError, UserError
-from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request
-
-
-@hookimpl
-def vlms() -> Mapping[str, Callable[..., VLM]]:
-    return {"replay": PastReplies}
 
 
 class PastReplies(VLM):

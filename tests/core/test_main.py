@@ -75,7 +75,7 @@ commands = core.hooks.hookimpl(lambda: {"leave": core.hooks.Command("leave", lea
 def test_a_run_needs_no_other_command(tmp_path, monkeypatch):
     """Of the plugins only those that the run names; core's own commands are always there."""
     monkeypatch.setenv(
-        "VLMGINEER_PLUGINS", "robotoolbench,robots,simulators,offline,tools,actions,sampling,fitness,executors"
+        "VLMGINEER_PLUGINS", "robotoolbench,robots,simulators,vlms,tools,actions,sampling,fitness,executors"
     )
     assert listed(call(tmp_path)) == sorted(COMMANDS)
     done = call(tmp_path, *TINY, "sim=mujoco", "evolution=sampling", "hydra.run.dir=run")

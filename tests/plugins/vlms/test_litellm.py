@@ -15,7 +15,7 @@ import pytest
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from plugins.vlms.litellm import vlms
+from plugins.vlms import LITELLM
 from plugins.vlms.litellm.model import LanguageModel
 from tests.commands import python_m
 from tests.plugins.vlms.asking import KEYS, PAID, PROTOCOLS, VARIABLES, agent_of, ask, in_turn, model_at
@@ -342,7 +342,7 @@ def test_invalid_settings(settings):
         LanguageModel(**{"model": "openai/gpt-4.1", **settings})
 
 
-@pytest.mark.parametrize("name", vlms())
+@pytest.mark.parametrize("name", LITELLM)
 def test_each_name_has_a_configuration_that_fits(name, monkeypatch):
     monkeypatch.setenv("ANTHROPIC_API_KEY", "planted-for-anthropic")
     config = load("config", [f"vlm={name}", *(["vlm.model=openai/gpt-4.1"] if name == "litellm" else [])])

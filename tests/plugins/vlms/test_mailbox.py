@@ -16,7 +16,7 @@ from core.plugins import installed
 from core.search.orchestration import run
 from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.mailbox.model import Mailbox, judge
+from plugins.vlms.mailbox import Mailbox, judge
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -205,7 +205,7 @@ def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path):
 
 
 def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("plugins.vlms.mailbox.model.MAX_BYTES", 100_000)
+    monkeypatch.setattr("plugins.vlms.mailbox.MAX_BYTES", 100_000)
     large = GOOD + " " * 100_000
     box = tmp_path / "g0-a0"
     answered(
