@@ -77,16 +77,13 @@ def given_tool(run: FinishedRun) -> Tool | None:
     return given and representation.material.made(given)
 
 
-def winners(
-    run: FinishedRun, count: int | None = None, generation: int | None = None, apart: float = SAME
-) -> list[Winner]:
-    """The tools with the highest rewards, of all generations or of one, each of another shape (`distinct`), the best
-    first.
+def winners(run: FinishedRun, count: int | None = None, apart: float = SAME) -> list[Winner]:
+    """The tools with the highest rewards, each of another shape (`distinct`), the best first.
 
     Raises:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
-    return distinct(every_tool(run, generation), count, apart)
+    return distinct(every_tool(run), count, apart)
 
 
 def distinct(tools: Iterable[Winner], count: int | None, apart: float) -> list[Winner]:
@@ -111,14 +108,14 @@ def _alike(a: list[Array], b: list[Array], apart: float) -> bool:
     )
 
 
-def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winner]:
+def every_tool(run: FinishedRun) -> Iterator[Winner]:
     """Yield each tool with its best plan, the best first.
 
     Raises:
         UserError: as `winners`.
     """
     given, (_, representation) = given_tool(run), _parts(run)
-    tried = [e for e in run.store.evaluations() if e.status == "ok" and generation in (None, e.design[0])]
+    tried = [e for e in run.store.evaluations() if e.status == "ok"]
     finished = [e for e in tried if not e.stopped] or tried
     best: dict[Key, StoredEvaluation] = {}
     order = ranked(finished, lambda e: (e.reward, e.distance_m), run.figures.tie)

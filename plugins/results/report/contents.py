@@ -60,17 +60,16 @@ def _page(
     folder: Path,
     live: Live | None,
 ) -> str:
-    evolutions = tuple(picture.name for picture in drawn if picture.name.startswith("evolution_"))
     sections: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (  # id, title, pictures, tables
         ("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
         ("results", "Rewards", ("rewards", "rewards_by_generation"), ("rewards",)),
         ("methods", "Over all tasks", (), ("methods",)),
         ("generations", "By generation", ("anytime",), ("generations", "reasons")),
         ("lineage", "Lineage, and the model's words", ("lineage",), ("lineage",)),
-        ("tools", "Tools", ("gallery", *evolutions), ("tools", "front")),
+        ("tools", "Tools", (), ("tools", "front")),
         ("models", "Models", (), ("models",)),
         ("runs", "Runs", (), ("left_out", "runs")),
-        ("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
+        ("costs", "Costs", (), ("costs",)),
     )
     there = {table.name for table in listed} | {*drawings}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}

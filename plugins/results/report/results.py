@@ -21,14 +21,9 @@ from plugins.results.report.verify import VerifiedRun
 
 @dataclass(eq=False)
 class BestTools:
-    """The tools that a report shows.
-
-    ``best`` is the best tool of each task and method; ``courses`` has, for each method that evolves and each task, the
-    best tool of each generation of the best run; ``problems`` say which tools can't be shown, and why.
-    """
+    """The best tool of each task and method, and which tools can't be shown, and why."""
 
     best: dict[tuple[str, str], Winner] = field(default_factory=dict)
-    courses: dict[str, dict[str, list[Winner | None]]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
 
@@ -69,10 +64,6 @@ class Results:
                 if given is not None and not given.components:
                     continue
                 tools.best[g.task, g.method] = winners(g.best, 1)[0]
-                if given is None and any(design.parents for design in g.best.store.designs().values()):
-                    generations = g.best.figures.generations
-                    course = [next(iter(winners(g.best, 1, f.index)), None) for f in generations]
-                    tools.courses.setdefault(g.method, {})[g.task] = course
             except UserError as error:
                 tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
         return tools

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any
 
@@ -33,7 +33,7 @@ def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
     makers = (rewards, methods, generations, reasons, lineage, tools, runs, left_out, models)
     every = [
-        *(make(results) for make in (*makers, front, parameters, costs, versions)),
+        *(make(results) for make in (*makers, front, costs)),
         *entry_tables(results.entries),
         verification(results.verified),
     ]
@@ -181,32 +181,6 @@ def models(results: Results) -> Table:
     return Table("models", "Models", head, tuple(rows), note)
 
 
-def parameters(results: Results) -> Table:
-    """The configured budget and the model of each method."""
-    budget = ("n_agent", "n_tool", "n_action", "n_iteration", "k_top", "reward_save", "stop_reward")
-    head = columns("task|method|" + "|".join(budget) + "|candidates per generation|seeds|model")
-    rows = []
-    for g in results.groups:
-        population = sorted({f.n_candidates for run in g.runs for f in run.figures.generations})
-        seeds = Counter(run.seed for run in g.runs)
-        rows.append(
-            (
-                *(g.task, g.method),
-                *(_listed(run.config.get("budget", {}).get(name) for run in g.runs) for name in budget),
-                " to ".join(str(n) for n in dict.fromkeys([population[0], population[-1]])) if population else "",
-                ", ".join(f"{seed}" + (f" ({n} times)" if n > 1 else "") for seed, n in sorted(seeds.items())),
-                _listed(run.config.get("vlm", {}).get("model") or run.figures.vlm for run in g.runs),
-            )
-        )
-    note = "As configured; candidates per generation as counted: with a given tool n_tool is 1."
-    return Table("parameters", "Parameters", head, tuple(rows), note)
-
-
-def _listed(values: Iterable[Any]) -> str:
-    """The different values among ``values``, as a text."""
-    return ", ".join("–" if value is None else str(value) for value in dict.fromkeys(values))
-
-
 def costs(results: Results) -> Table:
     """Time, tokens and dollars that runs took."""
     head = columns(
@@ -285,21 +259,6 @@ def front(results: Results) -> Table:
     head = columns("task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate")
     note = "Of all candidates that hold in the search's layouts, those that no other beats in mass without more time."
     return Table("front", "Mass against time", head, tuple(rows), note)
-
-
-def versions(results: Results) -> Table:
-    """The packages that the runs were made with."""
-    packages: dict[str, Counter[str]] = defaultdict(Counter)
-    for run in results.runs:
-        for name, version in run.figures.versions.items():
-            packages[name][version] += 1
-    rows = [
-        (name, ", ".join(f"{v} ({n} runs)" if len(counts) > 1 else v for v, n in sorted(counts.items())))
-        for name, counts in sorted(packages.items())
-    ]
-    differ = ", ".join(name for name, counts in sorted(packages.items()) if len(counts) > 1)
-    note = f"Runs differ in {differ}: rewards need not be comparable." if differ else ""
-    return Table("versions", "Versions", columns("package|version"), tuple(rows), note)
 
 
 def left_out(results: Results) -> Table:

@@ -68,7 +68,8 @@ def test_tables_and_figures_of_a_hostile_run(hostile):
     for file in (*(hostile / "data").glob("*.csv"), *(hostile / "data").glob("*.svg")):
         text = file.read_text()
         assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f\u202e]", text), file.name
-    etree.parse(hostile / "data" / "gallery.svg")
+        if file.suffix == ".svg":
+            etree.parse(file)
 
 
 def test_the_page_needs_nothing_and_says_so(made):
@@ -90,7 +91,7 @@ def test_figures_are_pictures_with_a_description(made):
     page = Page((made[0] / "out" / "index.html").read_text())
     figures = [v for tag, key, v in page.attributes if tag == "img" and key == "src"]
     described = [v for tag, key, v in page.attributes if tag == "img" and key == "alt"]
-    assert len(figures) == len(described) == len(list((made[0] / "out" / "data").glob("*.svg"))) >= 4
+    assert len(figures) == len(described) == len(list((made[0] / "out" / "data").glob("*.svg"))) == 2
     assert any(text.startswith("Reward by task and method. Bars: the average") for text in described)
     for address in figures:
         assert address.startswith("data:image/svg+xml;base64,")
