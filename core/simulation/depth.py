@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from PIL import Image as Pillow
@@ -11,15 +10,14 @@ from PIL import ImageDraw
 
 from core.geometry import Array
 from core.interfaces import Picture, Task
-from core.scene import Body, Camera
+from core.scene import Camera
 from core.simulation.pictures import png
-from core.simulation.views import SIZE, draw_grid, top_camera
+from core.simulation.views import SIZE, draw_grid, nearness, top_camera
 
 PIXEL = 4  # of the picture, for one that the camera measures
 ABOVE_M = 1.0  # the camera stands so far above the highest thing
 STEPS_M = (0.01, 0.02, 0.05, 0.1)  # between numbers of the grid
 MOST = 800  # numbers
-CLEAR = 0.9  # what lets more light through than this leaves is not measured: glass has no depth
 _COLORS = np.array([[48, 18, 100], [50, 100, 190], [40, 170, 130], [150, 205, 60], [250, 220, 60], [200, 50, 30]])
 _HOLE = (0, 0, 0)
 
@@ -36,10 +34,10 @@ def noise_m(depth: Array) -> Array:
 
 def depth_picture(task: Task, seed: int) -> Picture:
     """Draw the measured heights of the scene without the arm; the caption holds the grid of numbers."""
-    bodies, camera = list(task.scene(seed).bodies), top_camera(task, seed)
+    bodies, camera = task.scene(seed).bodies, top_camera(task, seed)
     assert camera.height_m is not None
     wide, high = SIZE[0] // PIXEL, SIZE[1] // PIXEL
-    exact = heights(bodies, camera, wide, high)
+    exact = nearness(bodies, camera, wide, high)
     depth = np.nanmax(exact) + ABOVE_M - exact
     measured = exact + noise_m(depth) * np.random.default_rng(seed).standard_normal(exact.shape)
     low, top = (float(x) for x in np.nanpercentile(measured, (1, 99.9)))
@@ -52,39 +50,6 @@ def depth_picture(task: Task, seed: int) -> Picture:
     draw_grid(picture, camera, 0, 1)
     _scale(picture, low, top)
     return Picture(png(np.asarray(picture)), "depth", _caption(camera, measured))
-
-
-def heights(bodies: Sequence[Body], camera: Camera, wide: int, high: int) -> Array:
-    """Compute the highest z of bodies in each pixel (high, wide) of a parallel view from above; nan: nothing is there.
-
-    What is nearly clear is left out.
-    """
-    found = np.full((high, wide), -np.inf)
-    for body in bodies:
-        for part in body.visuals:
-            if part.color[3] <= CLEAR:
-                continue
-            mesh = part.shape.to_trimesh()
-            points = (body.pose @ part.pose).apply(np.asarray(mesh.vertices, dtype=np.float64))
-            pixels = camera.project(points, wide, high) - 0.5
-            for corners in np.asarray(mesh.faces):
-                _raise(found, pixels[corners], points[corners, 2])
-    return np.where(np.isfinite(found), found, np.nan)
-
-
-def _raise(heights: Array, corners: Array, z: Array) -> None:
-    """Raise ``heights`` (H, W) to a triangle of corners (3, 2) in pixels, with the heights ``z`` (3,)."""
-    (x0, y0), (x1, y1) = np.ceil(corners.min(axis=0)), np.floor(corners.max(axis=0))
-    columns = np.arange(max(int(x0), 0), min(int(x1), heights.shape[1] - 1) + 1)
-    rows = np.arange(max(int(y0), 0), min(int(y1), heights.shape[0] - 1) + 1)
-    edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
-    if not len(columns) or not len(rows) or abs(np.linalg.det(edges)) < 1e-9:
-        return
-    away = np.stack(np.meshgrid(columns, rows), axis=-1) - corners[0]
-    shares = away @ np.linalg.inv(edges).T
-    inside = (shares >= -1e-9).all(axis=-1) & (shares.sum(axis=-1) <= 1 + 1e-9)
-    part = heights[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    np.maximum(part, np.where(inside, z[0] + shares @ (z[1:] - z[0]), -np.inf), out=part)
 
 
 def _scale(picture: Pillow.Image, low: float, top: float) -> None:

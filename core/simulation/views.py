@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,9 @@ _ALL = 14  # of so many bodies alike each has a label, of more the first and the
 _STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # metres, between lines
 _LINES = 12  # along a side, about
 _MARGIN = 46  # pixels of a scale
+_OPAQUE, _DARK = 150, 100  # of 255: the opacity of drawn edges; where it is darker, they are pale
+_EDGE_M = 0.002  # a bend or a step that is drawn as an edge
+_CLEAR = 0.9  # opacity; a depth camera does not measure what has less: glass has no depth
 _INK, _PALE, _RED, _GREEN = (20, 20, 20), (255, 255, 255), (210, 30, 30), (20, 150, 40)
 # By name: from the scene to the camera, the axis to the right and the axis up in the picture.
 _PARALLEL = {
@@ -55,6 +59,7 @@ def calibrated_pictures(task: Task, simulator: Simulator, seed: int, tool: Tool,
         drawn = simulator.render(task, seed=seed, tool=tool, camera=camera, width=SIZE[0], height=SIZE[1])
         picture = Pillow.fromarray(drawn)
         if camera.height_m is not None:
+            _draw_edges(picture, camera, [body for body in bodies if _size(body) < _LARGE_M])
             draw_grid(picture, camera, *_PARALLEL[name][1:])
         _label(picture, camera, bodies, axes=told == "pictures")
         made.append(Picture(png(np.asarray(picture)), name, f"{name}: {describe_camera(camera, name)}"))
@@ -74,7 +79,8 @@ def describe_camera(camera: Camera, name: str, size: tuple[int, int] = SIZE) -> 
         sign = "-" if camera.axes[0][right] < 0 else ""
         return (
             f"parallel projection, {sign}{'xyz'[right]} to the right and {'xyz'[up]} up, {width} x {height} pixels, "
-            f"{1000 * camera.height_m / height:.3f} mm per pixel; scales and lines in metres of the world"
+            f"{1000 * camera.height_m / height:.3f} mm per pixel; scales and grid in metres; "
+            "outlines are drawn also of what is hidden"
         )
     at, to = (", ".join(f"{x:.3f}" for x in point) for point in (camera.position, camera.target))
     focal = height / 2 / np.tan(np.radians(camera.fov_deg) / 2)
@@ -148,9 +154,65 @@ def draw_grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> Non
             text, place = f"{k * step + 0.0:.2f}", (at + 2, SIZE[1] - 15) if side == 0 else (2, at - 14)
             pen.rectangle(pen.textbbox(place, text, font_size=12), fill=(*_PALE, 190))
             pen.text(place, text, fill=_INK, font_size=12)
-    for place, axis in (((SIZE[0] - 60, SIZE[1] - 32), right), ((4, 4), up)):
+    for place, axis in (((SIZE[0] - 60, SIZE[1] - 32), right), ((40, 4), up)):
         pen.rectangle(pen.textbbox(place, f"{'xyz'[axis]} (m)", font_size=14), fill=(*_PALE, 190))
         pen.text(place, f"{'xyz'[axis]} (m)", fill=_INK, font_size=14)
+
+
+def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> None:
+    """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden."""
+    ink = picture.convert("L").point(lambda light: _PALE[0] if light < _DARK else _INK[0]).convert("RGB")
+    near, edges = nearness(bodies, camera, *SIZE), np.zeros(SIZE[::-1], dtype=bool)
+    edges[1:-1] |= np.abs(np.diff(near, 2, axis=0)) > _EDGE_M
+    edges[:, 1:-1] |= np.abs(np.diff(near, 2, axis=1)) > _EDGE_M
+    for body in bodies:
+        outline = Pillow.new("L", SIZE)
+        pen = ImageDraw.Draw(outline)
+        for part in body.visuals:
+            mesh = part.shape.to_trimesh()
+            pixels = camera.project((body.pose @ part.pose).apply(np.asarray(mesh.vertices, dtype=np.float64)), *SIZE)
+            for corners in pixels[np.asarray(mesh.faces)]:
+                pen.polygon([(x, y) for x, y in corners.tolist()], fill=255)
+        filled = np.asarray(outline) > 0
+        inside = filled[1:-1, 1:-1] & filled[2:, 1:-1] & filled[:-2, 1:-1] & filled[1:-1, 2:] & filled[1:-1, :-2]
+        edges[1:-1, 1:-1] |= filled[1:-1, 1:-1] & ~inside
+    picture.paste(ink, mask=Pillow.fromarray(_OPAQUE * edges.astype(np.uint8)))
+
+
+def nearness(bodies: Iterable[Body], camera: Camera, wide: int, high: int) -> Array:
+    """Compute how far bodies reach toward a parallel camera in each pixel (high, wide), metres from the origin.
+
+    From above that is the height. Where nothing is, it is nan; what is clear, as glass, is left out.
+    """
+    found = np.full((high, wide), -np.inf)
+    for body in bodies:
+        for part in body.visuals:
+            if part.color[3] <= _CLEAR:
+                continue
+            mesh = part.shape.to_trimesh()
+            pose, faces = body.pose @ part.pose, np.asarray(mesh.faces)
+            points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
+            pixels, toward = camera.project(points, wide, high) - 0.5, -points @ camera.axes[2]
+            if mesh.is_volume:  # what faces away is hidden by the rest
+                faces = faces[np.asarray(mesh.face_normals) @ pose.rotation.inv().apply(camera.axes[2]) < 0]
+            for corners in faces:
+                _raise(found, pixels[corners], toward[corners])
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _raise(found: Array, corners: Array, z: Array) -> None:
+    """Raise ``found`` (H, W) to a triangle of corners (3, 2) in pixels, with the values ``z`` (3,)."""
+    (x0, y0), (x1, y1) = np.ceil(corners.min(axis=0)), np.floor(corners.max(axis=0))
+    columns = np.arange(max(int(x0), 0), min(int(x1), found.shape[1] - 1) + 1)
+    rows = np.arange(max(int(y0), 0), min(int(y1), found.shape[0] - 1) + 1)
+    edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
+    if not len(columns) or not len(rows) or abs(np.linalg.det(edges)) < 1e-9:
+        return
+    away = np.stack(np.meshgrid(columns, rows), axis=-1) - corners[0]
+    shares = away @ np.linalg.inv(edges).T
+    inside = (shares >= -1e-9).all(axis=-1) & (shares.sum(axis=-1) <= 1 + 1e-9)
+    part = found[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    np.maximum(part, np.where(inside, z[0] + shares @ (z[1:] - z[0]), -np.inf), out=part)
 
 
 def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body], *, axes: bool) -> None:

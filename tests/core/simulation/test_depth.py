@@ -8,7 +8,8 @@ from core.geometry import Pose
 from core.plugins import installed
 from core.prompt import compose
 from core.scene import Body, Box, Camera, Geom, Sphere
-from core.simulation.depth import depth_picture, heights, noise_m
+from core.simulation.depth import depth_picture, noise_m
+from core.simulation.views import nearness
 from core.values.messages import Picture, Text
 
 DOWN = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), 60.0, 0.75)  # 2.5 mm a pixel
@@ -23,7 +24,7 @@ def test_heights_are_those_of_the_highest_thing_that_is_not_clear():
     table = thing(Box((1.0, 0.5, 0.02)), (0, 0, -0.01))
     ball = thing(Sphere(0.1), (0.2, 0.1, 0.1))
     glass = thing(Box((0.1, 0.1, 0.3)), (0, 0, 0.15), alpha=0.3)
-    found = heights([table, ball, glass], DOWN, 400, 300)
+    found = nearness([table, ball, glass], DOWN, 400, 300)
     assert found[150 - 40, 200 + 80] == pytest.approx(0.2, abs=0.002)
     assert found[150 - 40, 200 + 80 + 24] == pytest.approx(0.1 + np.sqrt(0.1**2 - 0.06**2), abs=0.003)
     assert found[150, 200] == pytest.approx(0.0, abs=1e-9)

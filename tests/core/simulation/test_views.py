@@ -10,7 +10,7 @@ from scipy.ndimage import label
 from core.design import Tool
 from core.designs.sight import own_bounds
 from core.plugins import installed
-from core.simulation.views import SIZE, calibrated_pictures
+from core.simulation.views import SIZE, _parallel, _shown, _size, calibrated_pictures
 from tests.engines import simulator
 
 pytestmark = pytest.mark.slow
@@ -49,3 +49,38 @@ def test_photographs_have_no_scale_and_look_at_round_places():
     assert "mm per pixel" not in one.caption + other.caption
     target = other.caption.split("through (")[1].split(")")[0]
     assert all(round(float(x) / 0.05, 6).is_integer() for x in target.split(", "))
+
+
+def drawn(task, name):
+    """Draw calibrated pictures of nothing, and return where one of them has lines, (H, W) of booleans."""
+    made = calibrated_pictures(task, Blank(), 0, Tool(), "pictures")
+    picture = next(picture for picture in made if picture.name == name)
+    return np.asarray(Pillow.open(io.BytesIO(picture.png)).convert("L")) < 140
+
+
+class Blank:
+    def render(self, task, **view):
+        return np.full((view["height"], view["width"], 3), 255, dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("task", "name", "body", "size"),
+    [
+        ("LidAndBall", "front", "ball", (0.044, 0.044)),  # in a pot with a lid
+        ("PastGlasses", "side", "glass_6", (0.048, 0.16)),  # clear, in a cupboard
+        ("OpenLatch", "front", "door", (0.06, 0.014)),  # its slot
+    ],
+)
+def test_what_is_hidden_or_of_one_colour_has_edges(task, name, body, size):
+    made = installed().create("task", task)
+    bodies = [each for each in made.scene(0).bodies if _size(each) < 1.2]
+    camera = _parallel(name, *_shown(bodies))
+    ink = drawn(made, name)
+    x, y = camera.project(made.scene(0)[body].pose.position, *SIZE)
+    per_m = SIZE[1] / camera.height_m
+    for side, half in ((1, size[0] / 2), (0, size[1] / 2)):
+        for sign in (-1, 1):
+            at = np.array([y, x])
+            at[side] += sign * half * per_m
+            row, column = np.round(at).astype(int)
+            assert ink[row - 2 : row + 3, column - 2 : column + 3].any(), (side, sign)
