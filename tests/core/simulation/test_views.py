@@ -26,7 +26,7 @@ def corner(pixels):
 def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
     """The left and the far edge of what is red, from those of what is blue, by the scale that the caption says."""
     task = installed().create("task", "BringCube", {"variation": "wide"})
-    pictures = {p.name: p for p in calibrated_pictures(task, simulator("pybullet"), 5, Tool(), "pictures")}
+    pictures = {p.name: p for p in calibrated_pictures(task, simulator("mujoco"), 5, Tool(), "pictures")}
     assert list(pictures) == ["scene", "close", "front", "side", "top"]
     scale_m = float(pictures["top"].caption.split(" mm per pixel")[0].split()[-1]) / 1000
     drawn = np.asarray(Pillow.open(io.BytesIO(pictures["top"].png))).astype(int)
@@ -43,7 +43,7 @@ def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
 
 def test_photographs_have_no_scale_and_look_at_round_places():
     task = installed().create("task", "BringCube", {"variation": "wide"})
-    one, other = calibrated_pictures(task, simulator("pybullet"), 5, Tool(), "photos")
+    one, other = calibrated_pictures(task, simulator("mujoco"), 5, Tool(), "photos")
     assert (one.name, other.name) == ("scene", "tripod")
     assert "focal length" in other.caption
     assert "mm per pixel" not in one.caption + other.caption
