@@ -86,6 +86,21 @@ def check_ball_without_rolling_friction_keeps_rolling(simulator: Simulator) -> N
     expect(abs(lost) < 0.03, f"a ball without rolling friction lost {100 * lost:.0f} % of its speed on level ground")
 
 
+def check_restitution(simulator: Simulator) -> None:
+    """Dropped from 0.5 m a ball rises to (e1 * e2)^2 of the height: a contact has the product of both restitutions."""
+    for e in (0.0, 0.8):
+        plate = Body.of("plate", Box((1.0, 1.0, 0.1)), (3.0, 3.0, -0.05), mass=0.0, color=GREY)
+        plate = replace(plate, restitution=0.8)
+        ball = replace(Body.of("ball", Sphere(0.05), (3.0, 3.0, 0.55), mass=0.5, color=GREY), restitution=e)
+        recording = film(wait(simulator, plate, ball, seconds=1.2, record_hz=200))
+        heights = recording.states.position("ball")[:, 2] - 0.05
+        struck = int(np.argmax(heights < 0.01))
+        expect(struck > 0, "a dropped ball did not come down")
+        rise, due = float(heights[struck:].max()), 0.5 * (0.8 * e) ** 2
+        found = f"a ball with restitution {e}, dropped on a plate with 0.8, rose {rise:.3f} m instead of {due:.3f} m"
+        expect(abs(rise - due) < 0.01 + 0.2 * due, found)
+
+
 def _fall(lean: float, rate: float, seconds: float) -> float:
     """The lean of an inverted pendulum that starts at rest: lean'' = rate * sin(lean)."""
     way = solve_ivp(lambda _, s: [s[1], rate * math.sin(s[0])], (0, seconds), [lean, 0.0], rtol=1e-8)
@@ -116,6 +131,24 @@ def check_falling_bodies_turn_by_their_inertia(simulator: Simulator) -> None:
         expect(abs(turned - due) < 0.06 * due, found)
 
 
+def check_hollow_body_is_hollow(simulator: Simulator) -> None:
+    wall = 0.01
+    parts = (
+        part(Box((0.3, 0.3, wall)), 0, 0, wall / 2),
+        *(part(Box((wall, 0.3, 0.2)), x, 0, 0.1) for x in (-0.145, 0.145)),
+        *(part(Box((0.3, wall, 0.2)), 0, y, 0.1) for y in (-0.145, 0.145)),
+    )
+    ball = Body.of("ball", Sphere(0.03), (0.5, 0, 0.1), mass=0.1, color=GREY)
+    for mass in (0.0, 0.5):
+        state = end(wait(simulator, table(), compound("bin", *parts, at=(0.5, 0, 0), mass=mass), ball))
+        x, y, z = state.position("ball")
+        expect(abs(z - wall - 0.03) < 2e-3, f"a ball dropped into a bin is at {z:.4f} m instead of {wall + 0.03} m")
+        expect(max(abs(x - 0.5), abs(y)) < 0.12, "a ball dropped into a bin is not in it")
+        if mass:
+            gap = np.abs(state.position("bin") - [0.5, 0, 0]).max()
+            expect(gap < 1e-3, f"a bin on the table moved {1000 * gap:.1f} mm by itself")
+
+
 def check_mesh_collides_as_its_convex_hull(simulator: Simulator) -> None:
     """A cube that falls on a trough, 0.1 high and open on top, rests on the hull's lid."""
     walls = [((0.3, 0.3, 0.02), (0, 0, 0.01)), *(((0.3, 0.02, 0.1), (0, y, 0.05)) for y in (-0.14, 0.14))]
@@ -128,28 +161,33 @@ def check_mesh_collides_as_its_convex_hull(simulator: Simulator) -> None:
     expect(gap < 2e-3, f"a mesh on the table moved {1000 * gap:.1f} mm by itself")
 
 
-def check_what_is_put_down_rests(simulator: Simulator) -> None:
-    """Shapes on the table, and a stack of four cubes."""
+def check_shapes_rest_where_they_are_put(simulator: Simulator) -> None:
     yaw, roll = (0.0, 0.0, 0.4), math.pi / 2
-    shapes: list[tuple[Shape, float, tuple[float, float, float]]] = [
+    put: list[tuple[Shape, float, tuple[float, float, float]]] = [
         (Box((0.1, 0.2, 0.06)), 0.03, yaw),
         (Cylinder(0.05, 0.1), 0.05, yaw),
         (Sphere(0.04), 0.04, yaw),
         (Capsule(0.03, 0.1), 0.03, (roll, 0.0, 0.0)),
         (Capsule(0.02, 0.1), 0.02, (roll, 0.0, 0.4)),
     ]
-    worlds = [[cube(f"brick{i}", (0.6, 0, 0.03 + 0.06 * i), side=0.06, mass=0.4) for i in range(4)]]
-    for shape, height, rpy in shapes:
-        worlds.append([Body.of(str(shape), shape, (0.6, 0.1, height), mass=0.3, color=GREY, rpy=rpy)])
-    for bodies in worlds:
-        state = end(wait(simulator, table(), *bodies, seconds=3.0))
-        for body in bodies:
-            gap = np.abs(state.position(body.name) - body.pose.position).max()
-            expect(
-                gap < (1e-3 if len(bodies) == 1 else 2e-3), f"in 3 s {body.name} moved {1000 * gap:.2f} mm by itself"
-            )
-            turned = turn(state.pose(body.name), body.pose)
-            expect(turned < 0.04, f"{body.name} turned {turned:.4f} rad in 3 s")
+    for shape, height, rpy in put:
+        lying = isinstance(shape, Capsule)
+        body = Body.of("body", shape, (0.6, 0.1, height), mass=0.3, color=GREY, rpy=rpy)
+        state = end(wait(simulator, table(), body, seconds=2.0))
+        gap = np.abs(state.position("body") - [0.6, 0.1, height]).max()
+        expect(gap < 1e-3, f"in 2 s {shape} on the table moved {1000 * gap:.2f} mm by itself")
+        turned = turn(state.pose("body"), body.pose)
+        expect(turned < (0.03 if lying else 0.01), f"in 2 s {shape} on the table turned {turned:.4f} rad by itself")
+
+
+def check_stack_stands(simulator: Simulator) -> None:
+    bricks = [cube(f"brick{i}", (0.6, 0, 0.03 + 0.06 * i), side=0.06, mass=0.4) for i in range(4)]
+    state = end(wait(simulator, table(), *bricks, seconds=3.0))
+    for brick in bricks:
+        gap = np.abs(state.position(brick.name) - brick.pose.position).max()
+        expect(gap < 2e-3, f"in a stack of four cubes one moved {1000 * gap:.1f} mm by itself in 3 s")
+    speed = np.abs(state.linear_velocities).max()
+    expect(speed < 0.01, f"a stack of four cubes is not at rest after 3 s: {speed:.4f} m/s")
 
 
 L_SHAPE = part(Box((0.3, 0.1, 0.02)), 0.15, 0, 0.01), part(Box((0.02, 0.1, 0.2)), 0.01, 0, 0.12)  # its frame: a corner
@@ -185,3 +223,16 @@ def check_velocities_are_those_of_the_frame(simulator: Simulator) -> None:
     expect(gap < 0.03, f"a body's frame moves {gap:.3f} m/s otherwise than its linear velocity says")
     gap = np.median(np.abs(np.array(turns) / passed - spins), axis=0).max()
     expect(gap < 0.03, f"a body turns {gap:.3f} rad/s otherwise than its angular velocity says")
+
+
+def check_tall_bodies_topple_and_flat_ones_do_not(simulator: Simulator) -> None:
+    tilt = 0.3
+    hill = slope(tilt, 2.0)
+    # tan(0.3) is 0.31: a box 0.32 high would be at its limit.
+    for height, due, low, high in ((0.25, "stand", 0.0, 0.02), (0.45, "topple", 0.5, math.inf)):
+        at = hill.pose.apply([0, 0, 0.05 + height / 2])
+        size, rpy = Box((0.1, 0.1, height)), (0.0, tilt, 0.0)
+        body = Body.of("body", size, at, mass=1.0, color=GREY, rpy=rpy, friction=2.0)
+        turned = turn(end(wait(simulator, hill, body, seconds=1.5)).pose("body"), body.pose)
+        found = f"on a slope of 0.3 rad a box 0.1 wide and {height} high turned by {turned:.3f} rad"
+        expect(low <= turned < high, f"{found}; it should {due}")

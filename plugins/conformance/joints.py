@@ -6,12 +6,10 @@ Covered by `tests/plugins/simulators/test_conformance.py`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import partial
-from itertools import product
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from core.design import RIGID_MOUNT, Component, Tool, ToolJoint
@@ -23,50 +21,26 @@ from core.values.joints import rotate
 from plugins.conformance.checking import LeftOut, expect
 from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, end, film, move, still, wait
 
+_LENGTH, _MASS = 0.2, 0.1  # of a tool's rod that hangs from its end
+_INERTIA = _MASS * (_LENGTH**2 + 0.01**2) / 12 + _MASS * (_LENGTH / 2) ** 2  # about that end
+_WEIGHT = _MASS * GRAVITY * _LENGTH / 2  # times the sine of its tilt: the torque about its end
+_ROD_M, _ROD_KG, _WIDE = 0.4, 0.5, 0.02  # of a scene's rod, as above
+_ROD_INERTIA = _ROD_KG * (_ROD_M**2 + _WIDE**2) / 12 + _ROD_KG * (_ROD_M / 2) ** 2
+_ROD_WEIGHT = _ROD_KG * GRAVITY * _ROD_M / 2
+_TOP = np.array([FAR[0], FAR[1], 1.0])
 _JAW, _GAP, _THICK = 0.12, 0.034, 0.006  # of tongs: length, distance and thickness of the jaws
-
-
-@dataclass(frozen=True)
-class Rod:
-    """A rod that hangs from a hinge at its upper end; metres and kilograms."""
-
-    length: float
-    width: float
-    mass: float
-
-    @property
-    def inertia(self) -> float:
-        """The moment of inertia about the hinge, kg m^2."""
-        return self.mass * (self.length**2 + self.width**2) / 12 + self.mass * (self.length / 2) ** 2
-
-    @property
-    def weight(self) -> float:
-        """The torque about the hinge, over the sine of the tilt, N m."""
-        return self.mass * GRAVITY * self.length / 2
-
-    def swing_s(self, tilt: float) -> float:
-        """Compute the period of the rod that is let go at an angle, s."""
-        return 4 * math.sqrt(self.inertia / self.weight) * float(ellipk(math.sin(tilt / 2) ** 2))
-
-
-RODS = {"tool": Rod(0.2, 0.01, 0.1), "scene": Rod(0.4, 0.02, 0.5)}
-BLOCKS_KG = {"tool": 0.2, "scene": 1.0}
-_ROD, _TOP = RODS["scene"], np.array([FAR[0], FAR[1], 1.0])
 
 
 def hinged(tilt: float, joint: ToolJoint) -> Tool:
     """A post with a rod on a hinge at its side, the rod turned by ``tilt`` radians about x from hanging straight."""
-    post, rod = (
-        Component("post", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.05])), Box((0.03, 0.02, 0.1)), 0.05),
-        RODS["tool"],
-    )
-    middle = (0.02, rod.length / 2 * math.sin(tilt), -0.05 - rod.length / 2 * math.cos(tilt))
-    at, size = Pose.xyz_rpy(middle, (tilt, 0.0, 0.0)), Box((rod.width, rod.width, rod.length))
-    return Tool((post, Component("rod", "post", at, size, rod.mass, joint=joint)))
+    post = Component("post", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.05])), Box((0.03, 0.02, 0.1)), 0.05)
+    middle = (0.02, _LENGTH / 2 * math.sin(tilt), -0.05 - _LENGTH / 2 * math.cos(tilt))
+    at, size = Pose.xyz_rpy(middle, (tilt, 0.0, 0.0)), Box((0.01, 0.01, _LENGTH))
+    return Tool((post, Component("rod", "post", at, size, _MASS, joint=joint)))
 
 
 def hinge(lower: float = -3.0, upper: float = 3.0, **resisting: float) -> ToolJoint:
-    return ToolJoint("hinge", (1.0, 0.0, 0.0), lower, upper, (0.0, 0.0, RODS["tool"].length / 2), **resisting)
+    return ToolJoint("hinge", (1.0, 0.0, 0.0), lower, upper, (0.0, 0.0, _LENGTH / 2), **resisting)
 
 
 def sliding(joint: ToolJoint) -> Tool:
@@ -99,15 +73,102 @@ def _period(times: Array, values: Array) -> float:
     return 2 * float(np.diff(crossings).mean())
 
 
+def _swing_s(inertia: float, weight: float, tilt: float) -> float:
+    """Compute the period of a pendulum that is let go at an angle, s."""
+    return 4 * math.sqrt(inertia / weight) * float(ellipk(math.sin(tilt / 2) ** 2))
+
+
+def _values(simulator: Simulator, tool: Tool, seconds: float) -> tuple[Array, Array]:
+    """Let the arm hold a tool with one joint: instants (T,), and the joint's values (T,)."""
+    recording = film(wait(simulator, cube(at=(3, 3, 5)), tool=tool, seconds=seconds, record_hz=100))
+    return recording.times, recording.fingers[:, -1]
+
+
+def check_pendulum_swings_in_its_period(simulator: Simulator) -> None:
+    """A rod on a hinge swings between equal angles, in the time that its inertia gives it."""
+    for tilt in (0.5, 1.2):
+        times, values = _values(simulator, hinged(tilt, hinge()), 2.0)
+        due = _swing_s(_INERTIA, _WEIGHT, tilt)
+        _near(_period(times, values + tilt), due, "a rod on a hinge swings in", "s")
+        lowest = float(values[times < due].min())
+        expect(abs(lowest + 2 * tilt) < 0.1 * tilt, f"let go at {tilt} rad a rod swings to {-lowest - tilt:.3f} rad")
+
+
+def check_spring_sags_and_holds(simulator: Simulator) -> None:
+    """A spring and a damper hold a rod where torques balance, and a block where forces do."""
+    for friction in (0.0, 1e-4):
+        joint = hinge(stiffness=0.5, damping=0.02, rest=0.3, friction=friction)
+        _, values = _values(simulator, hinged(0.5, joint), 4.0)
+        turned = np.linspace(-3, 3, 60001)
+        due = float(turned[np.abs(0.5 * (0.3 - turned) - _WEIGHT * np.sin(0.5 + turned)).argmin()])
+        _near(values[-1] - 0.3, due - 0.3, "a rod on a spring rests away from where it is relaxed by", "rad")
+    spring = ToolJoint("slider", (0.0, 0.0, 1.0), -0.08, 0.08, stiffness=60.0, damping=2.0)
+    _, values = _values(simulator, sliding(spring), 2.0)
+    _near(values[-1], -0.2 * GRAVITY / 60.0, "a block on a spring sags by", "m")
+
+
+def check_joints_are_held_until_the_motion_begins(simulator: Simulator) -> None:
+    """A spring that is far from relaxed, and a weight, move nothing while the scene settles."""
+    for tool in (hinged(1.2, hinge(stiffness=3.0, rest=2.0)), sliding(ToolJoint("slider", (0.0, 0.0, 1.0), -0.3, 0.3))):
+        recording = film(wait(simulator, cube(at=(3, 3, 5)), tool=tool, seconds=0.3, settle_s=0.5, record_hz=100))
+        before = float(np.abs(recording.fingers[recording.times < 1e-6, -1]).max())
+        expect(before < 1e-3, f"a tool's joint moved by {before:.4f} before the motion began")
+        expect(abs(recording.fingers[-1, -1]) > 0.1, "a held joint of a tool is not let go when the motion begins")
+
+
+def check_joint_stops_at_its_limits(simulator: Simulator) -> None:
+    _, values = _values(simulator, hinged(0.8, hinge(lower=-0.2)), 2.0)
+    expect(values.min() > -0.23, f"a hinge that ends at -0.2 rad got to {values.min():.3f} rad")
+    expect(abs(values[-1] + 0.2) < 0.005, f"a rod that leans on a limit of -0.2 rad is at {values[-1]:.3f} rad")
+    _, values = _values(simulator, sliding(ToolJoint("slider", (0.0, 0.0, 1.0), -0.05, 0.05)), 1.0)
+    expect(values.min() > -0.055, f"a slider that ends at -0.05 m got to {values.min():.4f} m")
+    expect(abs(values[-1] + 0.05) < 0.001, f"a block that hangs at a limit of -0.05 m is at {values[-1]:.4f} m")
+
+
+def check_dry_friction_holds_up_to_its_limit(simulator: Simulator) -> None:
+    """Friction that is a fifth too small lets a rod down; one that is a fifth larger holds it."""
+    torque = _WEIGHT * math.sin(0.5)
+    _, values = _values(simulator, hinged(0.5, hinge(friction=1.2 * torque)), 2.0)
+    expect(abs(values[-1]) < 0.01, f"friction that should hold a rod lets it down by {-values[-1]:.3f} rad")
+    _, values = _values(simulator, hinged(0.5, hinge(friction=0.8 * torque)), 2.0)
+    swings = np.linspace(0.0, 1.0, 20001)
+    left = _WEIGHT * (np.cos(0.5 - swings) - math.cos(0.5)) - 0.8 * torque * swings  # energy, after so much swing
+    due = float(swings[np.flatnonzero(left > 0)[-1]])
+    _near(-values[-1], due, "a rod on a tight hinge falls by", "rad", 0.05)
+
+
+def check_damper_slows(simulator: Simulator) -> None:
+    """A block on a damper sinks at the speed at which the damper bears its weight."""
+    times, values = _values(simulator, sliding(ToolJoint("slider", (0.0, 0.0, 1.0), -0.3, 0.3, damping=15.0)), 1.5)
+    late = times > 0.5
+    speed = -float(np.polyfit(times[late], values[late], 1)[0])
+    _near(speed, 0.2 * GRAVITY / 15.0, "a block on a damper sinks at", "m/s")
+
+
+def check_jaws_stop_at_each_other(simulator: Simulator) -> None:
+    """Two sprung jaws close until their ends meet; Bullet lets links of one tool sink 5 mm into each other."""
+    recording = film(wait(simulator, cube(at=(3, 3, 5)), tool=tongs(lower=-0.5), seconds=1.0, record_hz=100))
+    turned = recording.fingers[-1, -2:]
+    apart = float((_GAP / 2 + _THICK / 2 * (1 - np.cos(turned)) + _JAW * np.sin(turned)).sum())
+    expect(-0.006 < apart < 0.002, f"two sprung jaws that meet are {1000 * apart:.1f} mm apart")
+
+
+def check_sprung_tongs_pick_up_a_cube(simulator: Simulator) -> None:
+    """Tongs that are narrower than a cube open when they are pressed over it, hold it, and lift it."""
+    small = cube(at=(0.5, 0.0, 0.02), side=0.04, mass=0.05)
+    plan = [[0.5, 0, z, 0, 0, 0] for z in (0.45, 0.162, 0.162, 0.4)]
+    height = end(move(simulator, plan, table(), small, tool=tongs(), hold_s=1.0)).position("cube")[2]
+    expect(height > 0.2, f"sprung tongs that went down over a cube and up again left it at {height:.3f} m")
+
+
 def _rod(name: str, tilt: float, top: Array = _TOP) -> Body:
     """A rod that hangs from ``top``, turned by ``tilt`` radians about x from hanging straight."""
-    pose = Pose.xyz_rpy(top, (tilt, 0.0, 0.0)) @ Pose(np.array([0.0, 0.0, -_ROD.length / 2]))
-    size = Box((_ROD.width, _ROD.width, _ROD.length))
-    return Body.of(name, size, pose.position, mass=_ROD.mass, color=GREY, rpy=(tilt, 0.0, 0.0))
+    pose = Pose.xyz_rpy(top, (tilt, 0.0, 0.0)) @ Pose(np.array([0.0, 0.0, -_ROD_M / 2]))
+    return Body.of(name, Box((_WIDE, _WIDE, _ROD_M)), pose.position, mass=_ROD_KG, color=GREY, rpy=(tilt, 0.0, 0.0))
 
 
 def _pivot(name: str, body: str, parent: str | None = None, kind: str = "hinge", **more: float) -> Joint:
-    return Joint(name, kind, body, parent, (1.0, 0.0, 0.0), (0.0, 0.0, _ROD.length / 2), **more)  # type: ignore[arg-type]
+    return Joint(name, kind, body, parent, (1.0, 0.0, 0.0), (0.0, 0.0, _ROD_M / 2), **more)  # type: ignore[arg-type]
 
 
 def _block(joint: Joint, mass: float = 1.0) -> Scene:
@@ -127,117 +188,23 @@ def _play(simulator: Simulator, scene: Scene, seconds: float, settle_s: float = 
     return taken.times, scene.complete(taken.states)
 
 
-def _held(simulator: Simulator, tool: Tool, seconds: float, settle_s: float = 0.0) -> tuple[Array, Array]:
-    """Let the arm hold a tool with one joint: instants (T,), and the joint's values (T,)."""
-    bodies = cube(at=(3, 3, 5))
-    recording = film(wait(simulator, bodies, tool=tool, seconds=seconds, settle_s=settle_s, record_hz=100))
-    return recording.times, recording.fingers[:, -1]
-
-
-def _swing(simulator: Simulator, where: str, tilt: float, seconds: float, **joint: Any) -> tuple[Array, Array]:
-    """Let go a rod of a tool or a scene at an angle: instants (T,), and how far it turned from there (T,)."""
-    if where == "tool":
-        return _held(simulator, hinged(tilt, hinge(**joint)), seconds)
-    times, states = _play(simulator, Scene((_rod("rod", tilt),), (_pivot("pivot", "rod", **joint),)), seconds)
-    return times, states.joint("pivot").position
-
-
-def _slide(simulator: Simulator, where: str, seconds: float, **joint: Any) -> tuple[Array, Array]:
-    """Let go a block of a tool or a scene that slides up and down: instants (T,), and how far it went (T,)."""
-    if where == "tool":
-        made = ToolJoint("slider", (0.0, 0.0, 1.0), **{"lower": -0.3, "upper": 0.3} | joint)
-        return _held(simulator, sliding(made), seconds)
-    times, states = _play(simulator, _block(Joint("s", "slider", "block", **joint)), seconds)
-    return times, states.joint("s").position
-
-
-def check_rod_swings_in_its_period(simulator: Simulator) -> None:
-    """A rod on a hinge swings between equal angles, in the time that its inertia gives it."""
-    for (where, rod), tilt in product(RODS.items(), (0.5, 1.2)):
-        times, values = _swing(simulator, where, tilt, 2.5)
-        due = rod.swing_s(tilt)
-        _near(_period(times, values + tilt), due, f"a rod of a {where} on a hinge swings in", "s")
-        lowest = float(values[times < due].min())
-        expect(abs(lowest + 2 * tilt) < 0.1 * tilt, f"let go at {tilt} rad a rod swings to {-lowest - tilt:.3f} rad")
-
-
-def check_block_rings_down_on_a_spring_and_a_damper(simulator: Simulator) -> None:
-    """It moves as the damped oscillator does, and rests where the spring bears its weight; friction may be tiny."""
-    springs = (("tool", 60.0, 2.0, 0.0), ("tool", 60.0, 2.0, 1e-4), ("scene", 40.0, 3.0, 0.0))
-    for where, stiffness, damping, friction in springs:
-        spring = {"stiffness": stiffness, "damping": damping, "friction": friction, "rest": 0.05}
-        times, values = _slide(simulator, where, 4.0, **spring)
-        mass = BLOCKS_KG[where]
-        rate, ratio, sag = (
-            math.sqrt(stiffness / mass),
-            damping / 2 / math.sqrt(stiffness * mass),
-            mass * GRAVITY / stiffness,
-        )
-        ringing = rate * math.sqrt(1 - ratio**2)
-        left = np.cos(ringing * times) + ratio * rate / ringing * np.sin(ringing * times)
-        off = np.abs(values - (0.05 - sag) * (1 - np.exp(-ratio * rate * times) * left))
-        what = f"a block of a {where} on a spring and a damper, that sags by {1000 * sag:.1f} mm, is"
-        expect(off.max() < 0.04 * sag, f"{what} up to {1000 * off.max():.1f} mm from the formula")
-        expect(off[-1] < 0.02 * sag, f"{what} {1000 * off[-1]:.2f} mm away at the end")
-
-
-def check_joints_are_held_until_the_motion_begins(simulator: Simulator) -> None:
-    """A spring that is far from relaxed, and a weight, move nothing while the scene settles."""
-    for tool in (hinged(1.2, hinge(stiffness=3.0, rest=2.0)), sliding(ToolJoint("slider", (0.0, 0.0, 1.0), -0.3, 0.3))):
-        times, values = _held(simulator, tool, 0.3, settle_s=0.5)
-        before = float(np.abs(values[times < 1e-6]).max())
-        expect(before < 1e-3, f"a tool's joint moved by {before:.4f} before the motion began")
-        expect(abs(values[-1]) > 0.1, "a held joint of a tool is not let go when the motion begins")
-
-
-def check_joint_stops_at_its_limits(simulator: Simulator) -> None:
-    for where in RODS:
-        for name, play, low in (("hinge", partial(_swing, tilt=0.8), -0.2), ("slider", _slide, -0.05)):
-            _, values = play(simulator, where, seconds=2.0, lower=low, upper=1.0)
-            expect(values.min() > 1.2 * low, f"a {name} of a {where} that ends at {low} got to {values.min():.4f}")
-            off = abs(values[-1] - low)
-            expect(off < 0.05 * -low, f"what leans on the limit {low} of a {where}'s {name} is at {values[-1]:.4f}")
-
-
-def check_dry_friction_holds_up_to_its_limit(simulator: Simulator) -> None:
-    """Friction that is a fifth too small lets a rod down, one that is a fifth larger holds it; a block likewise."""
-    for where, rod in RODS.items():
-        torque, weight = rod.weight * math.sin(0.5), BLOCKS_KG[where] * GRAVITY
-        _, values = _swing(simulator, where, 0.5, 2.0, friction=1.2 * torque)
-        expect(
-            abs(values[-1]) < 0.01,
-            f"friction of a {where} that should hold a rod lets it down by {-values[-1]:.3f} rad",
-        )
-        _, values = _swing(simulator, where, 0.5, 2.0, friction=0.8 * torque)
-        swings = np.linspace(0.0, 1.0, 20001)
-        left = rod.weight * (np.cos(0.5 - swings) - math.cos(0.5)) - 0.8 * torque * swings  # energy, after a swing
-        due = float(swings[np.flatnonzero(left > 0)[-1]])
-        _near(-values[-1], due, f"a rod of a {where} on a tight hinge falls by", "rad", 0.05)
-        _, values = _slide(simulator, where, 1.0, friction=1.05 * weight)
-        crept = float(np.abs(values).max())
-        expect(crept < 0.002, f"friction of a {where} that should hold a block lets it creep by {1000 * crept:.1f} mm")
-        times, values = _slide(simulator, where, 0.3, friction=0.5 * weight)
-        _near(-float(values[-1]), GRAVITY / 4 * times[-1] ** 2, f"against friction a block of a {where} slid", "m")
-
-
-def check_jaws_stop_at_each_other(simulator: Simulator) -> None:
-    """Two sprung jaws close until their ends meet; Bullet lets links of one tool sink 5 mm into each other."""
-    recording = film(wait(simulator, cube(at=(3, 3, 5)), tool=tongs(lower=-0.5), seconds=1.0, record_hz=100))
-    turned = recording.fingers[-1, -2:]
-    apart = float((_GAP / 2 + _THICK / 2 * (1 - np.cos(turned)) + _JAW * np.sin(turned)).sum())
-    expect(-0.006 < apart < 0.002, f"two sprung jaws that meet are {1000 * apart:.1f} mm apart")
-
-
-def check_sprung_tongs_pick_up_a_cube(simulator: Simulator) -> None:
-    """Tongs that are narrower than a cube open when they are pressed over it, hold it, and lift it."""
-    small = cube(at=(0.5, 0.0, 0.02), side=0.04, mass=0.05)
-    plan = [[0.5, 0, z, 0, 0, 0] for z in (0.45, 0.162, 0.162, 0.4)]
-    height = end(move(simulator, plan, table(), small, tool=tongs(), hold_s=1.0)).position("cube")[2]
-    expect(height > 0.2, f"sprung tongs that went down over a cube and up again left it at {height:.3f} m")
+def check_hinged_body_swings_in_its_period(simulator: Simulator) -> None:
+    """A rod on a hinge of the world, and on one of a fixed body that it overlaps."""
+    due = _swing_s(_ROD_INERTIA, _ROD_WEIGHT, 1.0)
+    post = cube("post", tuple(_TOP), mass=0.0)
+    for bodies, parent in (((), None), ((post,), "post")):
+        joint = _pivot("pivot", "rod", parent, start=1.0)
+        times, states = _play(simulator, Scene((*bodies, _rod("rod", 1.0)), (joint,)), 3.0)
+        angles, speeds = states.joint("pivot")
+        _near(_period(times, angles), due, "a rod on a hinge swings in", "s")
+        _near(float(-angles[times < due].min()), 1.0, "let go at 1 rad, it swings as far as", "rad", 0.03)
+        rates = np.gradient(angles, times)[1:-1]
+        wrong = float(np.abs(rates - speeds[1:-1]).max() / np.abs(rates).max())
+        expect(wrong < 0.05, f"a hinge's speed is not the rate of its angle: {wrong:.0%} of the highest speed")
 
 
 def check_ball_joint_swings_and_stays_together(simulator: Simulator) -> None:
-    due = _ROD.swing_s(1.0)
+    due = _swing_s(_ROD_INERTIA, _ROD_WEIGHT, 1.0)
     times, states = _play(simulator, Scene((_rod("rod", 1.0),), (_pivot("ball", "rod", kind="ball"),)), 3.0)
     sideways = states.position("rod")[:, 1] - _TOP[1]
     _near(_period(times, sideways), due, "a rod on a ball joint swings in", "s")
@@ -248,13 +215,13 @@ def check_ball_joint_swings_and_stays_together(simulator: Simulator) -> None:
 def check_chain_keeps_its_energy(simulator: Simulator) -> None:
     """Two rods in a row swing wildly; their joints stay together, and their energy is what it was."""
     top = _rod("upper", 1.5)
-    bottom = _rod("lower", 2.0, top.pose.apply([0.0, 0.0, -_ROD.length / 2]))
+    bottom = _rod("lower", 2.0, top.pose.apply([0.0, 0.0, -_ROD_M / 2]))
     scene = Scene((top, bottom), (_pivot("a", "upper"), _pivot("b", "lower", "upper")))
     _, states = _play(simulator, scene, 2.0)
-    inertia = _ROD.inertia - _ROD.mass * (_ROD.length / 2) ** 2
-    moving = 0.5 * _ROD.mass * (states.linear_velocities**2).sum(axis=(1, 2))
+    inertia = _ROD_INERTIA - _ROD_KG * (_ROD_M / 2) ** 2
+    moving = 0.5 * _ROD_KG * (states.linear_velocities**2).sum(axis=(1, 2))
     turning = 0.5 * inertia * (states.angular_velocities**2).sum(axis=(1, 2))
-    energy = moving + turning + _ROD.mass * GRAVITY * (states.positions[..., 2] - _TOP[2]).sum(axis=1)
+    energy = moving + turning + _ROD_KG * GRAVITY * (states.positions[..., 2] - _TOP[2]).sum(axis=1)
     lost = float(np.abs(energy - energy[0]).max() / np.ptp(moving + turning))
     expect(lost < 0.03, f"a double pendulum gains or loses {lost:.1%} of its energy")
     _together(states)
@@ -273,6 +240,54 @@ def _together(states: State, most: float = 0.001) -> None:
             there, due = body.position, placed.carry(value, np.zeros_like(value), parent).position
         apart = float(np.linalg.norm(there - due, axis=-1).max())
         expect(apart < most, f"the two bodies of joint {name!r} come apart by {1000 * apart:.2f} mm")
+
+
+def check_spring_and_damper_ring_down(simulator: Simulator) -> None:
+    """A block on a horizontal spring and damper moves as the damped oscillator does."""
+    mass, stiffness, damping, away = 1.0, 40.0, 3.0, 0.2
+    joint = Joint("s", "slider", "block", axis=(0, 1, 0), start=away, stiffness=stiffness, damping=damping)
+    times, states = _play(simulator, _block(joint, mass), 2.0)
+    rate, ratio = math.sqrt(stiffness / mass), damping / 2 / math.sqrt(stiffness * mass)
+    ringing = rate * math.sqrt(1 - ratio**2)
+    due = away * np.exp(-ratio * rate * times)
+    due *= np.cos(ringing * times) + ratio * rate / ringing * np.sin(ringing * times)
+    off = float(np.abs(states.joint("s").position - due).max())
+    expect(off < 0.02 * away, f"a block on a spring and a damper is up to {1000 * off:.1f} mm from the formula")
+
+
+def check_joint_friction_holds_and_gives(simulator: Simulator) -> None:
+    """A block on a sloping slider stays below the friction's force; above, the difference accelerates it."""
+    axis = (math.cos(0.3), 0.0, -math.sin(0.3))
+    pull = GRAVITY * math.sin(0.3)  # of 1 kg
+    hold = Joint("s", "slider", "block", axis=axis, friction=1.05 * pull)
+    _, states = _play(simulator, _block(hold), 1.0)
+    crept = float(np.abs(states.joint("s").position).max())
+    expect(crept < 0.002, f"friction that should hold a block lets it creep by {1000 * crept:.1f} mm in a second")
+    times, states = _play(simulator, _block(replace(hold, friction=0.5 * pull)), 1.0)
+    _near(float(states.joint("s").position[-1]), 0.25 * pull * times[-1] ** 2, "against friction a block slid", "m")
+
+
+def check_door_falls_shut_and_stops(simulator: Simulator) -> None:
+    """A flap that was held up falls in the time of its equation of motion, and rests at its limit."""
+    rod = _rod("rod", 0.9)
+    joint = _pivot("pivot", "rod", lower=0.2, upper=1.5, start=0.9)
+    times, states = _play(simulator, Scene((rod,), (joint,)), 2.0)
+    angles = states.joint("pivot").position
+
+    def shut(_: float, state: Array) -> float:
+        return float(state[0] - 0.21)
+
+    shut.terminal = True  # type: ignore[attr-defined]
+    fall = solve_ivp(
+        lambda _, s: [s[1], -_ROD_WEIGHT / _ROD_INERTIA * math.sin(s[0])], (0, 5), [0.9, 0.0], events=shut, rtol=1e-8
+    )
+    first = int(np.flatnonzero(angles < 0.21)[0])
+    share = (angles[first - 1] - 0.21) / (angles[first - 1] - angles[first])
+    _near(
+        float(times[first - 1] + share * (times[first] - times[first - 1])), float(fall.t[-1]), "a flap falls in", "s"
+    )
+    expect(angles.min() > 0.16, f"a hinge that ends at 0.2 rad got to {angles.min():.3f} rad")
+    expect(abs(angles[-1] - 0.2) < 0.01, f"a flap that leans on its limit of 0.2 rad is at {angles[-1]:.3f} rad")
 
 
 def check_latch_opens_at_its_force(simulator: Simulator) -> None:
@@ -300,6 +315,15 @@ def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
         expect(off < lag + 0.004, f"a driven {kind} is up to {off:.4f} from its schedule")
 
 
+def check_limit_and_side_load_hold(simulator: Simulator) -> None:
+    """A slider holds a load across its axis, and hangs at its limit."""
+    joint = Joint("s", "slider", "block", axis=(0, 0.6, 0.8), lower=-0.1, upper=0.1)
+    _, states = _play(simulator, _block(joint, 2.0), 1.5)
+    value = float(states.joint("s").position[-1])
+    expect(abs(value + 0.1) < 0.002, f"a block that hangs at a limit of -0.1 m is at {value:.4f} m")
+    _together(states)
+
+
 def check_joined_bodies_pass_and_others_stop(simulator: Simulator) -> None:
     """A drawer that overlaps its cabinet rests; two flaps of one post that swing at each other meet."""
     cabinet = cube("cabinet", (FAR[0], FAR[1], 1.0), side=0.3, mass=0.0)
@@ -315,8 +339,7 @@ def check_joined_bodies_pass_and_others_stop(simulator: Simulator) -> None:
     _, states = _play(simulator, Scene((cube("post", tuple(_TOP), mass=0.0), *flaps), joints), 3.0)
     apart = states.position("a")[:, 1] - states.position("b")[:, 1]
     expect(
-        float(apart.min()) > _ROD.width - 0.004,
-        f"two flaps of one post pass {1000 * apart.min():.0f} mm through each other",
+        float(apart.min()) > _WIDE - 0.004, f"two flaps of one post pass {1000 * apart.min():.0f} mm through each other"
     )
 
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose
-from core.interfaces import Recording, Simulator
-from core.plugins import installed
+from core.interfaces import Outcome, Simulator
 from core.scene import Body, table
 from plugins.conformance.checking import expect
-from plugins.conformance.robots import hold, track
 from plugins.conformance.worlds import (
     BARE,
     GREY,
@@ -22,6 +20,7 @@ from plugins.conformance.worlds import (
     cube,
     end,
     film,
+    motion,
     move,
     opened,
     stick,
@@ -63,6 +62,17 @@ def check_body_is_not_pushed_through_the_table(simulator: Simulator) -> None:
     outcome = move(simulator, plan, table(), cube(at=(0.5, 0, 0.05)), tool=stick(0.3), record_hz=100)
     lowest = film(outcome).states.position("cube")[:, 2].min()
     expect(lowest > 0.05 - _THROUGH, f"a cube under the tool was pushed {1000 * (0.05 - lowest):.1f} mm into the table")
+
+
+def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
+    wall = Body.of("wall", Box((0.4, 0.02, 0.4)), (0.5, 0.2, 0.2), mass=0.0, color=GREY)
+    plan = [[0.5, -0.1, 0.4, 0, 0, 0], [0.5, 0.35, 0.4, 0, 0, 0]]
+    joints = film(move(simulator, plan, wall, tool=stick(0.25), record_hz=100)).arm
+    tips = _tip(joints, 0.25)[:, 1]
+    expect(tips.min() < -0.08, "the tool did not come to where its sweep begins")
+    into = tips.max() - (0.2 - 0.02)  # half the wall and half the stick
+    expect(into > -0.005, f"the tool stopped {-1000 * into:.0f} mm before the wall")
+    expect(into < 0.01, f"a tool swept at a wall 0.02 m thick came {1000 * into:.0f} mm into it")
 
 
 def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
@@ -119,13 +129,28 @@ def check_tool_touches_the_arm_but_not_its_mount(simulator: Simulator) -> None:
     expect(lag > 0.01, f"a tool inside the arm's second link should push it away; {found}")
 
 
+def check_joints_hold_against_gravity(simulator: Simulator) -> None:
+    for name, tool in (("nothing", BARE), ("the hand", HAND), ("a stick of 1 kg", stick(0.3, mass=1.0))):
+        outcome = wait(simulator, seconds=3.0, tool=tool, record_hz=20)
+        sag = np.abs(film(outcome).arm - still().arm[0]).max()
+        expect(sag < 2e-3, f"with {name} mounted the arm at rest is {sag:.4f} rad off its targets; at most 0.002")
+        lag = outcome.tracking_error_rad
+        expect(lag < 2e-3, f"with {name} mounted the tracking error at rest is {lag:.4f} rad; at most 0.002")
+
+
 def check_arm_follows_its_trajectory(simulator: Simulator) -> None:
-    track("this engine", simulator, installed().default_robot)
-
-
-def check_arm_holds_against_gravity(simulator: Simulator) -> None:
-    for what, tool in (("the arm", BARE), ("the hand", HAND), ("a stick of 1 kg", stick(0.3, mass=1.0))):
-        hold("this engine", simulator, installed().default_robot, what, tool)
+    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0], [0.5, -0.2, 0.4, 0, 0, 0.5]]
+    outcome = move(simulator, plan, record_hz=100)
+    recording = film(outcome)
+    targets, _ = motion(plan).sample(recording.times)
+    miss = float(np.abs(recording.arm - targets).max())
+    expect(miss < 0.02, f"without contact the arm was {miss:.4f} rad off its trajectory; at most 0.02")
+    lag = outcome.tracking_error_rad
+    found = f"the tracking error is {lag:.4f} rad, the recording's largest miss {miss:.4f} rad"
+    expect(abs(lag - miss) < max(2e-3, 0.5 * miss), found)
+    there = arm().forward(recording.arm[-1]).position
+    gap = np.abs(there - plan[-1][:3]).max()
+    expect(gap < 1e-3, f"the end-effector ended {1000 * gap:.1f} mm from its last waypoint")
 
 
 def check_joint_torques_are_limited(simulator: Simulator) -> None:
@@ -150,29 +175,26 @@ def check_fingers_reach_their_targets(simulator: Simulator) -> None:
         expect(miss < 1e-3, f"at grip {grip} the fingers are {1000 * miss:.1f} mm from where they should be")
 
 
-def _lift(simulator: Simulator, held: Body, over: float, high: float, tool: Tool = HAND) -> Recording:
-    """Close the fingers around a body when their link is at ``over``, lift it to ``high``, and hold it for 2 s."""
+_OVER = 0.1034 + 0.02  # metres from the hand's origin to the middle of a held object
+
+
+def _lift(
+    simulator: Simulator, held: Body, over: float, high: float, *then: list[float], tool: Tool = HAND, hold: float = 0.5
+) -> Outcome:
+    """Close the fingers around a body when their link is at ``over``, and lift it so that the link is at ``high``."""
     plan = [[0.5, 0, z, 0, 0, 0, grip] for z, grip in ((over, 0), (over, 1), (high, 1))]
-    return film(move(simulator, plan, table(), held, tool=tool, record_hz=20, hold_s=2.0))
+    return move(simulator, [*plan, *then], table(), held, tool=tool, record_hz=20, hold_s=hold)
 
 
-def check_gripper_lifts_what_it_can_bear(simulator: Simulator) -> None:
-    """A disc neither shoots out nor sinks in; twice 70 N at a friction of sqrt(1.0 * 0.5) hold 10 kg, and not 16."""
-    disc = Body.of("held", Cylinder(0.03, 0.014), (0.5, 0.0, 0.007), mass=0.02, color=GREY)
-    cubes = (cube("held", (0.5, 0, 0.02), 0.04, mass) for mass in (0.2, 4.0, 16.0))
-    for held, over, width in ((disc, 0.1014, 0.06), *((body, 0.1234, 0.04) for body in cubes)):
-        recording = _lift(simulator, held, over, over + 0.2)
-        rise, apart = recording.states.position("held")[-1, 2] - held.pose.position[2], recording.fingers[-1].sum()
-        borne = held.mass < 10
-        can, low, high = ("can", 0.15, 0.21) if borne else ("can't", -0.01, 0.03)
-        expect(low < rise < high, f"the hand {can} hold {held.mass} kg; lifted by 0.2 m, a body rose by {rise:.3f} m")
-        expect(not borne or abs(apart - width) < 3e-3, f"fingers that hold {width} m are {apart:.4f} m apart")
-
-
-def check_gripper_lets_go(simulator: Simulator) -> None:
-    plan = [[0.5, 0, z, 0, 0, 0, grip] for z, grip in ((0.1234, 0), (0.1234, 1), (0.3, 1), (0.3, 0))]
-    outcome = move(simulator, plan, table(), cube(at=(0.5, 0, 0.02), side=0.04, mass=0.2), tool=HAND, hold_s=2.0)
-    height = end(outcome).position("cube")[2]
+def check_gripper_lifts_a_cube(simulator: Simulator) -> None:
+    held = cube(at=(0.5, 0, 0.02), side=0.04, mass=0.2)
+    outcome = _lift(simulator, held, _OVER, 0.4, hold=2.0)
+    height, due = end(outcome).position("cube")[2], 0.4 - _OVER + 0.02
+    expect(abs(height - due) < 0.01, f"a gripped cube should have been lifted to {due:.3f} m; it is at {height:.3f} m")
+    gap = np.abs(film(outcome).fingers[-1] - 0.02).max()
+    expect(gap < 2e-3, f"fingers that hold a cube of 0.04 m should be 0.02 m from the middle; {1000 * gap:.1f} mm off")
+    dropped = _lift(simulator, held, _OVER, 0.4, [0.5, 0, 0.4, 0, 0, 0, 0], hold=2.0)
+    height = end(dropped).position("cube")[2]
     expect(abs(height - 0.02) < 1e-3, f"a cube let go should lie on the table at 0.02 m; it is at {height:.3f} m")
 
 
@@ -186,8 +208,25 @@ def check_attachments_hold_a_cube(simulator: Simulator) -> None:
         for side, y in (("left", 0.008), ("right", -0.008))
     )
     over, held = 0.0584 + 0.19 + 0.005, cube(at=(0.5, 0, 0.025), side=0.05, mass=0.3)
-    recording = _lift(simulator, held, over, over + 0.2, Tool(tuple(bars), gripper=True))
+    recording = film(_lift(simulator, held, over, over + 0.2, tool=Tool(tuple(bars), gripper=True), hold=2.0))
     heights = recording.states.position("cube")[:, 2][recording.times > recording.times[-1] - 2.0]
     lowest, crept = heights.min(), 1000 * float(np.ptp(heights))
     expect(lowest > 0.2, f"a cube between two attachments was lifted to 0.225 m; it sank to {lowest:.3f} m")
     expect(crept < 3, f"a cube held between two attachments crept by {crept:.1f} mm in 2 s")
+
+
+def check_gripper_lifts_a_light_disc(simulator: Simulator) -> None:
+    """A disc of 20 g between fingers that press with 70 N each neither shoots out nor sinks in."""
+    disc = Body.of("disc", Cylinder(0.03, 0.014), (0.5, 0.0, 0.007), mass=0.02, color=GREY)
+    outcome = _lift(simulator, disc, 0.1034 - 0.009 + 0.007, 0.3)
+    height, apart = end(outcome).position("disc")[2], float(film(outcome).fingers[-1].sum())
+    expect(height > 0.15, f"a gripped disc of 20 g should have been lifted to 0.2 m; it is at {height:.3f} m")
+    expect(abs(apart - 0.06) < 3e-3, f"fingers that hold a disc 0.06 m wide are {apart:.4f} m apart")
+
+
+def check_gripper_squeezes_as_hard_as_the_hand_can(simulator: Simulator) -> None:
+    """Twice 70 N at a friction of sqrt(1.0 * 0.5) hold 10 kg: 4 kg are lifted, 16 kg are not."""
+    for mass, can, low, high in ((4.0, "can", 0.06, np.inf), (16.0, "can't", 0.0, 0.04)):
+        outcome = _lift(simulator, cube(at=(0.5, 0, 0.02), side=0.04, mass=mass), _OVER, 0.2)
+        height = end(outcome).position("cube")[2]
+        expect(low < height < high, f"the hand {can} hold {mass} kg; after the lift the cube is at {height:.3f} m")
