@@ -183,10 +183,10 @@ def goals_reward(task: Aim, start: State, end: State, trace: Trace | None = None
 
 def goals_shares(task: Aim, start: State, end: State, trace: Trace | None = None) -> tuple[tuple[str, float], ...]:
     """Say how far one world fulfilled each of several goals that all count, 0..1; none where one goal is enough."""
-    judge = _Judge(tuple(task.goals), start, trace)
     moving = [(number, goal) for number, goal in enumerate(task.goals) if goal.moves]
     if not task.every or len(moving) < 2:
         return ()
+    judge = _Judge(tuple(task.goals), start, trace)
     return tuple(
         (goal.name or f"{goal.joint or ' '.join(goal.bodies[:3])} (goal {number})", float(judge.earned(goal, end)))
         for number, goal in moving

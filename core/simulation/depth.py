@@ -26,7 +26,7 @@ def noise_m(depth: Array) -> Array:
     """Compute the standard deviation of a depth camera's readings, metres, at distances (...,), metres.
 
     That of a Kinect, straight on: C. V. Nguyen, S. Izadi, D. Lovell, "Modeling Kinect Sensor Noise for Improved 3D
-    Reconstruction and Tracking", 3DIMPVT 2012, equation 6.
+    Reconstruction and Tracking", 3DIMPVT 2012.
     """
     spread: Array = 0.0012 + 0.0019 * (depth - 0.4) ** 2
     return spread

@@ -12,11 +12,13 @@ from core.errors import UserError
 from core.interfaces import Picture
 from core.scene import Camera
 from core.simulation.views import describe_camera
-from core.support.files import read_untrusted
+from core.support.sandbox import isolated
+from plugins.tasks.file.imports.solids import read_inside
 
-MAX_BYTES = 30_000_000
+MAX_MB = 30
 MAX_PIXELS = 64_000_000
 SIDE = 1280  # pixels of the longer side that is sent
+LIMIT_S = 60
 
 
 def read_photograph(folder: Path, file: str, camera: Camera | None, name: str) -> Picture:
@@ -25,22 +27,28 @@ def read_photograph(folder: Path, file: str, camera: Camera | None, name: str) -
     Raises:
         UserError: it is not in the folder, too large, or no picture.
     """
-    path = folder / file
-    if not path.resolve().is_relative_to(folder.resolve()):
-        raise UserError(f"pictures: {file} is not in the scene file's folder {folder}; copy it there")
-    data = read_untrusted(path, MAX_BYTES)
+    data = read_inside(folder / file, folder, "photograph", MAX_MB)
+    made = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
+    with Image.open(io.BytesIO(made)) as sent:  # made by this program
+        known = describe_camera(camera, name, sent.size) if camera else "where its camera stood is not known"
+    return Picture(made, name, f"{name}: a photograph of the real bench; {known}")
+
+
+def as_png(data: bytes) -> bytes:
+    """Convert an untrusted picture; what a camera wrote into the file is left out.
+
+    Raises:
+        UserError: it is too large, or no picture.
+    """
     try:
         with warnings.catch_warnings(), Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as opened:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the size is checked here
             if opened.width * opened.height > MAX_PIXELS:
-                raise UserError(
-                    f"pictures: {path} has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read"
-                )
+                raise UserError(f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read")
             photograph = ImageOps.exif_transpose(opened).convert("RGB")
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise UserError(f"pictures: {path} is no PNG or JPEG picture that can be read: {error}") from error
+        raise UserError(f"is no PNG or JPEG picture that can be read: {error}") from error
     photograph.thumbnail((SIDE, SIDE))
     stream = io.BytesIO()
     photograph.save(stream, "PNG")
-    known = describe_camera(camera, name, photograph.size) if camera else "where its camera stood is not known"
-    return Picture(stream.getvalue(), name, f"{name}: a photograph of the real bench; {known}")
+    return stream.getvalue()

@@ -5,22 +5,12 @@ import pytest
 
 from core.errors import UsageError, UserError
 from core.robot.kinematics import arm_of
-from plugins.robots import home, hulls
+from plugins.robots import home
 from plugins.robots.descriptions import robots_folder
 from plugins.robots.reading import read_robot
-from tests.outside_arm import FLANGE, write_arm
-from tests.plugins.tasks.file.imports.conftest import called
+from tests.outside_arm import FLANGE
 
-
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
-    """Meshes are read in this process, which starts no other for each."""
-    monkeypatch.setattr(hulls, "isolated", called)
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return write_arm(tmp_path_factory.mktemp("arm"))
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 def found(capsys):

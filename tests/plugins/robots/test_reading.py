@@ -15,21 +15,10 @@ from core.geometry import Pose
 from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
-from plugins.robots import hulls
 from plugins.robots.reading import BoltOptions, GripperOptions, read_robot
-from tests.outside_arm import FLANGE, HOME, LIMIT, write_arm
-from tests.plugins.tasks.file.imports.conftest import called
+from tests.outside_arm import FLANGE, HOME, LIMIT
 
-
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
-    """Meshes are read in this process, which starts no other for each."""
-    monkeypatch.setattr(hulls, "isolated", called)
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return write_arm(tmp_path_factory.mktemp("arm"))
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 @pytest.fixture

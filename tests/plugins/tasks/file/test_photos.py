@@ -9,7 +9,9 @@ from core.config.compose import load
 from core.errors import UserError
 from core.prompt import compose
 from core.values.messages import Picture
+from plugins.tasks.file import photos
 from plugins.tasks.file.task import FileTask
+from tests.plugins.tasks.file.imports.conftest import called
 from tests.plugins.tasks.file.test_mistakes import GOOD
 
 PHOTO = "pictures: [a.jpg, {file: b.png, camera: {position: [1.4, -0.9, 0.8], target: [0.6, 0, 0.1], fov_deg: 42}}]\n"
@@ -52,14 +54,15 @@ def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
 @pytest.mark.parametrize(
     ("pictures", "said"),
     [
-        ("pictures: [none.jpg]", "none.jpg can't be read: No such file"),
+        ("pictures: [none.jpg]", "photograph .*none.jpg can't be read: No such file"),
         ("pictures: [scene.yaml]", "scene.yaml is no PNG or JPEG"),
-        ("pictures: [../out.png]", "out.png is not in the scene file's folder"),
+        ("pictures: [../out.png]", "out.png is not in folder .*; put it there"),
         ("pictures: [large.png]", "has 9000 x 9000 pixels; at most 64,000,000"),
         ("pictures: [half.jpg]", "half.jpg is no PNG or JPEG picture that can be read"),
     ],
 )
-def test_what_is_no_photograph_is_refused_in_a_line(bench, pictures, said):
+def test_what_is_no_photograph_is_refused_in_a_line(bench, pictures, said, monkeypatch):
+    monkeypatch.setattr(photos, "isolated", called)
     Image.new("1", (9000, 9000)).save(bench / "large.png")
     (bench / "half.jpg").write_bytes((bench / "a.jpg").read_bytes()[:3000])
     with pytest.raises(UserError, match=said) as caught:

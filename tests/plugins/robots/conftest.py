@@ -1,0 +1,19 @@
+"""What tests of one's own arm share."""
+
+import pytest
+
+from plugins.robots import hulls
+from tests.outside_arm import write_arm
+from tests.plugins.tasks.file.imports.conftest import called
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Read meshes in this process, which starts no other for each."""
+    monkeypatch.setattr(hulls, "isolated", called)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """Write the URDF of an arm."""
+    return write_arm(tmp_path_factory.mktemp("arm"))
