@@ -7,6 +7,7 @@ import importlib
 import importlib.metadata
 import json
 import logging
+import math
 import os
 import threading
 import warnings
@@ -25,6 +26,8 @@ from core.values.messages import checked
 from plugins.vlms.litellm.transport import OPENAI, BadAnswer, sender, transport
 
 _log = logging.getLogger(__name__)
+
+PIXELS_PER_TOKEN = 750  # https://docs.claude.com/en/docs/vision
 
 # Servers on the user's machines: they enforce a schema with any model, and their answers have no price.
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile")
@@ -68,14 +71,22 @@ def load() -> ModuleType:
 
 
 def estimate(request: Request, model: str) -> Estimate:
-    """Count tokens with LiteLLM's counter, which takes every picture for a small one; prices are from its list."""
-    litellm = load()
-    tokens = litellm.token_counter(model=model, messages=render(explained(request)))
+    """Count tokens: texts with LiteLLM's counter, pictures by their pixels; prices are from LiteLLM's list."""
+    litellm, messages = load(), explained(request)
+    texts = [replace(message, parts=tuple(p for p in message.parts if isinstance(p, Text))) for message in messages]
+    tokens = litellm.token_counter(model=model, messages=render(texts))
+    tokens += sum(_picture_tokens(part) for message in messages for part in message.parts if isinstance(part, Picture))
     price = _price(litellm, model)
     version = importlib.metadata.version("litellm")
     if price is None:
         return Estimate(tokens, "litellm.token_counter")
     return Estimate(tokens, "litellm.token_counter", *price, f"price list of LiteLLM {version}")
+
+
+def _picture_tokens(picture: Picture) -> int:
+    """Count the tokens of a PNG picture as Claude does, a token for 750 pixels; other providers count otherwise."""
+    width, height = (int.from_bytes(picture.png[at : at + 4], "big") for at in (16, 20))  # of the file's header
+    return math.ceil(width * height / PIXELS_PER_TOKEN)
 
 
 def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:

@@ -1,5 +1,6 @@
 """Language models through LiteLLM, against servers on the loopback interface that speak the providers' protocols."""
 
+import io
 import json
 import logging
 import re
@@ -11,11 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from core.config.compose import load
 from core.errors import UsageError, UserError
+from core.interfaces import Picture, Text
 from core.plugins import installed
 from plugins.vlms import LITELLM
+from plugins.vlms.litellm.client import estimate
 from plugins.vlms.litellm.model import LanguageModel
 from tests.commands import python_m
 from tests.plugins.vlms.asking import KEYS, PAID, PROTOCOLS, VARIABLES, agent_of, ask, in_turn, model_at
@@ -406,3 +410,15 @@ def test_only_calls_go_over_the_network_nothing_is_printed_and_an_interrupt_wait
     assert out.splitlines() == ["{\"fine\": true} None {'127.0.0.1'}"] * 2
     assert err.startswith("Traceback")
     assert err.endswith("KeyboardInterrupt\n")
+
+
+def test_pictures_are_estimated_by_their_pixels():
+    """LiteLLM's own counter takes each for a small one."""
+    drawn = io.BytesIO()
+    Image.new("RGB", (1000, 750)).save(drawn, "PNG")
+    sent, model = request(0), "anthropic/claude-sonnet-4-6"
+    *before, user = sent.messages
+    plain = replace(user, parts=tuple(part for part in user.parts if isinstance(part, Text)))
+    shown = replace(plain, parts=(*plain.parts, Picture(drawn.getvalue()), Picture(drawn.getvalue())))
+    counts = [estimate(replace(sent, messages=(*before, last)), model).prompt_tokens for last in (plain, shown)]
+    assert counts[1] - counts[0] == 2000
