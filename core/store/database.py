@@ -36,7 +36,7 @@ _WRITTEN = (
 )
 MOST_BYTES = 4_000_000_000  # of a store
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
-_ASKED_S = 0.2  # in which `is_held` of another process is over
+_ASKED_S = 0.2  # to wait for a lock that another process may hold for an instant, in `is_held`
 _sound: set[object] = set()  # the states of files that this process has checked
 
 

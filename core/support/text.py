@@ -68,7 +68,7 @@ def number(value: float | None, digits: int) -> str:
 def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
     """Group candidates, each with the reason why it earned nothing or less; a line for each reason, common ones first.
 
-    Reasons that differ in numbers alone are one: its line counts the candidates, and has the first of them.
+    Reasons that differ in numbers alone count as one. Its line has the number of candidates and the first one's reason.
     """
     groups: dict[str, list[tuple[str, str]]] = {}
     for name, reason in candidates:

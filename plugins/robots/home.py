@@ -48,7 +48,7 @@ class HomeConfig:
 def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robot:
     """Find a home at which the flange is ``at`` (3,) in the base's frame and looks down, with the mount turned so.
 
-    Of the homes that are found it has room to the joints' limits and to singularities, and stands high.
+    Prefer one far from the joints' limits and from singularities, with the links high above the base.
 
     Args:
         robot: made by `plugins.robots.reading.unmounted`, as ``axis`` is.
@@ -143,9 +143,9 @@ def main(words: list[str]) -> None:
     room = np.minimum(home - arm.lower, arm.upper - home)
     place = short_numbers(part.pose.apply(arm.forward(home).position), 3, ", ")
     say(
-        f"the flange {robot.mount_link!r} is at ({place}) and looks down; the least room to a limit has "
-        f"{robot.arm_joints[int(room.argmin())]!r}, {room.min():.2f} rad"
+        f"the flange {robot.mount_link!r} is at ({place}) and looks down; joint "
+        f"{robot.arm_joints[int(room.argmin())]!r} is nearest to a limit, {room.min():.2f} rad from it"
     )
     say(f"robot.home=[{short_numbers(home, _DIGITS, ',')}]")
     if not robot.gripper and (beyond := _beyond(description, robot.mount_link)):
-        say(f"{', '.join(beyond)} hang on the flange where tools go: leave out with robot.without=[{','.join(beyond)}]")
+        say(f"{', '.join(beyond)} hang where tools go; leave them out: robot.without=[{','.join(beyond)}]")

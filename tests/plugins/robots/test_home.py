@@ -52,7 +52,7 @@ def test_what_hangs_where_tools_go_is_named(file, capsys):
     hung = f'<link name="lamp">{box}</link>{joint}'
     (file.parent / "lamp.urdf").write_text(file.read_text().replace("</robot>", f"{hung}</robot>"))
     home.main(["robot=urdf", f"robot.path={file.parent / 'lamp.urdf'}", f"robot.flange={FLANGE}"])
-    assert "lamp hang on the flange where tools go: leave out with robot.without=[lamp]" in capsys.readouterr().out
+    assert "lamp hang where tools go; leave them out: robot.without=[lamp]" in capsys.readouterr().out
 
 
 ARMS = {
