@@ -22,12 +22,24 @@ from core.design import TIE, Budget, Candidate, DesignError, Evaluation, Tool, T
 from core.errors import UsageError, UserError
 from core.scene import View
 from core.task import Task
-from core.values.jobs import JointTrajectory, Outcome, Perception, Pushes, Recording, Rollout, RolloutSettings, World
+from core.values.jobs import (
+    Feel,
+    Felt,
+    JointTrajectory,
+    Outcome,
+    Perception,
+    Pushes,
+    Recording,
+    Reflex,
+    Rollout,
+    RolloutSettings,
+    World,
+)
 from core.values.materials import PAPER, Material
 from core.values.messages import Estimate, Message, Picture, Reply, Spending, Text
 from core.values.numbers import Numbers, Variable
 from core.values.observations import Contact, Observation
-from core.values.plans import ActionPlan, Anchor, Seen, Tempo, Waypoints
+from core.values.plans import ActionPlan, Anchor, Guard, Seen, Tempo, Waypoints
 from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
 
 Image = npt.NDArray[np.uint8]
@@ -39,6 +51,7 @@ class Simulator(ABC):
     """A physics engine. It takes a batch of jobs and returns as many outcomes. One thread uses it at a time."""
 
     batch: ClassVar[int] = 1  # the best size of a batch; above 1, jobs with different tools are stepped together
+    feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.reflex`)
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod
@@ -380,7 +393,8 @@ class Executor(ABC):
 __all__ = ["ActionRepresentation", "Brief", "Designer", "Evaluate", "EvolutionStrategy", "Executor", "Fitness"]
 __all__ += ["VLM", "GivenTools", "Request", "Simulator", "ToolRepresentation"]
 __all__ += ["Budget", "Task", "Trial", "View"]  # of core.design, core.task and core.scene; what follows of core.values
-__all__ += ["JointTrajectory", "Outcome", "Perception", "Pushes", "Recording", "Rollout", "RolloutSettings", "World"]
-__all__ += ["ActionPlan", "Anchor", "Contact", "Numbers", "Observation", "Seen", "Tempo", "Waypoints"]
+__all__ += ["Feel", "Felt", "JointTrajectory", "Outcome", "Perception", "Pushes"]
+__all__ += ["Recording", "Reflex", "Rollout", "RolloutSettings", "World"]
+__all__ += ["ActionPlan", "Anchor", "Contact", "Guard", "Numbers", "Observation", "Seen", "Tempo", "Waypoints"]
 __all__ += ["ISO_9409_1_50", "PAPER", "Flange", "Gripper", "Material", "Robot"]
 __all__ += ["Estimate", "Message", "Picture", "Reply", "Spending", "Text"]

@@ -150,7 +150,7 @@ def test_each_kind_of_block_is_looked_at():
     known = {"sh", "console"}
     rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
     assert {name: found for name, found in rest.items() if found} == {
-        "designs.md": {"json": 5},
+        "designs.md": {"json": 6},
         "paper.md": {"bibtex": 2},
         "plugins.md": {"python": 2, "toml": 1},
         "prompts.md": {"json": 1, "python": 3},
@@ -312,11 +312,12 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
 
 
 def test_example_designs_are_read():
-    design, boxes, joint, solid, plan = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
+    design, boxes, joint, solid, plan, guarded = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
     assert design["strategies"][0]["action_sets"]
     seen = Seen({"cube": Pose(np.array([0.6, 0.0, 0.0])), "goal": Pose(np.array([0.6, -0.2, 0.0]))})
     waypoints = installed().create("action", "anchored").parse(plan, gripper=False).resolve(seen)
     np.testing.assert_allclose(waypoints.poses[1, :3], [0.6, 0.06, 0.12])
+    assert installed().create("action", "anchored").parse(guarded, gripper=False).steps[1].until == "touch"
     boxes["tool_components"][1] |= joint
     component = {"name": "shell", "solid": solid, "position": [0, 0, -0.2]}
     for name, data in (("boxes", boxes), ("solids", {"tool_solids": [component]})):

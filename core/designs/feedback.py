@@ -160,7 +160,7 @@ def elite_feedback(trial: Trial, seen: Observation, sight: Sight | None = None) 
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
     described["error_m"] = {name: list(wrong[name]) for name in worst[: 2 * _BODIES]} if sight is None else {}
-    described["arrivals_s"] = list(seen.arrivals)
+    described |= {"arrivals_s": list(seen.arrivals), "guards": list(seen.felt)}
     if seen.paths and sight is None:
         described["times_s"] = list(seen.instants)
         described["path_m"] = {name: " ".join(_point(point) for point in path) for name, path in seen.paths.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -25,7 +26,7 @@ NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
 # Errors of the machine, in any representation: they say nothing about a design.
 _MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
 
-_NOISE = 7  # keeps these random numbers apart from others of the same seed
+_NOISE, _HEIGHT = 7, 8  # keep these random numbers apart from others of the same seed
 
 
 def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
@@ -96,9 +97,14 @@ def look(task: Task, seed: int, perception: Perception, scene: Scene | None = No
 
 
 def resolve(
-    plan: ActionPlan, task: Task, seed: int, settings: RolloutSettings, scene: Scene | None = None
+    plan: ActionPlan,
+    task: Task,
+    seed: int,
+    settings: RolloutSettings,
+    scene: Scene | None = None,
+    felt: tuple[Pose | None, ...] = (),
 ) -> Waypoints:
-    """Return a plan's waypoints in the layout of ``seed``; ``scene``: see `look`.
+    """Return a plan's waypoints in the layout of ``seed``; ``scene``: see `look`, ``felt``: see `Seen`.
 
     Raises:
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
@@ -106,11 +112,24 @@ def resolve(
     if isinstance(plan, Waypoints):
         waypoints = plan
     else:
-        seen = look(task, seed, settings.perception, scene)
+        rise = np.array([0.0, 0.0, risen(seed, settings.perception)])
+        there = tuple(None if pose is None else Pose(pose.position - rise, pose.quaternion) for pose in felt)
+        seen = replace(look(task, seed, settings.perception, scene), felt=there)
         with guarded(plan, "resolve"):
             waypoints = plan.resolve(seen)
         if not isinstance(waypoints, Waypoints):
             raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
     check_tempo(waypoints, task.home, settings.max_motion_s)
+    if higher := risen(seed, settings.perception):
+        poses = waypoints.poses.copy()
+        poses[:, 2] += higher
+        waypoints = replace(waypoints, poses=poses)
     return waypoints
+
+
+def risen(seed: int, perception: Perception) -> float:
+    """How much higher the arm's waypoints lie than a plan means in the layout of ``seed``, metres."""
+    if perception.height == 0:
+        return 0.0
+    return perception.height * float(np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1))

@@ -247,6 +247,11 @@ class Arm:
         pin.framesForwardKinematics(self._model, self._data, np.asarray(joints, dtype=np.float64))
         return Pose.from_matrix(self._data.oMf[self._frame].homogeneous)
 
+    def jacobian(self, joints: Array) -> Array:
+        """Compute (6, J): what the joints' speeds make of the tool mount's speed and turning, in the world's axes."""
+        frame: Array = pin.computeFrameJacobian(self._model, self._data, joints, self._frame, pin.LOCAL_WORLD_ALIGNED)
+        return frame
+
     def positions(self, joints: Array) -> Array:
         """Compute positions (T, 3) of the tool mount at joints (T, J)."""
         out = np.empty((len(joints), 3))

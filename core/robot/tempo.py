@@ -22,6 +22,7 @@ from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import (
     KNOT_M,
     KNOT_RAD,
+    Begin,
     Motion,
     grid,
     joined,
@@ -40,16 +41,18 @@ _ROUNDS, _EXACT_S = 20, 1e-3  # of slowing a way until it takes its seconds
 Leg = tuple[Array, Array, list[float]]  # instants (S,), joints (S, J), and when each of its waypoints is reached
 
 
-def plan_task_motion(plan: Waypoints, task: Task, settings: RolloutSettings) -> Motion:
-    """Plan the motion of the task's robot through waypoints, under a run's settings."""
-    arm = arm_of(task.robot)
-    if plan.tempo is None:
-        return plan_motion(plan.poses, task.home, arm, segment_s=settings.segment_s, speed=settings.speed)
-    grips, positions, rotations = poses_from(task.home, plan.poses)
-    tempo, asked = plan.tempo, _asked(plan.tempo, positions, settings.segment_s)
+def plan_task_motion(plan: Waypoints, task: Task, settings: RolloutSettings, begin: Begin | None = None) -> Motion:
+    """Plan the motion of the task's robot through waypoints, under a run's settings, from home or from ``begin``."""
+    arm, home = arm_of(task.robot), task.home
+    if plan.tempo is None and begin is None:
+        return plan_motion(plan.poses, home, arm, segment_s=settings.segment_s, speed=settings.speed)
+    last, grip = begin or Begin(arm.home_for(home))
+    grips, positions, rotations = poses_from(arm.forward(last) if begin else home, plan.poses, grip)
+    tempo = plan.tempo or Tempo.usual(len(plan))
+    asked = _asked(tempo, positions, settings.segment_s)
     hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
-    opening, last = arm.robot.opening_m, arm.home_for(task.home)
-    times, targets, fingers = [np.zeros(1)], [last[None]], [np.full(1, opening)]
+    opening = arm.robot.opening_m
+    times, targets, fingers = [np.zeros(1)], [last[None]], [np.full(1, opening * (1 - grip))]
     knots, errors, ends, arrivals = [last[None]], list[Array](), [0], list[float]()
     stops = [0, *(np.flatnonzero(tempo.through[:-1] == 0) + 1).tolist(), len(plan)]
     for a, b in pairwise(stops):

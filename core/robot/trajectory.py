@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline
@@ -57,6 +58,13 @@ class Motion:
         return [f"waypoint{many} {names}: the arm's limits make {way} {slower}"]
 
 
+class Begin(NamedTuple):
+    """How a motion begins: the arm's joints (J,), at rest, and how far the gripper is closed, 0 to 1."""
+
+    joints: Array
+    grip: float = 0.0
+
+
 def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
     """Plan the motion from the home pose through all waypoints, at rest at each.
 
@@ -89,9 +97,9 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     return make_motion(trajectory, arrivals, knots, errors, ends, plan, np.ones(len(plan)), arm)
 
 
-def poses_from(home: Pose, plan: Array) -> tuple[Array, Array, Rotation]:
+def poses_from(home: Pose, plan: Array, grip: float = 0.0) -> tuple[Array, Array, Rotation]:
     """Return grips (N + 1,), positions (N + 1, 3) and rotations (N + 1) of home and the waypoints."""
-    grips = np.concatenate([[0.0], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))])
+    grips = np.concatenate([[grip], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))])
     positions = np.vstack([home.position, plan[:, :3]])
     return grips, positions, Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
 

@@ -98,6 +98,7 @@ def observe(
         lag_rad=round(float(np.nanmax([outcome.tracking_error_rad, lags.max()])), 4),  # an engine may measure none
         lag_s=round(float(taken.times[int(lags.argmax())]), 2),
         arrivals=tuple(round(instant, 2) for instant in motion.arrivals.tolist()),
+        felt=tuple(map(str, outcome.felt)),
         instants=tuple(round(instant, 2) for instant in taken.times[samples].tolist()),
         paths={name: tuple(_point(p, 3) for p in taken.states.position(name)[samples]) for name in followed},
     )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
 from core.scene import State
+from core.values.jobs import FEEL_S, FeelingWorld
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
 
@@ -36,19 +38,23 @@ class Launching(World, Protocol):
 
 
 def play(world: World, job: Rollout) -> Outcome:
-    """Play a job: settle, move, hold."""
-    trajectory, dt = job.trajectory, world.time_step
+    """Play a job: settle, move, hold. A job with a reflex needs a `core.values.jobs.FeelingWorld`."""
+    job, reflex, dt = begun(job), job.reflex, world.time_step
+    trajectory = job.trajectory
     if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
         return Outcome(None, None, error="the trajectory's targets are not finite")
     settle, times = schedule(job, dt)
-    every = record_every(job, dt)
-    arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
+    every, tick = record_every(job, dt), feel_every(dt)
+    arm, *others = targets(trajectory, times, dt)
+    orders = _orders(arm, others)
 
     instants, notes = [], []
     note = world.note if isinstance(world, Noting) else lambda: (*world.joints(), world.state())
     start = begin_motion(world) if settle == 0 else None
     reached: list[Array] = []
-    for k, order in enumerate(zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)):
+    k = -1
+    while (order := next(orders, None)) is not None:
+        k += 1
         if every and k % every == 0:
             instants.append(float(times[k]))
             notes.append(note())
@@ -57,6 +63,12 @@ def play(world: World, job: Rollout) -> Outcome:
             start = begin_motion(world)
         if k >= settle and k % LAG_EVERY == 0:
             reached.append(world.joints()[0])
+        if reflex is not None and (k + 1 - settle) % tick == 0 and times[k] + dt >= reflex.since:
+            changed = reflex.feel(float(times[k] + dt), world.joints()[0], *cast(FeelingWorld, world).pushes())
+            if changed is not None:
+                _, times = schedule(replace(job, trajectory=changed), dt)
+                arm, *others = targets(changed, times, dt)
+                orders = _orders(arm, others, k + 1)
     if every:
         instants.append(float(times[-1] + dt))
         notes.append(note())
@@ -66,7 +78,23 @@ def play(world: World, job: Rollout) -> Outcome:
     if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
         return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
     recording = Recording(np.array(instants), *_read(world, notes)) if notes else None
-    return Outcome(start, end, lag, recording=recording)
+    return Outcome(start, end, lag, recording=recording, felt=reflex.felt if reflex else ())
+
+
+def begun(job: Rollout) -> Rollout:
+    """Let a job's reflex begin anew."""
+    return replace(job, trajectory=job.reflex.begin()) if job.reflex else job
+
+
+def feel_every(dt: float) -> int:
+    """Count the steps between two readings of a reflex."""
+    return max(1, round(FEEL_S / dt))
+
+
+def _orders(arm: Array, others: Sequence[Array], begin: int = 0) -> Iterator[tuple[Any, ...]]:
+    """What is asked of each step, from step ``begin`` on."""
+    fingers, speeds, finger_speeds = (array[begin:] for array in others)
+    return zip(arm[begin:], fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
 
 
 def begin_motion(world: World) -> State:

@@ -19,6 +19,7 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
+from core.simulation.guards import Reflexes
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings_of_each
@@ -111,10 +112,17 @@ def prepare(
     """
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
-    motion = plan_task_motion(resolve(candidate.plan, task, seed, settings, scene), task, settings)
+    waypoints = resolve(candidate.plan, task, seed, settings, scene)
+    motion = plan_task_motion(waypoints, task, settings)
+    reflex = Reflexes(candidate.plan, waypoints, motion, task, seed, settings) if waypoints.guards else None
     hold_s = max(settings.hold_s, task.hold_s)
-    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz)
+    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz, reflex=reflex)
     return motion, job
+
+
+def played(motion: Motion, job: Rollout) -> Motion:
+    """Return a job's motion as it was played: with guards it may differ from what was planned."""
+    return job.reflex.motion if isinstance(job.reflex, Reflexes) else motion
 
 
 @dataclass(eq=False)
@@ -130,6 +138,7 @@ class _Attempt:
         outcome: what the simulator made of it.
         findings: what was unphysical.
         contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
+        problem: what came of its guards that is not allowed.
     """
 
     candidate: Candidate
@@ -140,6 +149,7 @@ class _Attempt:
     outcome: Outcome | None = None
     findings: Sequence[Finding] = ()
     contacts: Contacts | None = None
+    problem: str | None = None
 
     def failed(self, reason: str) -> Evaluation:
         return Evaluation(self.candidate, "failed", reason=reason, trials=(Trial(),))
@@ -153,12 +163,13 @@ def evaluate_batch(
     settings: RolloutSettings,
 ) -> list[Evaluation]:
     """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds."""
-    batch = _Batch(task, task.scene(seed), seed, settings)
+    batch = _Batch(task, task.scene(seed), seed, settings, getattr(simulator, "feels", False))
     steps = [batch.planned(candidate) for candidate in candidates]
     attempts = [step for step in steps if isinstance(step, _Attempt)]
     outcomes = _outcomes(simulator, task, [attempt.job for attempt in attempts])
     for attempt, outcome in zip(attempts, outcomes, strict=True):
         attempt.outcome = outcome
+        batch.follow(attempt)
     judged = dict(zip(map(id, attempts), batch.judged(attempts), strict=True))
     return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]
 
@@ -171,6 +182,7 @@ class _Batch:
     scene: Scene
     seed: int
     settings: RolloutSettings
+    feels: bool
 
     @property
     def _checks(self) -> bool:
@@ -204,6 +216,8 @@ class _Batch:
             DesignError: the plan means nothing in this layout, or costs too much time.
         """
         motion, job = prepare(self.task, candidate, self.seed, self.settings, scene=self.scene)
+        if job.reflex is not None and not self.feels:
+            raise DesignError("the plan has guards ('until'), and this engine can't play them")
         duration, most_s = motion.trajectory.duration, self.settings.max_motion_s
         if duration > most_s:
             took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
@@ -213,6 +227,19 @@ class _Batch:
             check_work(job.tool, duration, hz)
             job = replace(job, record_hz=hz)
         return motion, job
+
+    def follow(self, attempt: _Attempt) -> None:
+        """Take the motion as it was played, and check what guards changed."""
+        reflex = attempt.job.reflex
+        if not isinstance(reflex, Reflexes) or reflex.motion is attempt.motion:
+            return
+        attempt.motion = reflex.motion
+        if reflex.problem:
+            attempt.warnings += (reflex.problem,)
+        met = find_self_collision(self.task.robot, attempt.tool, attempt.motion.trajectory) if self._checks else None
+        if met:
+            attempt.warnings += (met.describe(attempt.motion.arrivals),)
+            attempt.problem = f"{attempt.warnings[-1]}; {met.mend}" if self._forbids else None
 
     def judged(self, attempts: Sequence[_Attempt]) -> list[Evaluation]:
         """Check what was played, and reward it."""
@@ -248,6 +275,8 @@ class _Batch:
     def _failure(self, attempt: _Attempt, explosion: Explosion | None) -> str | None:
         """Say why a rollout failed; None: it did not."""
         outcome = attempt.outcome
+        if attempt.problem is not None:
+            return attempt.problem
         if explosion is not None:
             return f"the simulation blew up: {explosion}"
         if outcome is None or outcome.error is not None or outcome.start is None or outcome.end is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -41,13 +41,49 @@ class JointTrajectory:
         return arm, np.interp(times, self.times, self.fingers)
 
 
+class Felt(NamedTuple):
+    """How a guard ended: at its waypoint (from 1), when (s), by what, and with what force at the flange (N)."""
+
+    waypoint: int
+    at_s: float
+    fired: str  # touch, force or stall; empty: it never fired
+    force_n: float
+
+    def __str__(self) -> str:
+        what = f"{self.fired} at" if self.fired else "never fired; reached at"
+        return f"waypoint {self.waypoint}: {what} {self.at_s:.2f} s, with {self.force_n:.1f} N at the flange"
+
+
+class Reflex(Protocol):
+    """The guards of a motion, while it is played (`core.simulation.guards`)."""
+
+    felt: tuple[Felt, ...]
+
+    @property
+    def since(self) -> float:
+        """From when on the arm feels for the next guard, seconds of the motion; inf: there is none left."""
+
+    def begin(self) -> JointTrajectory:
+        """Begin anew, and return the motion in which no guard fires."""
+
+    def feel(self, time: float, arm: Array, points: Array, forces: Array) -> JointTrajectory | None:
+        """Take what the arm feels every `FEEL_S`: its joints (J,), and forces (C, 3) on the tool at points (C, 3).
+
+        Returns the motion to go on with, the same up to ``time``; None: as before.
+        """
+
+
+FEEL_S = 0.01  # between two readings
+
+
 @dataclass(frozen=True, eq=False)
 class Rollout:
     """One job for a simulator.
 
     It spawns the layout of ``seed``, and the robot with ``tool`` at the trajectory's first targets. It lets
     ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for ``hold_s``, and notes the
-    end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces`` contact forces too.
+    end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces`` contact forces too. A
+    ``reflex`` changes the trajectory on the way; engines that have it say so (`Simulator.feels`).
     """
 
     tool: Tool
@@ -57,19 +93,45 @@ class Rollout:
     hold_s: float = 1.0
     record_hz: float = 0.0
     forces: bool = False
+    reflex: Reflex | None = None
 
 
 @dataclass(unsafe_hash=True)
 class Perception:
-    """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians."""
+    """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians.
+
+    ``height``: the arm's base stands higher or lower than plans take it to, by up to this, metres, the same all over a
+    layout; so do the table and all that is on it for the arm.
+    """
 
     position: float = 0.0
     yaw: float = 0.0
+    height: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in (("position", self.position), ("yaw", self.yaw)):
+        for name, value in (("position", self.position), ("yaw", self.yaw), ("height", self.height)):
             if not 0 <= value <= 1:
                 raise UsageError(f"rollout.perception.{name} must be between 0 and 1, got {value}")
+
+
+@dataclass(unsafe_hash=True)
+class Feel:
+    """What guards feel: the arm's own estimate of the force at its flange, from the torques of its joints.
+
+    Attributes:
+        noise: the standard deviation of each joint's torque, N m.
+        threshold: a force above it is a touch, N.
+        stall: a joint that lags by more is stalled, radians.
+    """
+
+    noise: float = 0.05
+    threshold: float = 3.0
+    stall: float = 0.05
+
+    def __post_init__(self) -> None:
+        check_positive("rollout.feel.", threshold=self.threshold, stall=self.stall)
+        if not 0 <= self.noise <= 10:
+            raise UsageError(f"rollout.feel.noise must be between 0 and 10 N m, got {self.noise}")
 
 
 PENETRATION_MODES = ("forbid", "warn", "ignore")
@@ -86,7 +148,7 @@ class RolloutSettings:
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
     (`core.solids.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
     evaluation holds an observation of its rollout (`core.simulation.observing`). Plans that look see the scene
-    with the noise of ``perception``.
+    with the noise of ``perception``, and guards feel by ``feel``.
     """
 
     segment_s: float = 0.5
@@ -97,6 +159,7 @@ class RolloutSettings:
     penetration: str = "forbid"
     observe: bool = False
     perception: Perception = field(default_factory=Perception)
+    feel: Feel = field(default_factory=Feel)
 
     def __post_init__(self) -> None:
         check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)
@@ -151,7 +214,7 @@ class Outcome:
     """The result of a rollout: the states of its world after settling and at the end.
 
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
-    then the states are None.
+    then the states are None. ``felt``: how guards ended.
     """
 
     start: State | None
@@ -160,6 +223,7 @@ class Outcome:
     error: str | None = None
     recording: Recording | None = None
     warnings: tuple[str, ...] = ()
+    felt: tuple[Felt, ...] = ()
 
 
 class World(Protocol):
@@ -179,3 +243,10 @@ class World(Protocol):
 
     def state(self) -> State:
         """Return the state of the free bodies."""
+
+
+class FeelingWorld(World, Protocol):
+    """A world that plays motions with guards."""
+
+    def pushes(self) -> tuple[Array, Array]:
+        """Return what pushed the links beyond the arm in the last step: points (C, 3), and forces (C, 3), newtons."""

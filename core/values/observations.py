@@ -60,6 +60,7 @@ class Observation:
             there, metres and radians.
         lag_rad: the largest lag of a joint, and ``lag_s``: when.
         arrivals: when each waypoint is reached.
+        felt: how each guard of the plan ended, in words.
         instants: of the places in ``paths``.
         paths: the places of some bodies that moved: first those of ``left``, then the goal's others.
     """
@@ -77,5 +78,6 @@ class Observation:
     lag_rad: float = 0.0
     lag_s: float = 0.0
     arrivals: tuple[float, ...] = ()
+    felt: tuple[str, ...] = ()
     instants: tuple[float, ...] = ()
     paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)

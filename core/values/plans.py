@@ -19,9 +19,14 @@ from core.geometry import Array, Pose
 
 @dataclass(frozen=True)
 class Seen:
-    """What a plan may look at before the motion: the poses of bodies and marks in the world, by name."""
+    """What a plan knows of a layout: the poses of bodies and marks in the world before the motion, by name.
+
+    ``felt`` has, for each of the plan's guards that ended so far, where the mount was then; None: it never fired, and
+    the mount is at the guard's waypoint.
+    """
 
     poses: Mapping[str, Pose]
+    felt: tuple[Pose | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -41,8 +46,27 @@ class Anchor:
     share: float = 0.0
 
 
+@dataclass(frozen=True)
+class Guard:
+    """What ends the way to a waypoint before that is reached: the arm brakes there, and goes on from there.
+
+    Attributes:
+        until: ``touch``: the force at the flange is above the noise; ``force``: it is ``newtons`` against the motion;
+            ``stall``: a joint lags behind.
+        newtons: see ``until``.
+        otherwise: what follows if the waypoint is reached: ``go_on``, or ``end`` of the motion.
+    """
+
+    until: Literal["touch", "force", "stall"]
+    newtons: float = 0.0
+    otherwise: Literal["go_on", "end"] = "go_on"
+
+
 class ActionPlan(ABC):
-    """A motion as a function of what is seen of the layout. It is picklable, a frozen dataclass, and never changed."""
+    """A motion as a function of what is seen of the layout. It is picklable, a frozen dataclass, and never changed.
+
+    A plan with guards resolves again, with more that was felt, each time a guard ends.
+    """
 
     action: ClassVar[str]  # the name of the representation that reads it, as in ``action=NAME``
 
@@ -97,12 +121,13 @@ class Waypoints(ActionPlan):
     """Literal waypoints: the plan that looks at nothing.
 
     ``poses`` are (N, 6): x, y, z, roll, pitch, yaw of the mount's frame in the world; or (N, 7) with the gripper, 0
-    open to 1 closed. Without a ``tempo`` the arm rests at each.
+    open to 1 closed. Without a ``tempo`` the arm rests at each. ``guards`` has one for each, or none at all.
     """
 
     action: ClassVar[str] = "waypoints"
     poses: Array
     tempo: Tempo | None = None
+    guards: tuple[Guard | None, ...] = ()
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -120,7 +145,7 @@ class Waypoints(ActionPlan):
 
     @property
     def content(self) -> object:
-        return content_of(self.poses) if self.tempo is None else content_of(self)
+        return content_of(self) if self.tempo is not None or self.guards else content_of(self.poses)
 
 
 def digest(content: object) -> str:

@@ -19,11 +19,24 @@ from core.design import DesignError
 from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS, MIN_TEMPO
 from core.errors import choices
 from core.geometry import Array, Pose
-from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Numbers, Seen, Tempo, Waypoints
+from core.interfaces import (
+    ActionPlan,
+    ActionRepresentation,
+    Anchor,
+    Brief,
+    Feel,
+    Guard,
+    Numbers,
+    Seen,
+    Tempo,
+    Waypoints,
+)
 from core.support.text import kind, shorten
 from plugins.actions.waypoints import MOST, STEPS
 
-WORLD = "world"
+WORLD, HERE = "world", "here"
+MAX_GUARDS = 4  # of a plan
+MAX_NEWTONS = 200.0
 STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
 MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
 _INSTRUCTIONS = """\
@@ -42,6 +55,17 @@ _INSTRUCTIONS = """\
   - `through`: true passes the waypoint without a stop, unlike the rule below. `wait`: seconds to stay there.
 {grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
 """
+_GUARDED = f"""\
+- What is seen is not exact, and heights may be off. A waypoint may be guarded, for moves that feel: put it beyond the
+  place where contact is expected, and the arm stops on the way there when it feels what `until` says:
+  - `until`: `touch` (a force at the flange above {{threshold:g}} N: light bodies give way unfelt), `force` (`newtons`
+    against the motion) or `stall` (a joint is held back). A guarded way is slow: give a `speed` of 0.02 to 0.1 m/s.
+  - `otherwise`: what follows if it reaches the waypoint unhindered: `go_on` (the default), or `end` of the motion.
+  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended. At most {MAX_GUARDS} guards a plan.
+  - Down onto a box, then 5 mm up from wherever its top was, and along:
+    `{{{{"anchor": "box", "offset": [0, 0, 0.18], "until": "touch", "speed": 0.05}}}}`,
+    `{{{{"anchor": "here", "offset": [0, 0, 0.005]}}}}`, `{{{{"anchor": "here", "offset": [0.2, 0, 0.005]}}}}`
+"""
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
@@ -50,17 +74,18 @@ Angle = Annotated[float, Strict(), Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, al
 Seconds = Annotated[float, Strict(), Field(ge=0, le=MAX_SECONDS, allow_inf_nan=False)]
 Speed = Annotated[float, Strict(), Field(ge=0, le=MAX_SPEED, allow_inf_nan=False)]
 Share = Annotated[float, Strict(), Field(ge=0, le=1, allow_inf_nan=False)]
+Newtons = Annotated[float, Strict(), Field(ge=0, le=MAX_NEWTONS, allow_inf_nan=False)]
 Name = Annotated[str, Strict(), Field(max_length=200)]
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Step:
-    """One waypoint as written. A ``speed`` or ``seconds`` of 0 is none.
+    """One waypoint as written. A ``speed`` or ``seconds`` of 0 is none, and so is an empty ``until``.
 
     Attributes:
         offset: (3,) metres from the anchor to the mount, along the axes.
         rpy: (3,) the mount's orientation in the axes, radians.
-        anchor: the name of a body or mark, or ``world``.
+        anchor: the name of a body or mark, ``world``, or ``here``: the mount when the last guard ended.
         axes: those of the world, or those of the anchor.
         toward: the name of a second anchor: the axes are the world's, turned about z until x points there.
         share: how far the origin lies on the way to ``toward``; then the axes may be the anchor's.
@@ -69,6 +94,7 @@ class Step:
         through: pass it without a stop.
         wait: seconds to stay there.
         grip: 0 open to 1 closed, for tools with the gripper.
+        until: with ``newtons`` and ``otherwise`` the guard of the way there, see `core.interfaces.Guard`.
     """
 
     offset: tuple[Length, Length, Length]
@@ -82,6 +108,9 @@ class Step:
     through: Annotated[bool, Strict()] = False
     wait: Seconds = 0.0
     grip: Share = 0.0
+    until: Literal["", "touch", "force", "stall"] = ""
+    newtons: Newtons = 0.0
+    otherwise: Literal["go_on", "end"] = "go_on"
 
     def frame(self, seen: Seen, where: str) -> Pose:
         """The frame of the offset in the world.
@@ -99,6 +128,10 @@ class Step:
         if math.hypot(way[0], way[1]) < _APART_M:
             raise DesignError(f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction")
         return Pose.xyz_rpy(origin, (0.0, 0.0, math.atan2(way[1], way[0])))
+
+    @property
+    def guard(self) -> Guard | None:
+        return Guard(self.until, self.newtons, self.otherwise) if self.until else None
 
     def dump(self) -> dict[str, Any]:
         """Return what was written, without what has its default."""
@@ -120,11 +153,15 @@ class AnchoredPlan(ActionPlan):
     gripper: bool = False
 
     def resolve(self, seen: Seen) -> Waypoints:
-        rows = []
+        rows, known, felt = [], seen, [*seen.felt]
         for number, step in enumerate(self.steps, start=1):
-            pose = step.frame(seen, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
+            pose = step.frame(known, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
             rows.append([*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])])
-        return Waypoints(np.array(rows), self._tempo())
+            if step.until:
+                here = (felt.pop(0) if felt else None) or pose
+                known = Seen({**seen.poses, HERE: here})
+        guards = tuple(step.guard for step in self.steps)
+        return Waypoints(np.array(rows), self._tempo(), guards if any(guards) else ())
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:
@@ -146,16 +183,25 @@ class AnchoredPlan(ActionPlan):
 
 
 class AnchoredActions(ActionRepresentation):
-    """Objects with an anchor, an offset, an orientation, and tempo."""
+    """Objects with an anchor, an offset, an orientation, and tempo.
+
+    Args:
+        guards: the model is told that waypoints may have guards. They are read in any case.
+    """
+
+    def __init__(self, guards: bool = False) -> None:
+        self._guards = guards
 
     def instructions(self, brief: Brief) -> str:
         names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
         grip = "  - `grip`: 0 for open, 1 for closed; default 0.\n" if brief.gripper else ""
-        return _INSTRUCTIONS.format(names=names, grip=grip)
+        guarded = _GUARDED.format(threshold=Feel().threshold) if self._guards else ""
+        return _INSTRUCTIONS.format(names=names, grip=grip) + guarded
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         step = _STEPS.json_schema()
-        properties = {name: _plain(of) for name, of in step["properties"].items() if gripper or name != "grip"}
+        hidden = {*(() if gripper else ("grip",)), *(() if self._guards else ("until", "newtons", "otherwise"))}
+        properties = {name: _plain(of) for name, of in step["properties"].items() if name not in hidden}
         waypoint = {"type": "object", "properties": properties, "required": ["offset"], "additionalProperties": False}
         return {"type": "array", "items": waypoint, "minItems": 1}
 
@@ -164,19 +210,38 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(f"an action plan must be a list of waypoints, not {kind(data)}")
         if not 1 <= len(data) <= MAX_WAYPOINTS:
             raise DesignError(f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
-        return AnchoredPlan(tuple(_step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1)), gripper)
+        steps = tuple(_step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1))
+        if (count := sum(bool(step.until) for step in steps)) > MAX_GUARDS:
+            raise DesignError(f"the action plan has {count} guards; at most {MAX_GUARDS} are allowed")
+        first = next((number for number, step in enumerate(steps, 1) if step.until), len(steps))
+        for number, step in enumerate(steps[:first], 1):
+            if HERE in (step.anchor, step.toward):
+                raise DesignError(f"waypoint {number}: 'here' is where a guard ended; none comes before")
+        return AnchoredPlan(steps, gripper)
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
         """Anchor them to the world; a tempo is left out."""
         return self.anchor(waypoints, [Anchor()] * len(waypoints), Seen({}))
 
     def anchor(self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen) -> list[Any]:
-        steps, rows = [], zip(waypoints.poses, waypoints.grips.tolist(), anchors, strict=True)
-        for number, (row, grip, at) in enumerate(rows, start=1):
-            step = Step((0.0, 0.0, 0.0), anchor=at.name, axes=at.axes, toward=at.toward, share=at.share, grip=grip)
+        guards = waypoints.guards or (None,) * len(waypoints)
+        steps, rows = [], zip(waypoints.poses, waypoints.grips.tolist(), anchors, guards, strict=True)
+        for number, (row, grip, at, guard) in enumerate(rows, start=1):
+            step = Step(
+                (0.0, 0.0, 0.0),
+                anchor=at.name,
+                axes=at.axes,
+                toward=at.toward,
+                share=at.share,
+                grip=grip,
+                **(vars(guard) if guard else {}),
+            )
+            at_row = Pose.xyz_rpy(row[:3], row[3:6])
             if at != Anchor():
-                pose = step.frame(seen, f"waypoint {number}").inverse() @ Pose.xyz_rpy(row[:3], row[3:6])
+                pose = step.frame(seen, f"waypoint {number}").inverse() @ at_row
                 row = np.round([*pose.position, *pose.rpy], _DIGITS) + 0.0
+            if guard:
+                seen = Seen({**seen.poses, HERE: at_row})
             try:
                 steps.append(replace(step, offset=tuple(row[:3].tolist()), rpy=tuple(row[3:6].tolist())).dump())
             except ValidationError as error:
@@ -231,6 +296,12 @@ def _step(data: object, where: str, gripper: bool) -> Step:
         raise DesignError(f"{where}: give speed or seconds, not both")
     if step.through and step.wait:
         raise DesignError(f"{where}: a waypoint that is passed through has no wait; leave one of them out")
+    if step.through and step.until:
+        raise DesignError(f"{where}: a waypoint that is passed through has no guard; leave one of them out")
+    if (step.until == "force") != (step.newtons > 0):
+        raise DesignError(f"{where}: until 'force' needs 'newtons' above 0, and nothing else has them")
+    if step.otherwise != "go_on" and not step.until:
+        raise DesignError(f"{where}: 'otherwise' is for a guard; give 'until', too")
     if step.toward and step.axes == "anchor" and not step.share:
         raise DesignError(f"{where}: toward turns the world's axes; leave 'axes' out, or give a share of the way")
     if step.share and not step.toward:

@@ -18,6 +18,7 @@ from plugins.conformance import (
     evolution,
     executor,
     fitness,
+    guards,
     impacts,
     joints,
     listener,
@@ -42,7 +43,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(output, robot, bodies, shapes, joints, impacts),
+    "sim": _checks(output, robot, bodies, shapes, joints, impacts, guards),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),

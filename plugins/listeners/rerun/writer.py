@@ -21,12 +21,12 @@ from scipy.spatial.transform import Rotation
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.interfaces import Recording, Robot
+from core.interfaces import Felt, Recording, Robot
 from core.robot.kinematics import arm_of, bearer_frames, link_frames, tool_values
 from core.robot.meshes import link_visuals, solids
 from core.robot.trajectory import Motion
 from core.scene import Camera, Color, State
-from core.simulation.rollout import prepare
+from core.simulation.rollout import played, prepare
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.record_rate import subset
 from core.support.text import clean
@@ -104,7 +104,7 @@ class Writer:
         assert candidate.tool is not None
         self._at(generation)
         try:
-            motion, recording, rewards = replay(self._run, candidate, hz)
+            motion, recording, rewards, felt = replay(self._run, candidate, hz)
         except ValueError as error:
             note = f"the rollout can't be shown: {error}"
             self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
@@ -114,6 +114,10 @@ class Writer:
         path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
+        if felt:
+            ended = [motion.arrivals[guard.waypoint - 1] for guard in felt]
+            places = arm_of(self._robot).positions(motion.trajectory.sample(np.array(ended))[0])
+            self._log(("world", "guards"), rr.Points3D(places, labels=[*map(str, felt)], radii=0.01))
         text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}\n{text}")
 
@@ -207,12 +211,12 @@ def layout(camera: Camera) -> rrb.Blueprint:
     )
 
 
-def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording, Array]:
+def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording, Array, tuple[Felt, ...]]:
     """Play a candidate in the run's own simulator, in this process.
 
     Returns:
-        The motion, the recording over instants (T,), and the reward (T,) if it ended there, nan while the scene
-        settles.
+        The motion, the recording over instants (T,), the reward (T,) if it ended there, nan while the scene settles,
+        and how guards ended.
 
     Raises:
         ValueError: the rollout breaks, or the run has no simulator.
@@ -221,7 +225,7 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
         raise ValueError("the run has no simulator to play it with")
     motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
     outcome = run.simulator.rollout(run.task, [replace(job, forces=run.task.reads_trace)])[0]
-    recording, start = outcome.recording, outcome.start
+    motion, recording, start = played(motion, job), outcome.recording, outcome.start
     if recording is None or start is None:
         raise ValueError(outcome.error or "no recording came back")
     scene = run.task.scene(run.seed)
@@ -233,7 +237,8 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
     starts = scene.complete(State.stack([start] * len(times)))
     rewards = np.asarray(reward_of(run.task, starts, scene.complete(states), trace), dtype=np.float64)
     latest = np.searchsorted(times, recording.times, side="right") - 1
-    return motion, recording, np.where(recording.times >= max(times[0], 0.0), rewards[latest], np.nan)
+    course = np.where(recording.times >= max(times[0], 0.0), rewards[latest], np.nan)
+    return motion, recording, course, outcome.felt
 
 
 def up_to_each(contacts: Contacts) -> list[Contacts]:

@@ -150,11 +150,13 @@ class Buildable(Fitness):
         """Play the motion as it is exported; return its reward, figures, and what speaks against the design."""
         (task, simulator), seed, settings = self._evaluator.made(), self._evaluator.seed, self._evaluator.settings
         scene, robot = task.scene(seed), task.robot
-        planned = plan_task_motion(resolve(candidate.plan, task, seed, settings, scene), task, settings)
+        waypoints = resolve(candidate.plan, task, seed, settings, scene)
+        planned = plan_task_motion(waypoints, task, settings)
         motion = sample(planned.trajectory, arm_of(robot), RECORD_HZ)
         replay = play(task, simulator, tool, motion, scene, seed, settings)
         rows = measured(tool, robot, self._material, scene, motion, {self._evaluator.sim.name: replay})
         problems = [str(of) for of in strong(self._material, rows, task, self._safety) if of.passed is False]
+        problems += ["exported programs have no guards"] if waypoints.guards else []
         near = clearance(scene, robot, tool, replay.recording)
         fixed = {"itself", *(body.name for body in scene.bodies if body.fixed)}
         least = {row.to: row.metres for row in near if row.what == "arm" and row.to in fixed}

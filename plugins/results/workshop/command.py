@@ -170,7 +170,8 @@ def _export(cfg: DictConfig, output: Path) -> Export:
     if candidate.tool is None or candidate.problem is not None:
         raise UserError(f"the design can't be used: {candidate.problem}")
     tool = candidate.tool
-    planned = plan_task_motion(resolve(candidate.plan, task, cfg.seed, settings, scene), task, settings)
+    waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
+    planned = plan_task_motion(waypoints, task, settings)
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
     solid = make_tool(tool, robot, representation.material, node(cfg.printer, Printer), node(cfg.fit, Fit))
     built = solid.printed
@@ -189,6 +190,10 @@ def _export(cfg: DictConfig, output: Path) -> Export:
     searched = {name: _earned(Evaluator(task_part(cfg), sim, cfg.seed, settings), best) for name, sim in sims.items()}
     rewards, mounted = {name: played.reward for name, played in replays.items()}, dict[str, float]()
     checks = [as_good("motion", "as exported", rewards, searched)]
+    if guarded := [str(number) for number, guard in enumerate(waypoints.guards, 1) if guard]:
+        checks.append(
+            Check("guards", False, f"exported programs have none: those of waypoint {', '.join(guarded)} are left out")
+        )
     verdicts = printable((), checks)
     if solid.parts:
         mounted = {name: replay(name, built).reward for name in sims}

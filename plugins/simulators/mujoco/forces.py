@@ -22,6 +22,29 @@ PACKED = 256  # steps whose contacts are packed at once
 _AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)  # as a number: an array is compared with an enum one by one
 
 
+class Feeler:
+    """What pushes the links that a joint moves, see `core.values.jobs.FeelingWorld`."""
+
+    def __init__(self, model: Element, joint: str) -> None:
+        moved = {int(model.joint(joint).bodyid[0])}
+        for body in range(min(moved), model.nbody):  # parents come first
+            if int(model.body_parentid[body]) in moved:
+                moved.add(body)
+        self._model, self._own = model, np.isin(model.geom_bodyid, [*moved])
+
+    def pushes(self, data: Element) -> tuple[Array, Array]:
+        """Return those of the last step: points (C, 3) and forces (C, 3)."""
+        points, forces, wrench = [], [], np.zeros(6)
+        for number, contact in enumerate(data.contact):
+            one, other = self._own[contact.geom].tolist()
+            if one != other:
+                mujoco.mj_contactForce(self._model, data, number, wrench)
+                force = wrench[:3] @ contact.frame.reshape(3, 3)  # on the second
+                points.append(contact.pos.copy())
+                forces.append(-force if one else force)
+        return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
+
+
 class Measured(NamedTuple):
     """The contacts of ``length`` steps in a row: of each the step (C,), the numbers of its two things (C, 2), the
     smaller first, and the normal force (C,). ``asleep`` (length, N) says which things slept.

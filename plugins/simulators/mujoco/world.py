@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Task
+from core.interfaces import JointTrajectory, Outcome, Recording, Reflex, Robot, Rollout, Task
 from core.robot.description import joint_name
 from core.scene import Inertia, Scene, State
-from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
+from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
-from plugins.simulators.mujoco.forces import Measured, Meter
+from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
 from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
@@ -141,23 +141,26 @@ class World:
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self._scene, self._model = scene, model
         self._joints, self._moving = Joints.of(robot, tool, model), Moving(scene, model)
-        self._data = mujoco.MjData(model)
+        self._data, self._feeler = mujoco.MjData(model), Feeler(model, robot.arm_joints[-1])
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
         """Play a rollout as `core.simulation.playback.play` does, with all controls given at once."""
-        trajectory, dt = job.trajectory, self._model.opt.timestep
+        job, dt = begun(job), self._model.opt.timestep
+        trajectory = job.trajectory
         if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
             return Outcome(None, None, error="the trajectory's targets are not finite")
         settle, times = schedule(job, dt)
         every = record_every(job, dt)
         meter = Meter(self._scene, self._model) if every and job.forces else None
         try:
-            qpos, qvel = self._run(trajectory, settle, times, meter)
+            job, times, (qpos, qvel) = self._run(job, settle, times, meter)
         except (mujoco.FatalError, FloatingPointError) as error:
             return Outcome(None, None, error=f"MuJoCo: {error}")
         looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
-        lag = np.abs(self._joints.read(qpos[looks + 1])[0] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
+        lag = np.abs(self._joints.read(qpos[looks + 1])[0] - job.trajectory.sample(times[looks] + dt)[0]).max(
+            initial=0.0
+        )
         recording = None
         if every:
             at = np.append(np.arange(0, len(times), every), len(times))
@@ -165,11 +168,14 @@ class World:
             recording = Recording(instants, *self._joints.read(qpos[at]), self._moving.state(qpos[at], qvel[at]))
             recording = meter.measured(recording, at) if meter else recording
         start, end = (self._moving.state(qpos[step], qvel[step]) for step in (settle, -1))
-        return Outcome(start, end, float(lag), recording=recording)
+        return Outcome(start, end, float(lag), recording=recording, felt=job.reflex.felt if job.reflex else ())
 
-    def _run(self, trajectory: JointTrajectory, settle: int, times: Array, meter: Meter | None) -> tuple[Array, Array]:
+    def _run(
+        self, job: Rollout, settle: int, times: Array, meter: Meter | None
+    ) -> tuple[Rollout, Array, tuple[Array, Array]]:
         """Step the world: joint positions (S + 1, Q) and speeds (S + 1, V) before each step, and after the last.
 
+        A reflex may change the trajectory and with it the times: the job and the times as they were played come back.
         Steps begin at ``times`` (S,). In the first ``settle`` of them the joints are held where the motion begins.
         ``meter`` measures the forces in each step.
 
@@ -177,6 +183,7 @@ class World:
             mujoco.FatalError: MuJoCo refuses to go on.
             FloatingPointError: the world diverged.
         """
+        trajectory = job.trajectory
         controls = self._controls(trajectory, times)
         joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * self._joints.grip)
         settled = self._settle(joints, controls[:settle], meter)
@@ -188,7 +195,38 @@ class World:
             states = states.copy()
             self._moving.launch(*self._split(states[-1]))
         self._joints.hold(self._model, held=False)
-        return self._split(self._steps(self._data, states, controls[settle:], meter))
+        if job.reflex is not None:
+            return self._felt(job, job.reflex, settle, times, states, controls, meter)
+        return job, times, self._split(self._steps(self._data, states, controls[settle:], meter))
+
+    def _felt(
+        self,
+        job: Rollout,
+        reflex: Reflex,
+        done: int,
+        times: Array,
+        states: Array,
+        controls: Array,
+        meter: Meter | None,
+    ) -> tuple[Rollout, Array, tuple[Array, Array]]:
+        """Do the steps after the first ``done`` ones as `_run` does: all in a row where nothing is felt for."""
+        dt, settle = self._model.opt.timestep, done
+        tick, found = feel_every(dt), [states]
+        while done < len(times):
+            ahead = np.searchsorted(times + dt, reflex.since) if np.isfinite(reflex.since) else len(times)
+            count = max(1, -(-(int(ahead) + 1 - done) // tick)) * tick  # up to the first reading
+            count = min(count, len(times) - done)
+            found.append(self._steps(self._data, found[-1][-1:], controls[done : done + count], meter)[1:])
+            done += count
+            if (done - settle) % tick or (now := float(times[done - 1] + dt)) < reflex.since:
+                continue
+            arm, _ = self._joints.read(self._split(found[-1][-1:])[0])
+            changed = reflex.feel(now, arm[0], *self._feeler.pushes(self._data))
+            if changed is not None:
+                job = replace(job, trajectory=changed)
+                _, times = schedule(job, dt)
+                controls = self._controls(changed, times)
+        return job, times, self._split(np.concatenate(found))
 
     def _split(self, states: Array) -> tuple[Array, Array]:
         """Split states (..., X) into positions (..., Q) and speeds (..., V)."""

@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from core.geometry import Array
 from plugins.simulators.forces import TOOL, Impulses, Thing
 from plugins.simulators.pybullet.engine import pybullet as p
+
+
+def pushes(client: int, robot: int, links: Collection[int]) -> tuple[Array, Array]:
+    """Return what pushed some links of the robot in the last step, see `core.values.jobs.FeelingWorld`."""
+    points, forces = [], []
+    for contact in p.getContactPoints(physicsClientId=client):
+        one, other = (contact[body] == robot and contact[link] in links for body, link in ((1, 3), (2, 4)))
+        if one != other:
+            points.append(contact[5])
+            forces.append(_force(contact) if one else -_force(contact))
+    return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
+
+
+def _force(contact: Sequence[Any]) -> Array:
+    """The force of a contact point on its first body, with friction along two directions."""
+    normal, one, other = (contact[size] * np.array(contact[axis]) for size, axis in ((9, 7), (10, 11), (12, 13)))
+    force: Array = normal + one + other
+    return force
 
 
 class Forces(Impulses):
@@ -23,6 +43,4 @@ class Forces(Impulses):
             one, other = self._things[point[1], point[3]], self._things[point[2], point[4]]
             self.add(one, other, point[9] * self._time_step)
             if TOOL in (one, other):
-                force = point[9] * np.array(point[7])  # and friction, along two directions
-                force += point[10] * np.array(point[11]) + point[12] * np.array(point[13])
-                self.push(one, other, point[5], force * self._time_step)
+                self.push(one, other, point[5], _force(point) * self._time_step)

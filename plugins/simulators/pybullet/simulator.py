@@ -32,6 +32,8 @@ class PyBulletSimulator(Simulator):
             much, a struck body leaves a fifth faster than it was struck.
     """
 
+    feels = True
+
     def __init__(
         self,
         time_step: float = 0.002,

@@ -24,7 +24,7 @@ from core.values.robots import Robot
 from plugins.simulators.forces import Thing
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
-from plugins.simulators.pybullet.forces import Forces
+from plugins.simulators.pybullet.forces import Forces, pushes
 from plugins.simulators.pybullet.trees import Mechanism, Place, prepare_trees
 
 GRAVITY = 9.81
@@ -161,6 +161,7 @@ class World:
         start = [*trajectory.arm[0], *([trajectory.fingers[0]] * self._fingers)]
         for joint, angle in zip(self._joints, start, strict=True):
             p.resetJointState(self.robot, joint, angle, physicsClientId=client)
+        self._beyond = beyond(client, self.robot, self._joints[self._arm - 1])
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
             friction = tool.friction if name in tool.borne_on else robot.friction
@@ -222,6 +223,10 @@ class World:
         p.stepSimulation(self.client)
         if self.forces:
             self.forces.add_step()
+
+    def pushes(self) -> tuple[Array, Array]:
+        """See `core.values.jobs.FeelingWorld`."""
+        return pushes(self.client, self.robot, self._beyond)
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""
@@ -329,6 +334,15 @@ def load_robot(client: int, file: Path) -> int:
     """Load the arm and return its number in the world."""
     flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_SELF_COLLISION
     return int(p.loadURDF(str(file), useFixedBase=True, flags=flags, physicsClientId=client))
+
+
+def beyond(client: int, robot: int, joint: int) -> set[int]:
+    """Return the links that a joint moves; PyBullet numbers parents first."""
+    moved = {joint}
+    for number in range(joint + 1, p.getNumJoints(robot, physicsClientId=client)):
+        if p.getJointInfo(robot, number, physicsClientId=client)[16] in moved:
+            moved.add(number)
+    return moved
 
 
 def joint_numbers(client: int, robot: int) -> tuple[dict[str, int], dict[str, int]]:

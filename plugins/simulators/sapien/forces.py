@@ -4,11 +4,36 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from core.design import Tool
+from core.geometry import Array
 from core.interfaces import Robot
 from core.scene import Scene
 from plugins.simulators.forces import TOOL, Impulses, Thing
 from plugins.simulators.sapien.description import robot_links
+
+
+def beyond(system: Any, joint: str) -> set[Any]:
+    """Return the collision shapes of the links that a joint moves."""
+    moved, shapes = set[Any](), set[Any]()
+    for link in system.articulation_link_components:  # parents first
+        if link.joint.name == joint or link.parent in moved:
+            moved.add(link)
+            shapes.update(link.collision_shapes)
+    return shapes
+
+
+def pushes(system: Any, shapes: set[Any]) -> tuple[Array, Array]:
+    """Return what pushed these shapes in the last step, see `core.values.jobs.FeelingWorld`."""
+    points, forces = [], []
+    for contact in system.get_contacts():
+        one, other = (shape in shapes for shape in contact.shapes)
+        if one != other:
+            for point in contact.points:
+                points.append(point.position)
+                forces.append((point.impulse if one else -point.impulse) / system.timestep)
+    return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
 
 
 class Forces(Impulses):

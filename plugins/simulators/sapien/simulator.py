@@ -28,6 +28,8 @@ class SapienSimulator(DrawingSimulator):
         tracking_rate: how fast a joint converges to its target, 1/s.
     """
 
+    feels = True
+
     def __init__(self, time_step: float = 0.005, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
         self._settings = Settings(time_step, solver_iterations, tracking_rate)
         check_positive("sim.", **self._settings._asdict())

@@ -13,7 +13,7 @@ from core.scene import State
 from core.values.robots import Robot as Description
 from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
-from plugins.simulators.sapien.forces import Forces
+from plugins.simulators.sapien.forces import Forces, beyond, pushes
 from plugins.simulators.sapien.joints import Joints
 from plugins.simulators.sapien.robot import ArticulatedArm, surfaces_of
 from plugins.simulators.sapien.surfaces import Surfaces
@@ -73,6 +73,7 @@ class World:
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
         self._joints = Joints(weighed.scene, weighed.inertias, self._bodies.components, time_step, tracking_rate)
         self._robot = ArticulatedArm(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
+        self._beyond = beyond(self._system, robot.arm_joints[-1])
         self.forces = Forces(self._system, weighed.scene, robot, tool) if forces else None
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
@@ -83,6 +84,10 @@ class World:
         self._bodies.stepped()
         if self.forces:
             self.forces.add_step()
+
+    def pushes(self) -> tuple[Array, Array]:
+        """See `core.values.jobs.FeelingWorld`. PhysX does not tell friction."""
+        return pushes(self._system, self._beyond)
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""

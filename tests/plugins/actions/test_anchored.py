@@ -2,6 +2,7 @@ import json
 import pickle
 import re
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -267,3 +268,55 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     assert (winner.design["action"], winner.design["action_sets"]) == ("anchored", [plans[winner.candidate]])
     resume(tmp_path / "run", ["budget.n_iteration=1"])
     assert len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2
+
+
+GUARDED = {"anchor": "cube", "offset": [0, 0, 0.1], "until": "force", "newtons": 5, "otherwise": "end"}
+HERE = {"anchor": "here", "offset": [0, 0, 0.02]}
+
+
+def test_here_is_where_the_last_guard_ended():
+    steps = plan(GUARDED, HERE, GUARDED, HERE)
+    nominal = steps.resolve(SEEN)
+    np.testing.assert_allclose(nominal.poses[[1, 3], :3], nominal.poses[[0, 2], :3] + [0, 0, 0.02])
+    felt = Pose(np.array([0.5, 0.0, 0.3]))
+    again = steps.resolve(Seen(SEEN.poses, (None, felt)))
+    np.testing.assert_allclose(again.poses[:3], nominal.poses[:3])
+    np.testing.assert_allclose(again.poses[3, :3], [0.5, 0.0, 0.32])
+    assert [guard and guard.newtons for guard in again.guards] == [5, None, 5, None]
+
+
+def test_a_plan_with_guards_is_written_as_it_is_read():
+    steps = plan(GUARDED, HERE)
+    assert ACTIONS.parse(steps.dump(), gripper=False) == steps
+    waypoints = steps.resolve(SEEN)
+    written = ACTIONS.anchor(waypoints, steps.anchors, SEEN)
+    np.testing.assert_allclose(ACTIONS.parse(written, gripper=False).resolve(SEEN).poses, waypoints.poses, atol=2e-5)
+    assert ACTIONS.parse(written, gripper=False).resolve(SEEN).guards == waypoints.guards
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        ([HERE], "waypoint 1: 'here' is where a guard ended; none comes before"),
+        ([{**HERE, "until": "touch"}], "'here' is where a guard ended"),
+        ([{**GUARDED, "newtons": 0}], "until 'force' needs 'newtons' above 0"),
+        ([{**GUARDED, "until": "touch"}], "nothing else has them"),
+        ([{**GUARDED, "newtons": -1}], "newtons: Input should be greater than or equal to 0"),
+        ([{**GUARDED, "through": True}], "passed through has no guard"),
+        ([{"offset": [0.5, 0, 0.4], "otherwise": "end"}], "give 'until', too"),
+        ([{"offset": [0.5, 0, 0.4], "until": "smell"}], "until: Input should be"),
+        ([GUARDED] * 5, "has 5 guards; at most 4 are allowed"),
+    ],
+)
+def test_guards_that_mean_nothing_are_refused(steps, said):
+    with pytest.raises(DesignError, match=re.escape(said)):
+        plan(*steps)
+
+
+def test_the_model_hears_of_guards_only_where_it_may_use_them():
+    told, silent = AnchoredActions(guards=True), AnchoredActions()
+    assert {"until", "newtons", "otherwise"} <= {*told.schema(gripper=False)["items"]["properties"]}
+    assert "until" not in silent.schema(gripper=False)["items"]["properties"]
+    brief = SimpleNamespace(task=BringCube(), scene_seed=0, gripper=False)
+    assert "`until`" in told.instructions(brief)
+    assert "`until`" not in silent.instructions(brief)

@@ -315,7 +315,7 @@ def test_the_reward_rises_to_what_the_rollout_earns_whether_or_not_it_reads_a_tr
     candidate = solutions.anchored(name)
     (evaluation,) = evaluate_batch(task, engine, [candidate], 0, RolloutSettings())
     run = replace(run_in(tmp_path, engine), task=task, settings=RolloutSettings())
-    _, recording, rewards = replay(run, candidate, 30)
+    _, recording, rewards, _ = replay(run, candidate, 30)
     assert np.isnan(rewards[recording.times < 0]).all()
     assert rewards[-1] == pytest.approx(evaluation.reward, abs=0.02)
     assert evaluation.reward > 0.9

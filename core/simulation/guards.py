@@ -1,0 +1,187 @@
+"""Play motions that feel: where a guard fires the arm brakes, and the rest is planned from there.
+
+What a guard reads is what an arm with torque sensors tells: the force at its flange, from the torques of its joints. An
+engine gives the forces on the tool. They become torques by the arm's Jacobian, each gets the sensor's noise, and the
+torques become a force again by least squares. So where an arm is weak in a direction, its estimate is too. Weight and
+inertia are taken as known to the arm, and what it felt when a guarded way began counts as nothing. Of three readings in
+a row the middle one counts: the peak of an impact is no force to rely on, and an arm's filter hides it as well.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from core.design import DesignError
+from core.designs.planning import resolve
+from core.geometry import Array, Pose
+from core.interfaces import ActionPlan, Felt, Guard, JointTrajectory, RolloutSettings, Task, Waypoints
+from core.robot.kinematics import Arm, arm_of
+from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import Begin, Motion
+from core.values.jobs import FEEL_S
+
+_NOISE = 9  # keeps these random numbers apart from others of the same seed
+_SINGULAR = 0.02  # of the largest singular value: what is less is not felt
+_MEDIAN = 3  # readings
+_LONGER = 1.2  # each time that stopping would ask too much of a joint
+_STILL_M = 1e-6  # the mount moves by less between two readings: no direction
+
+
+class Reflexes:
+    """The guards of one candidate's plan in one layout, see `core.interfaces.Reflex`.
+
+    Attributes:
+        motion: as it is planned now: after a rollout, as it was played.
+        felt: how its guards ended so far.
+        problem: why the rest could not be planned; the motion ended there.
+    """
+
+    def __init__(
+        self, plan: ActionPlan, waypoints: Waypoints, motion: Motion, task: Task, seed: int, settings: RolloutSettings
+    ) -> None:
+        self._plan, self._task, self._seed, self._settings = plan, task, seed, settings
+        self._planned, self._arm = (waypoints, motion), arm_of(task.robot)
+        self.begin()
+
+    def begin(self) -> JointTrajectory:
+        self._waypoints, self.motion = self._planned
+        self.felt: tuple[Felt, ...] = ()
+        self.problem: str | None = None
+        self._poses: tuple[Pose | None, ...] = ()
+        self._sensed: list[Array] = []
+        self._random = np.random.default_rng([self._seed, _NOISE])
+        self._next()
+        return self.motion.trajectory
+
+    def _next(self) -> None:
+        """Find the next guard: its waypoint, and the time of its way."""
+        after = self.felt[-1].waypoint if self.felt else 0
+        guards = self._waypoints.guards[: len(self.motion.arrivals)]
+        self._at = next((k for k, guard in enumerate(guards) if guard is not None and k >= after), None)
+        self._sensed = []
+        self.since, self._until = math.inf, math.inf
+        if self._at is not None:
+            arrivals, tempo = self.motion.arrivals, self._waypoints.tempo
+            waits = np.zeros(len(guards)) if tempo is None else tempo.waits
+            self.since = float(arrivals[self._at - 1] + waits[self._at - 1]) if self._at else 0.0
+            self._until = float(arrivals[self._at] + waits[self._at])
+
+    def feel(self, time: float, arm: Array, points: Array, forces: Array) -> JointTrajectory | None:
+        if self._at is None:
+            return None
+        guard = self._waypoints.guards[self._at]
+        assert guard is not None
+        self._sensed.append(self._estimate(arm, points, forces))
+        force = np.median(self._sensed[-_MEDIAN:], axis=0) - self._sensed[0]
+        fired = self._fires(guard, time, arm, force)
+        if not fired and time < self._until:
+            return None
+        self.felt += (Felt(self._at + 1, time, guard.until if fired else "", float(np.linalg.norm(force))),)
+        self._poses += (self._arm.forward(arm) if fired else None,)
+        if fired or guard.otherwise == "end":
+            return self._go_on(time, arm if fired else None, self._at)
+        self._next()
+        return None
+
+    def _estimate(self, arm: Array, points: Array, forces: Array) -> Array:
+        """Estimate the force at the flange (3,) from the joints' torques."""
+        place, jacobian = self._arm.forward(arm).position, self._arm.jacobian(arm)
+        wrench = np.concatenate([forces.sum(axis=0), np.cross(points - place, forces).sum(axis=0)])
+        torques = jacobian.T @ wrench
+        torques += self._settings.feel.noise * self._random.standard_normal(len(torques))
+        estimate: Array = np.linalg.lstsq(jacobian.T, torques, rcond=_SINGULAR)[0][:3]
+        return estimate
+
+    def _fires(self, guard: Guard, time: float, arm: Array, force: Array) -> bool:
+        if guard.until == "touch":
+            return float(np.linalg.norm(force)) > self._settings.feel.threshold
+        targets, _ = self.motion.trajectory.sample(np.array([time - FEEL_S, time]))
+        if guard.until == "stall":
+            return float(np.abs(targets[1] - arm).max()) > self._settings.feel.stall
+        before, now = self._arm.positions(targets)
+        way = float(np.linalg.norm(now - before))
+        return way > _STILL_M and float(force @ (before - now)) / way > guard.newtons
+
+    def _go_on(self, time: float, arm: Array | None, at: int) -> JointTrajectory:
+        """Stop at joints ``arm``, on the way to waypoint ``at`` (from 0), and plan the rest; None: end the motion."""
+        begun, tempo, count = self.motion, self._waypoints.tempo, at + 1
+        stop = _stopped(begun.trajectory, time, arm, self._arm, self._settings.speed)
+        if arm is not None and tempo is not None and tempo.waits[at] > 0:
+            stop = _then(stop, _at_rest(stop, float(tempo.waits[at])))
+        reached, rest = float(stop.duration), None
+        if arm is not None and count < len(self._waypoints):
+            try:
+                rest = self._rest(stop, count)
+            except DesignError as error:
+                self.problem = f"after the guard of waypoint {count}: {error}"
+        arrivals, misses, slowed = np.append(begun.arrivals[:at], reached), begun.misses[:count], begun.slowed[:count]
+        trajectory, distance = stop, _way(stop, self._arm)
+        if rest is not None:
+            trajectory, distance = _then(stop, rest.trajectory), distance + rest.distance_m
+            arrivals = np.append(arrivals, reached + rest.arrivals)
+            misses, slowed = np.vstack([misses, rest.misses]), np.append(slowed, rest.slowed)
+        plan, worst = self._waypoints.poses[: len(arrivals)], misses.max(axis=0)
+        self.motion = Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals, misses, plan, slowed)
+        self._next()
+        return trajectory
+
+    def _rest(self, stop: JointTrajectory, count: int) -> Motion:
+        """Plan what comes after the first ``count`` waypoints, from where the arm stopped.
+
+        Raises:
+            DesignError: it means nothing, or takes too long.
+        """
+        waypoints = resolve(self._plan, self._task, self._seed, self._settings, felt=self._poses)
+        self._waypoints = waypoints
+        tempo = waypoints.tempo
+        if tempo is not None:
+            tempo = replace(tempo, **{name: array[count:] for name, array in vars(tempo).items()})
+        opening = self._arm.robot.opening_m
+        grip = 1 - float(stop.fingers[-1]) / opening if opening else 0.0
+        rest = Waypoints(waypoints.poses[count:], tempo)
+        motion = plan_task_motion(rest, self._task, self._settings, Begin(stop.arm[-1], grip))
+        took, most = stop.duration + motion.trajectory.duration, self._settings.max_motion_s
+        if took > most:
+            raise DesignError(f"the motion takes {took:.0f} s, more than {most:.0f} s")
+        return motion
+
+
+def _stopped(trajectory: JointTrajectory, time: float, end: Array | None, arm: Arm, speed: float) -> JointTrajectory:
+    """Cut a trajectory at ``time``, and come to rest at joints (J,) that are near, or where the targets are.
+
+    Each joint's course is the cubic between the two; it takes as long as the acceleration limits ask for.
+    """
+    targets, fingers = trajectory.sample(np.array([time - FEEL_S, time]))
+    begin, velocity = targets[1], (targets[1] - targets[0]) / FEEL_S
+    way, limits, lasts = (begin if end is None else end) - begin, speed * arm.acceleration_limits, FEEL_S
+    while (np.abs([6 * way / lasts - 4 * velocity, 2 * velocity - 6 * way / lasts]) > limits * lasts).any():
+        lasts *= _LONGER
+    since = np.linspace(0.0, 1.0, max(1, math.ceil(lasts / FEEL_S)) + 1)[1:, None]
+    course = begin + lasts * velocity * since * (1 - since) ** 2 + way * since**2 * (3 - 2 * since)
+    before = trajectory.times < time
+    return JointTrajectory(
+        np.concatenate([trajectory.times[before], [time], time + lasts * since[:, 0]]),
+        np.vstack([trajectory.arm[before], targets[1:], np.clip(course, arm.lower, arm.upper)]),
+        np.concatenate([trajectory.fingers[before], np.full(1 + len(since), fingers[1])]),
+    )
+
+
+def _at_rest(stop: JointTrajectory, seconds: float) -> JointTrajectory:
+    return JointTrajectory(np.array([0.0, seconds]), stop.arm[[-1, -1]], stop.fingers[[-1, -1]])
+
+
+def _then(one: JointTrajectory, other: JointTrajectory) -> JointTrajectory:
+    """Join two trajectories; the second begins where the first ends."""
+    times = one.duration + other.times[1:]
+    return JointTrajectory(
+        np.append(one.times, times), np.vstack([one.arm, other.arm[1:]]), np.append(one.fingers, other.fingers[1:])
+    )
+
+
+def _way(trajectory: JointTrajectory, arm: Arm) -> float:
+    """The length of the mount's way, metres."""
+    places = arm.positions(trajectory.arm)
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())

@@ -1,0 +1,143 @@
+"""Plans that feel, from their text to the motion that was played; each engine's are checked by conformance."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from core.design import Candidate
+from core.designs.planning import resolve
+from core.geometry import Box, Pose
+from core.interfaces import Feel, Perception, RolloutSettings
+from core.scene import Body
+from core.simulation.guards import Reflexes
+from core.simulation.rollout import evaluate_batch, prepare
+from plugins.actions.anchored import AnchoredActions
+from plugins.conformance.worlds import GREY, HOME, Bodies, stick
+from tests.engines import every_simulator, simulator
+from tests.faults import Faulty
+
+TOP = 0.1
+BLOCK = Body.of("block", Box((0.2, 0.2, TOP)), (0.55, 0.0, TOP / 2), mass=0.0, color=GREY)
+TOOL = stick(0.2)
+ABOVE = {"anchor": "block", "offset": [0, 0, 0.3]}
+DOWN = {"anchor": "block", "offset": [0, 0, 0.2], "until": "touch", "speed": 0.05}
+UP = {"anchor": "here", "offset": [0, 0, 0.05]}
+
+
+class Block(Bodies):
+    home = HOME
+
+    def __init__(self):
+        super().__init__(BLOCK)
+
+
+def candidate(*steps):
+    return Candidate(TOOL, AnchoredActions().parse(list(steps), gripper=False), 0, 0, 0, 0)
+
+
+def play(*steps, engine="mujoco", seed=0, **settings):
+    """Play a plan: the outcome, its reflex, and the motion that was planned."""
+    task = Block()
+    motion, job = prepare(task, candidate(*steps), seed, RolloutSettings(**settings), record_hz=100.0)
+    (outcome,) = simulator(engine).rollout(task, [job])
+    assert outcome.error is None
+    return SimpleNamespace(outcome=outcome, reflex=job.reflex, motion=motion, job=job, task=task)
+
+
+def mount(played):
+    return played.reflex._arm.forward(played.outcome.recording.arm[-1]).position
+
+
+@every_simulator
+def test_what_follows_a_touch_begins_where_the_block_is_however_wrong_its_height_was(engine):
+    ends = []
+    for seed in (0, 1):
+        played = play(ABOVE, DOWN, UP, engine=engine, seed=seed, perception=Perception(height=0.008))
+        assert [felt.fired for felt in played.outcome.felt] == ["touch"]
+        ends.append(mount(played)[2])
+    np.testing.assert_allclose(ends, TOP + 0.2 + 0.05, atol=0.002)
+    blind = [ABOVE, {"anchor": "block", "offset": [0, 0, 0.25]}]
+    task, settings = Block(), RolloutSettings(perception=Perception(height=0.008))
+    missed = [prepare(task, candidate(*blind), seed, settings)[0].plan[-1, 2] - TOP - 0.2 for seed in (0, 1)]
+    assert max(map(abs, missed)) > 0.003  # the error that the touch removed
+
+
+@every_simulator
+def test_a_motion_is_the_same_each_time_that_it_is_played(engine):
+    played = play(ABOVE, DOWN, UP, engine=engine)
+    (again,) = simulator(engine).rollout(played.task, [played.job])
+    assert again.felt == played.outcome.felt
+    np.testing.assert_array_equal(again.recording.arm, played.outcome.recording.arm)
+
+
+def test_arrivals_and_distance_are_those_of_what_was_played():
+    played = play(ABOVE, DOWN, UP)
+    motion, planned = played.reflex.motion, played.motion
+    assert motion.arrivals[0] == planned.arrivals[0]
+    assert (motion.arrivals[1:] < planned.arrivals[1:]).all()
+    assert motion.trajectory.duration == motion.arrivals[-1]
+    steps = np.abs(np.diff(motion.trajectory.arm, axis=0)) / np.diff(motion.trajectory.times)[:, None]
+    assert (steps <= played.reflex._arm.velocity_limits * 1.001).all()
+    assert motion.distance_m < planned.distance_m
+    assert motion.plan[2, 2] == pytest.approx(TOP + 0.2 + 0.05, abs=0.002)
+
+
+def test_a_wait_begins_at_the_touch():
+    played = play(ABOVE, DOWN | {"wait": 0.5}, UP)
+    (felt,) = played.outcome.felt
+    waiting = (played.outcome.recording.times > felt.at_s + 0.2) & (played.outcome.recording.times < felt.at_s + 0.5)
+    assert np.ptp(played.outcome.recording.arm[waiting], axis=0).max() < 1e-3
+
+
+def test_stall_is_a_joint_that_is_held_back():
+    (felt,) = play(ABOVE, DOWN | {"until": "stall"}).outcome.felt
+    assert felt.fired == "stall"
+    assert play(ABOVE, DOWN).outcome.felt[0].at_s < felt.at_s
+
+
+def test_noise_above_the_threshold_is_taken_for_a_touch_and_below_it_is_not():
+    far = [ABOVE, ABOVE | {"offset": [0, 0, 0.26], "until": "touch", "speed": 0.05}]
+    assert play(*far, feel=Feel(noise=0.05)).outcome.felt[0].fired == ""
+    assert play(*far, feel=Feel(noise=2.0)).outcome.felt[0].fired == "touch"
+
+
+def test_the_evaluation_is_of_the_motion_as_it_was_played():
+    settings = RolloutSettings(observe=True)
+    plan = candidate(ABOVE, DOWN, UP)
+    (evaluation,) = evaluate_batch(Block(), simulator("mujoco"), [plan], 0, settings)
+    played = play(ABOVE, DOWN, UP)
+    assert evaluation.distance_m == pytest.approx(played.reflex.motion.distance_m, abs=1e-3)
+    assert evaluation.observation.felt[0].startswith("waypoint 2: touch at ")
+    assert len(evaluation.observation.arrivals) == 3
+
+
+def test_an_engine_that_plays_no_guards_says_so():
+    (evaluation,) = evaluate_batch(Block(), Faulty(), [candidate(ABOVE, DOWN)], 0, RolloutSettings())
+    assert (evaluation.status, "this engine can't play them" in evaluation.reason) == ("rejected", True)
+
+
+def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
+    slow = {"anchor": "block", "offset": [0, 0, 0.3], "seconds": 3.0}
+    played = play(ABOVE, DOWN, slow, max_motion_s=20)
+    steps, short = candidate(ABOVE, DOWN, slow).plan, RolloutSettings(max_motion_s=4)
+    reflex = Reflexes(steps, resolve(steps, played.task, 0, RolloutSettings()), played.motion, played.task, 0, short)
+    (outcome,) = simulator("mujoco").rollout(played.task, [replace(played.job, reflex=reflex)])
+    assert "at most 4 s" in reflex.problem
+    assert len(reflex.motion.arrivals) == 2
+    assert outcome.recording.times[-1] < 6
+
+
+def test_nothing_is_felt_for_without_guards_and_after_the_last():
+    assert prepare(Block(), candidate(ABOVE), 0, RolloutSettings())[1].reflex is None
+    assert play(ABOVE, DOWN, UP).reflex.since == math.inf
+
+
+def test_the_estimate_is_the_force_where_the_arm_can_feel_it():
+    reflex = play(ABOVE, DOWN, UP, feel=Feel(noise=0.0)).reflex
+    joints = reflex.motion.trajectory.arm[0]
+    forces = np.array([[0.0, 0.0, 12.0], [3.0, 0.0, 0.0]])
+    points = Pose(HOME.position).position - [[0, 0, 0.2], [0.05, 0, 0.1]]
+    np.testing.assert_allclose(reflex._estimate(joints, points, forces), [3, 0, 12], atol=1e-6)
