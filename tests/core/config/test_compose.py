@@ -83,7 +83,7 @@ def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
     config = load(command, ["material.most_g=5", "protocol=varied", "task=OneBook", "action=waypoints"])
     assert (config.task.name, config.task.variation, config.action.name) == ("OneBook", "wide", "waypoints")
     assert (config.material.name, config.material.most_g, config.material.infill) == ("pla", 5, 0.2)
-    assert config.rollout.perception == {"position": 0.002, "yaw": 0.01}
+    assert config.rollout.perception == {"position": 0.002, "yaw": 0.01, "height": 0.0}
     for key in config.protocol.fixed:
         assert OmegaConf.select(config, key) is not None, key
     tracks = {offer.entry_point for (kind, _), offer in installed().offers.items() if kind == "task"}
