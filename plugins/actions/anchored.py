@@ -61,7 +61,8 @@ _GUARDED = f"""\
   - `until`: `touch` (a force at the flange above {{threshold:g}} N: light bodies give way unfelt), `force` (`newtons`
     against the motion) or `stall` (a joint is held back). A guarded way is slow: give a `speed` of 0.02 to 0.1 m/s.
   - `otherwise`: what follows if it reaches the waypoint unhindered: `go_on` (the default), or `end` of the motion.
-  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended. At most {MAX_GUARDS} guards a plan.
+  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended; and with `level`: true z is measured
+    from there, x and y from the anchor, so one touch of the table corrects all. At most {MAX_GUARDS} guards a plan.
   - Down onto a box, then 5 mm up from wherever its top was, and along:
     `{{{{"anchor": "box", "offset": [0, 0, 0.18], "until": "touch", "speed": 0.05}}}}`,
     `{{{{"anchor": "here", "offset": [0, 0, 0.005]}}}}`, `{{{{"anchor": "here", "offset": [0.2, 0, 0.005]}}}}`
@@ -94,6 +95,7 @@ class Step:
         through: pass it without a stop.
         wait: seconds to stay there.
         grip: 0 open to 1 closed, for tools with the gripper.
+        level: z is measured from where the last guard ended, x and y from the anchor.
         until: with ``newtons`` and ``otherwise`` the guard of the way there, see `core.interfaces.Guard`.
     """
 
@@ -108,12 +110,25 @@ class Step:
     through: Annotated[bool, Strict()] = False
     wait: Seconds = 0.0
     grip: Share = 0.0
+    level: Annotated[bool, Strict()] = False
     until: Literal["", "touch", "force", "stall"] = ""
     newtons: Newtons = 0.0
     otherwise: Literal["go_on", "end"] = "go_on"
 
     def frame(self, seen: Seen, where: str) -> Pose:
         """The frame of the offset in the world.
+
+        Raises:
+            DesignError: an anchor is not there, or gives no direction.
+        """
+        frame = self._frame(seen, where)
+        if not self.level:
+            return frame
+        height = _place(HERE, seen, where).position[2]
+        return Pose(np.array([*frame.position[:2], height]), frame.quaternion)
+
+    def _frame(self, seen: Seen, where: str) -> Pose:
+        """The frame without the level.
 
         Raises:
             DesignError: an anchor is not there, or gives no direction.
@@ -200,7 +215,10 @@ class AnchoredActions(ActionRepresentation):
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         step = _STEPS.json_schema()
-        hidden = {*(() if gripper else ("grip",)), *(() if self._guards else ("until", "newtons", "otherwise"))}
+        hidden = {
+            *(() if gripper else ("grip",)),
+            *(() if self._guards else ("level", "until", "newtons", "otherwise")),
+        }
         properties = {name: _plain(of) for name, of in step["properties"].items() if name not in hidden}
         waypoint = {"type": "object", "properties": properties, "required": ["offset"], "additionalProperties": False}
         return {"type": "array", "items": waypoint, "minItems": 1}
@@ -215,8 +233,8 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(f"the action plan has {count} guards; at most {MAX_GUARDS} are allowed")
         first = next((number for number, step in enumerate(steps, 1) if step.until), len(steps))
         for number, step in enumerate(steps[:first], 1):
-            if HERE in (step.anchor, step.toward):
-                raise DesignError(f"waypoint {number}: 'here' is where a guard ended; none comes before")
+            if step.level or HERE in (step.anchor, step.toward):
+                raise DesignError(f"waypoint {number}: 'here' (or 'level') is where a guard ended; none comes before")
         return AnchoredPlan(steps, gripper)
 
     def dump(self, waypoints: Waypoints) -> list[Any]:

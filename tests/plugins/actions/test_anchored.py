@@ -285,6 +285,13 @@ def test_here_is_where_the_last_guard_ended():
     assert [guard and guard.newtons for guard in again.guards] == [5, None, 5, None]
 
 
+def test_level_takes_the_height_alone_from_where_the_last_guard_ended():
+    steps = plan(GUARDED, {"anchor": "goal", "offset": [0.1, 0, 0.02], "level": True})
+    felt = Seen(SEEN.poses, (Pose(np.array([0.5, 0.0, 0.3])),))
+    np.testing.assert_allclose(steps.resolve(felt).poses[1, :3], [0.7, -0.3, 0.32])
+    assert ACTIONS.parse(steps.dump(), gripper=False) == steps
+
+
 def test_a_plan_with_guards_is_written_as_it_is_read():
     steps = plan(GUARDED, HERE)
     assert ACTIONS.parse(steps.dump(), gripper=False) == steps
@@ -297,8 +304,9 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
 @pytest.mark.parametrize(
     ("steps", "said"),
     [
-        ([HERE], "waypoint 1: 'here' is where a guard ended; none comes before"),
-        ([{**HERE, "until": "touch"}], "'here' is where a guard ended"),
+        ([HERE], "waypoint 1: 'here' (or 'level') is where a guard ended; none comes before"),
+        ([{**GUARDED, "until": "", "newtons": 0, "otherwise": "go_on", "level": True}], "(or 'level') is where"),
+        ([{**HERE, "until": "touch"}], "'here' (or 'level') is where a guard ended"),
         ([{**GUARDED, "newtons": 0}], "until 'force' needs 'newtons' above 0"),
         ([{**GUARDED, "until": "touch"}], "nothing else has them"),
         ([{**GUARDED, "newtons": -1}], "newtons: Input should be greater than or equal to 0"),
