@@ -24,7 +24,7 @@ from core.robot.trajectory import Begin, Motion
 from core.values.jobs import FEEL_S
 
 _NOISE = 9  # keeps these random numbers apart from others of the same seed
-_SINGULAR = 0.02  # of the largest singular value: what is less is not felt
+_DAMPING = 1e-6  # of the Jacobian's square: what an arm near a singularity hardly feels is not felt
 _MEDIAN = 3  # readings
 _LONGER = 1.2  # each time that stopping would ask too much of a joint
 _STILL_M = 1e-6  # the mount moves by less between two readings: no direction
@@ -75,7 +75,7 @@ class Reflexes:
         guard = self._waypoints.guards[self._at]
         assert guard is not None
         self._sensed.append(self._estimate(arm, points, forces))
-        force = np.median(self._sensed[-_MEDIAN:], axis=0) - self._sensed[0]
+        force = np.sort(self._sensed[-_MEDIAN:], axis=0)[len(self._sensed[-_MEDIAN:]) // 2] - self._sensed[0]
         fired = self._fires(guard, time, arm, force)
         if not fired and time < self._until:
             return None
@@ -88,12 +88,14 @@ class Reflexes:
 
     def _estimate(self, arm: Array, points: Array, forces: Array) -> Array:
         """Estimate the force at the flange (3,) from the joints' torques."""
-        place, jacobian = self._arm.forward(arm).position, self._arm.jacobian(arm)
-        wrench = np.concatenate([forces.sum(axis=0), np.cross(points - place, forces).sum(axis=0)])
-        torques = jacobian.T @ wrench
-        torques += self._settings.feel.noise * self._random.standard_normal(len(torques))
-        estimate: Array = np.linalg.lstsq(jacobian.T, torques, rcond=_SINGULAR)[0][:3]
-        return estimate
+        jacobian = self._arm.jacobian(arm)
+        torques = self._settings.feel.noise * self._random.standard_normal(len(arm))
+        if len(forces):
+            arms = points - self._arm.positions(arm[None])
+            torques += jacobian.T @ np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+        square = jacobian @ jacobian.T
+        square.flat[::7] += _DAMPING * np.trace(square)
+        return np.asarray(np.linalg.solve(square, jacobian @ torques)[:3], dtype=np.float64)
 
     def _fires(self, guard: Guard, time: float, arm: Array, force: Array) -> bool:
         if guard.until == "touch":

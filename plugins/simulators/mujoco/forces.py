@@ -32,16 +32,21 @@ class Feeler:
                 moved.add(body)
         self._model, self._own = model, np.isin(model.geom_bodyid, [*moved])
 
+    def free(self, data: Element) -> bool:
+        """Whether nothing touches them."""
+        own = self._own[data.contact.geom]
+        return not (own[:, 0] != own[:, 1]).any()
+
     def pushes(self, data: Element) -> tuple[Array, Array]:
         """Return those of the last step: points (C, 3) and forces (C, 3)."""
         points, forces, wrench = [], [], np.zeros(6)
-        for number, contact in enumerate(data.contact):
-            one, other = self._own[contact.geom].tolist()
-            if one != other:
-                mujoco.mj_contactForce(self._model, data, number, wrench)
-                force = wrench[:3] @ contact.frame.reshape(3, 3)  # on the second
-                points.append(contact.pos.copy())
-                forces.append(-force if one else force)
+        own = self._own[data.contact.geom]
+        for number in np.flatnonzero(own[:, 0] != own[:, 1]).tolist():
+            contact = data.contact[number]
+            mujoco.mj_contactForce(self._model, data, number, wrench)
+            force = wrench[:3] @ contact.frame.reshape(3, 3)  # on the second
+            points.append(contact.pos.copy())
+            forces.append(-force if own[number, 0] else force)
         return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
 
 

@@ -22,6 +22,7 @@ from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 
 GRAVITY = 9.81
+_READINGS = 4  # of what the arm feels, without a touch before and after
 HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
 
@@ -142,6 +143,7 @@ class World:
         self._scene, self._model = scene, model
         self._joints, self._moving = Joints.of(robot, tool, model), Moving(scene, model)
         self._data, self._feeler = mujoco.MjData(model), Feeler(model, robot.arm_joints[-1])
+        self._kept: Element | None = None
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
@@ -199,6 +201,15 @@ class World:
             return self._felt(job, job.reflex, settle, times, states, controls, meter)
         return job, times, self._split(self._steps(self._data, states, controls[settle:], meter))
 
+    def _copied(self) -> Element:
+        """Copy all data, to come back to."""
+        self._kept = self._kept or mujoco.MjData(self._model)
+        mujoco.mj_copyData(self._kept, self._model, self._data)
+        return self._kept
+
+    def _restore(self, data: Element) -> None:
+        mujoco.mj_copyData(self._data, self._model, data)
+
     def _felt(
         self,
         job: Rollout,
@@ -209,19 +220,44 @@ class World:
         controls: Array,
         meter: Meter | None,
     ) -> tuple[Rollout, Array, tuple[Array, Array]]:
-        """Do the steps after the first ``done`` ones as `_run` does: all in a row where nothing is felt for."""
+        """Do the steps after the first ``done`` ones as `_run` does: all in a row where nothing is felt for.
+
+        Where the arm feels for a guard and touched nothing, the steps of a few readings are done in a row. If it
+        touches something after them, they are done again, one reading at a time.
+        """
         dt, settle = self._model.opt.timestep, done
-        tick, found = feel_every(dt), [states]
+        tick, found, nothing = feel_every(dt), [states], np.empty((0, 3))
+        touched, ended = False, 0  # the tool, since so many guards ended
         while done < len(times):
             ahead = np.searchsorted(times + dt, reflex.since) if np.isfinite(reflex.since) else len(times)
-            count = max(1, -(-(int(ahead) + 1 - done) // tick)) * tick  # up to the first reading
-            count = min(count, len(times) - done)
-            found.append(self._steps(self._data, found[-1][-1:], controls[done : done + count], meter)[1:])
+            first = max(1, -(-(int(ahead) + 1 - done) // tick)) * tick  # the steps up to the next reading
+            last, early = found[-1][-1:], not touched and first == tick and meter is None
+            count = min(_READINGS * tick if early else first, len(times) - done)
+            before = self._copied() if early else None
+            played = self._steps(self._data, last, controls[done : done + count], meter)[1:]
+            if before is not None and not self._feeler.free(self._data):
+                self._restore(before)
+                count = min(tick, len(times) - done)
+                played = self._steps(self._data, last, controls[done : done + count], None)[1:]
+            changed = None
+            for end in range(first if before is None else tick, count + 1, tick):
+                now = float(times[done + end - 1] + dt)
+                if (done + end - settle) % tick or now < reflex.since:
+                    continue
+                pushes = self._feeler.pushes(self._data) if end == count else (nothing, nothing)
+                touched |= len(pushes[0]) > 0
+                arm, _ = self._joints.read(self._split(played[end - 1 : end])[0])
+                changed = reflex.feel(now, arm[0], *pushes)
+                if changed is None:
+                    continue
+                if end < count and before is not None:  # the steps after it were played in vain
+                    self._restore(before)
+                    played = self._steps(self._data, last, controls[done : done + end], None)[1:]
+                count = end
+                break
+            found.append(played)
             done += count
-            if (done - settle) % tick or (now := float(times[done - 1] + dt)) < reflex.since:
-                continue
-            arm, _ = self._joints.read(self._split(found[-1][-1:])[0])
-            changed = reflex.feel(now, arm[0], *self._feeler.pushes(self._data))
+            touched, ended = touched and len(reflex.felt) == ended, len(reflex.felt)
             if changed is not None:
                 job = replace(job, trajectory=changed)
                 _, times = schedule(job, dt)
