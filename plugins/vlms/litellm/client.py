@@ -23,6 +23,7 @@ from core.interfaces import Estimate, Message, Picture, Reply, Request, Text
 from core.support.secrets import is_secret_name
 from core.support.text import clean, kind
 from core.values.messages import checked
+from plugins.vlms.litellm.failures import explain
 from plugins.vlms.litellm.transport import OPENAI, BadAnswer, sender, transport
 
 _log = logging.getLogger(__name__)
@@ -108,7 +109,7 @@ class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
 
     Raises:
-        UserError: LiteLLM does not know the provider, or finds no API key.
+        UserError: LiteLLM does not know the provider, refuses the model, or finds no API key.
     """
 
     def __init__(self, model: str, api_base: str | None, timeout_s: float, max_output_tokens: int | None) -> None:
@@ -180,6 +181,8 @@ class Client:
             self._litellm.utils.get_optional_params(**parameter)
         except self._litellm.UnsupportedParamsError:
             return False
+        except Exception as error:  # a provider's own check of the model's name; the class of the error varies
+            raise UserError(f"vlm.model={self.model}: LiteLLM refuses it: {explain(error)}") from error
         return True
 
     def ask(self, request: Request) -> tuple[Reply, str]:

@@ -330,6 +330,15 @@ def test_unknown_provider(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_model_that_a_provider_does_not_have(monkeypatch):
+    def check(**_):
+        raise ValueError("no model 'bar'; choose from ['extract']")  # of a class that each provider names itself
+
+    monkeypatch.setattr("litellm.utils.get_optional_params", check)
+    with pytest.raises(UserError, match=r"vlm.model=openai/bar: LiteLLM refuses it: ValueError: no model 'bar'"):
+        LanguageModel("openai/bar")
+
+
 @pytest.mark.parametrize(
     "settings",
     [
