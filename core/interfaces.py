@@ -25,12 +25,12 @@ from core.task import Task
 from core.values.jobs import (
     Feel,
     Felt,
+    Guards,
     JointTrajectory,
     Outcome,
     Perception,
     Pushes,
     Recording,
-    Reflex,
     Rollout,
     RolloutSettings,
     World,
@@ -51,7 +51,7 @@ class Simulator(ABC):
     """A physics engine. It takes a batch of jobs and returns as many outcomes. One thread uses it at a time."""
 
     batch: ClassVar[int] = 1  # the best size of a batch; above 1, jobs with different tools are stepped together
-    feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.reflex`)
+    feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod
@@ -394,7 +394,7 @@ __all__ = ["ActionRepresentation", "Brief", "Designer", "Evaluate", "EvolutionSt
 __all__ += ["VLM", "GivenTools", "Request", "Simulator", "ToolRepresentation"]
 __all__ += ["Budget", "Task", "Trial", "View"]  # of core.design, core.task and core.scene; what follows of core.values
 __all__ += ["Feel", "Felt", "JointTrajectory", "Outcome", "Perception", "Pushes"]
-__all__ += ["Recording", "Reflex", "Rollout", "RolloutSettings", "World"]
+__all__ += ["Guards", "Recording", "Rollout", "RolloutSettings", "World"]
 __all__ += ["ActionPlan", "Anchor", "Contact", "Guard", "Numbers", "Observation", "Seen", "Tempo", "Waypoints"]
 __all__ += ["ISO_9409_1_50", "PAPER", "Flange", "Gripper", "Material", "Robot"]
 __all__ += ["Estimate", "Message", "Picture", "Reply", "Spending", "Text"]

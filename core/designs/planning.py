@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from core.design import DesignError
 from core.designs.rules import check_plan, check_tempo
 from core.errors import RAISED, UserError
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.interfaces import ActionPlan, ActionRepresentation, Perception, RolloutSettings, Seen, Task, Waypoints
 from core.plugins import ACTION, describe_part, installed
 from core.scene import Scene
@@ -109,10 +109,10 @@ def resolve(
     Raises:
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
     """
+    rise = _rise(seed, settings.perception)
     if isinstance(plan, Waypoints):
         waypoints = plan
     else:
-        rise = np.array([0.0, 0.0, risen(seed, settings.perception)])
         there = tuple(None if pose is None else Pose(pose.position - rise, pose.quaternion) for pose in felt)
         seen = replace(look(task, seed, settings.perception, scene), felt=there)
         with guarded(plan, "resolve"):
@@ -121,15 +121,15 @@ def resolve(
             raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
     check_tempo(waypoints, task.home, settings.max_motion_s)
-    if higher := risen(seed, settings.perception):
+    if rise.any():
         poses = waypoints.poses.copy()
-        poses[:, 2] += higher
+        poses[:, :3] += rise
         waypoints = replace(waypoints, poses=poses)
     return waypoints
 
 
-def risen(seed: int, perception: Perception) -> float:
-    """How much higher the arm's waypoints lie than a plan means in the layout of ``seed``, metres."""
+def _rise(seed: int, perception: Perception) -> Array:
+    """Draw by how much (3,) the arm's waypoints lie higher than a plan means in the layout of ``seed``, metres."""
     if perception.height == 0:
-        return 0.0
-    return perception.height * float(np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1))
+        return np.zeros(3)
+    return np.array([0.0, 0.0, perception.height * np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1)])

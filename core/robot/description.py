@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,14 @@ RESERVED = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}
 
 
 # --- data -----------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=16)
+def beyond(robot: Robot, tool: Tool) -> frozenset[str]:
+    """Name the links that the arm's last joint moves, with those of the tool, as `assembled` for engines."""
+    arm = assembled(robot, tool, fused=True)
+    last = arm.named[robot.arm_joints[-1]].child
+    return frozenset(name for name in arm.links if last in arm.above(name))
 
 
 def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) -> Description:

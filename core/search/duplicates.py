@@ -92,13 +92,8 @@ def _figures(candidate: Candidate) -> _Compared | None:
         grips = tuple(waypoints.grips.tolist())
     except RAISED:  # a plugin's plan may look at other things than its anchors
         return None
-    motion = (
-        type(plan).__name__,
-        plan.anchors,
-        grips,
-        waypoints.poses.shape,
-        content_of((waypoints.tempo, waypoints.guards)),
-    )
+    asked = content_of((waypoints.tempo, waypoints.guards))
+    motion = type(plan).__name__, plan.anchors, grips, waypoints.poses.shape, asked
     masses = np.array([component.mass for component in tool.components])
     return _Compared(candidate, (_structure(tool), motion), _points(tool), masses, positions, rotations)
 

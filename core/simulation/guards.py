@@ -1,10 +1,10 @@
-"""Play motions that feel: where a guard fires the arm brakes, and the rest is planned from there.
+"""Play motions that feel: where a guard fires the arm stops, and the rest is planned from there.
 
-What a guard reads is what an arm with torque sensors tells: the force at its flange, from the torques of its joints. An
-engine gives the forces on the tool. They become torques by the arm's Jacobian, each gets the sensor's noise, and the
-torques become a force again by least squares. So where an arm is weak in a direction, its estimate is too. Weight and
-inertia are taken as known to the arm, and what it felt when a guarded way began counts as nothing. Of three readings in
-a row the middle one counts: the peak of an impact is no force to rely on, and an arm's filter hides it as well.
+A guard reads what an arm with torque sensors reports: the force at its flange, estimated from its joints' torques. The
+engine gives the contact forces. The arm's Jacobian makes joint torques of them, and each torque gets the sensor's
+noise. Least squares make a force of the torques again, so that an arm near a singularity estimates badly. Weight and
+inertia are taken as known. The first reading of a guarded way counts as zero. Of three readings in a row the middle one
+counts, so that one peak of an impact does not fire a guard.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from core.robot.trajectory import Begin, Motion
 from core.values.jobs import FEEL_S
 
 _NOISE = 9  # keeps these random numbers apart from others of the same seed
-_DAMPING = 1e-6  # of the Jacobian's square: what an arm near a singularity hardly feels is not felt
+_DAMPING = 1e-6  # as a share of the Jacobian's square, so that estimates stay finite at a singularity
 _MEDIAN = 3  # readings
-_LONGER = 1.2  # each time that stopping would ask too much of a joint
+_LONGER = 1.2  # times as long, while stopping needs more acceleration than a joint has
 _STILL_M = 1e-6  # the mount moves by less between two readings: no direction
 
 
-class Reflexes:
-    """The guards of one candidate's plan in one layout, see `core.interfaces.Reflex`.
+class PlannedGuards:
+    """The guards of one candidate's plan in one layout, see `core.interfaces.Guards`.
 
     Attributes:
-        motion: as it is planned now: after a rollout, as it was played.
+        motion: as it is planned now; after a rollout, as it was played.
         felt: how its guards ended so far.
         problem: why the rest could not be planned; the motion ended there.
     """
@@ -47,6 +47,7 @@ class Reflexes:
         self.begin()
 
     def begin(self) -> JointTrajectory:
+        """See `core.interfaces.Guards`."""
         self._waypoints, self.motion = self._planned
         self.felt: tuple[Felt, ...] = ()
         self.problem: str | None = None
@@ -70,6 +71,7 @@ class Reflexes:
             self._until = float(arrivals[self._at] + waits[self._at])
 
     def feel(self, time: float, arm: Array, points: Array, forces: Array) -> JointTrajectory | None:
+        """See `core.interfaces.Guards`."""
         if self._at is None:
             return None
         guard = self._waypoints.guards[self._at]

@@ -38,8 +38,8 @@ class Launching(World, Protocol):
 
 
 def play(world: World, job: Rollout) -> Outcome:
-    """Play a job: settle, move, hold. A job with a reflex needs a `core.values.jobs.FeelingWorld`."""
-    job, reflex, dt = begun(job), job.reflex, world.time_step
+    """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
+    job, guards, dt = begun(job), job.guards, world.time_step
     trajectory = job.trajectory
     if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
         return Outcome(None, None, error="the trajectory's targets are not finite")
@@ -63,8 +63,8 @@ def play(world: World, job: Rollout) -> Outcome:
             start = begin_motion(world)
         if k >= settle and k % LAG_EVERY == 0:
             reached.append(world.joints()[0])
-        if reflex is not None and (k + 1 - settle) % tick == 0 and times[k] + dt >= reflex.since:
-            changed = reflex.feel(float(times[k] + dt), world.joints()[0], *cast(FeelingWorld, world).pushes())
+        if guards is not None and (k + 1 - settle) % tick == 0 and times[k] + dt >= guards.since:
+            changed = guards.feel(float(times[k] + dt), world.joints()[0], *cast(FeelingWorld, world).pushes())
             if changed is not None:
                 _, times = schedule(replace(job, trajectory=changed), dt)
                 arm, *others = targets(changed, times, dt)
@@ -78,16 +78,16 @@ def play(world: World, job: Rollout) -> Outcome:
     if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
         return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
     recording = Recording(np.array(instants), *_read(world, notes)) if notes else None
-    return Outcome(start, end, lag, recording=recording, felt=reflex.felt if reflex else ())
+    return Outcome(start, end, lag, recording=recording, felt=guards.felt if guards else ())
 
 
 def begun(job: Rollout) -> Rollout:
-    """Let a job's reflex begin anew."""
-    return replace(job, trajectory=job.reflex.begin()) if job.reflex else job
+    """Let a job's guards begin anew."""
+    return replace(job, trajectory=job.guards.begin()) if job.guards else job
 
 
 def feel_every(dt: float) -> int:
-    """Count the steps between two readings of a reflex."""
+    """Count the steps between two readings of guards."""
     return max(1, round(FEEL_S / dt))
 
 

@@ -19,7 +19,7 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
-from core.simulation.guards import Reflexes
+from core.simulation.guards import PlannedGuards
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings_of_each
@@ -114,15 +114,15 @@ def prepare(
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
     waypoints = resolve(candidate.plan, task, seed, settings, scene)
     motion = plan_task_motion(waypoints, task, settings)
-    reflex = Reflexes(candidate.plan, waypoints, motion, task, seed, settings) if waypoints.guards else None
+    guards = PlannedGuards(candidate.plan, waypoints, motion, task, seed, settings) if waypoints.guards else None
     hold_s = max(settings.hold_s, task.hold_s)
-    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz, reflex=reflex)
+    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz, guards=guards)
     return motion, job
 
 
 def played(motion: Motion, job: Rollout) -> Motion:
     """Return a job's motion as it was played: with guards it may differ from what was planned."""
-    return job.reflex.motion if isinstance(job.reflex, Reflexes) else motion
+    return job.guards.motion if isinstance(job.guards, PlannedGuards) else motion
 
 
 @dataclass(eq=False)
@@ -163,7 +163,7 @@ def evaluate_batch(
     settings: RolloutSettings,
 ) -> list[Evaluation]:
     """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds."""
-    batch = _Batch(task, task.scene(seed), seed, settings, getattr(simulator, "feels", False))
+    batch = _Batch(task, task.scene(seed), seed, settings, simulator.feels)
     steps = [batch.planned(candidate) for candidate in candidates]
     attempts = [step for step in steps if isinstance(step, _Attempt)]
     outcomes = _outcomes(simulator, task, [attempt.job for attempt in attempts])
@@ -216,7 +216,7 @@ class _Batch:
             DesignError: the plan means nothing in this layout, or costs too much time.
         """
         motion, job = prepare(self.task, candidate, self.seed, self.settings, scene=self.scene)
-        if job.reflex is not None and not self.feels:
+        if job.guards is not None and not self.feels:
             raise DesignError("the plan has guards ('until'), and this engine can't play them")
         duration, most_s = motion.trajectory.duration, self.settings.max_motion_s
         if duration > most_s:
@@ -230,12 +230,12 @@ class _Batch:
 
     def follow(self, attempt: _Attempt) -> None:
         """Take the motion as it was played, and check what guards changed."""
-        reflex = attempt.job.reflex
-        if not isinstance(reflex, Reflexes) or reflex.motion is attempt.motion:
+        guards = attempt.job.guards
+        if not isinstance(guards, PlannedGuards) or guards.motion is attempt.motion:
             return
-        attempt.motion = reflex.motion
-        if reflex.problem:
-            attempt.warnings += (reflex.problem,)
+        attempt.motion = guards.motion
+        if guards.problem:
+            attempt.warnings += (guards.problem,)
         met = find_self_collision(self.task.robot, attempt.tool, attempt.motion.trajectory) if self._checks else None
         if met:
             attempt.warnings += (met.describe(attempt.motion.arrivals),)

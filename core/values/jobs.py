@@ -54,7 +54,7 @@ class Felt(NamedTuple):
         return f"waypoint {self.waypoint}: {what} {self.at_s:.2f} s, with {self.force_n:.1f} N at the flange"
 
 
-class Reflex(Protocol):
+class Guards(Protocol):
     """The guards of a motion, while it is played (`core.simulation.guards`)."""
 
     felt: tuple[Felt, ...]
@@ -67,7 +67,7 @@ class Reflex(Protocol):
         """Begin anew, and return the motion in which no guard fires."""
 
     def feel(self, time: float, arm: Array, points: Array, forces: Array) -> JointTrajectory | None:
-        """Take what the arm feels every `FEEL_S`: its joints (J,), and forces (C, 3) on the tool at points (C, 3).
+        """Take what the arm feels every `FEEL_S`: its joints (J,), and forces (C, 3) at points (C, 3).
 
         Returns the motion to go on with, the same up to ``time``; None: as before.
         """
@@ -83,7 +83,7 @@ class Rollout:
     It spawns the layout of ``seed``, and the robot with ``tool`` at the trajectory's first targets. It lets
     ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for ``hold_s``, and notes the
     end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces`` contact forces too. A
-    ``reflex`` changes the trajectory on the way; engines that have it say so (`Simulator.feels`).
+    ``guards`` change the trajectory on the way; engines that play them say so (`Simulator.feels`).
     """
 
     tool: Tool
@@ -93,15 +93,14 @@ class Rollout:
     hold_s: float = 1.0
     record_hz: float = 0.0
     forces: bool = False
-    reflex: Reflex | None = None
+    guards: Guards | None = None
 
 
 @dataclass(unsafe_hash=True)
 class Perception:
     """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians.
 
-    ``height``: the arm's base stands higher or lower than plans take it to, by up to this, metres, the same all over a
-    layout; so do the table and all that is on it for the arm.
+    ``height``: the most by which all heights of a layout are wrong for a plan, metres. They are wrong by the same.
     """
 
     position: float = 0.0
@@ -249,4 +248,7 @@ class FeelingWorld(World, Protocol):
     """A world that plays motions with guards."""
 
     def pushes(self) -> tuple[Array, Array]:
-        """Return what pushed the links beyond the arm in the last step: points (C, 3), and forces (C, 3), newtons."""
+        """Return what pushed the links beyond the arm's last joint in the last step.
+
+        Points (C, 3) in the world, metres, and the forces there (C, 3), newtons.
+        """

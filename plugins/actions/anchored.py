@@ -24,7 +24,6 @@ from core.interfaces import (
     ActionRepresentation,
     Anchor,
     Brief,
-    Feel,
     Guard,
     Numbers,
     Seen,
@@ -58,14 +57,14 @@ _INSTRUCTIONS = """\
 _GUARDED = f"""\
 - What is seen is not exact, and heights may be off. A waypoint may be guarded, for moves that feel: put it beyond the
   place where contact is expected, and the arm stops on the way there when it feels what `until` says:
-  - `until`: `touch` (a force at the flange above {{threshold:g}} N: light bodies give way unfelt), `force` (`newtons`
-    against the motion) or `stall` (a joint is held back). A guarded way is slow: give a `speed` of 0.02 to 0.1 m/s.
+  - `until`: `touch` (a force at the flange above the noise of its sensor, some newtons: light bodies give way unfelt),
+    `force` (`newtons` against the motion) or `stall` (a joint is held back). Give a `speed` of 0.02 to 0.1 m/s.
   - `otherwise`: what follows if it reaches the waypoint unhindered: `go_on` (the default), or `end` of the motion.
-  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended; and with `level`: true z is measured
-    from there, x and y from the anchor, so one touch of the table corrects all. At most {MAX_GUARDS} guards a plan.
+  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended. With `level`: true z is measured from
+    there, x and y from the anchor: for bodies at a known height above what was touched. At most {MAX_GUARDS} guards.
   - Down onto a box, then 5 mm up from wherever its top was, and along:
-    `{{{{"anchor": "box", "offset": [0, 0, 0.18], "until": "touch", "speed": 0.05}}}}`,
-    `{{{{"anchor": "here", "offset": [0, 0, 0.005]}}}}`, `{{{{"anchor": "here", "offset": [0.2, 0, 0.005]}}}}`
+    `{{"anchor": "box", "offset": [0, 0, 0.18], "until": "touch", "speed": 0.05}}`,
+    `{{"anchor": "here", "offset": [0, 0, 0.005]}}`, `{{"anchor": "here", "offset": [0.2, 0, 0.005]}}`
 """
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
@@ -210,7 +209,7 @@ class AnchoredActions(ActionRepresentation):
     def instructions(self, brief: Brief) -> str:
         names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
         grip = "  - `grip`: 0 for open, 1 for closed; default 0.\n" if brief.gripper else ""
-        guarded = _GUARDED.format(threshold=Feel().threshold) if self._guards else ""
+        guarded = _GUARDED if self._guards else ""
         return _INSTRUCTIONS.format(names=names, grip=grip) + guarded
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from core.geometry import Array, Box
 from core.interfaces import Feel, Guard, Outcome, RolloutSettings, Simulator, Tempo, Waypoints
 from core.robot.tempo import plan_task_motion
 from core.scene import Body
-from core.simulation.guards import Reflexes
+from core.simulation.guards import PlannedGuards
 from core.values.jobs import FEEL_S, Rollout
 from plugins.conformance.checking import LeftOut, expect
 from plugins.conformance.worlds import GREY, HOME, Bodies, arm, cube, film, stick
@@ -29,7 +29,7 @@ class _Home(Bodies):
 
 def _played(
     simulator: Simulator, rows: Array, guards: tuple[Guard | None, ...], *bodies: Body
-) -> tuple[Outcome, Reflexes]:
+) -> tuple[Outcome, PlannedGuards]:
     """Play waypoints (N, 6), each approached slowly, with guards; literal ones are the same wherever a guard ends."""
     if not simulator.feels:
         raise LeftOut("it plays no motions with guards")
@@ -37,11 +37,11 @@ def _played(
     tempo = replace(Tempo.usual(count), speeds=np.where([guard is None for guard in guards], np.nan, _SPEED))
     plan = Waypoints(rows, tempo, guards)
     motion = plan_task_motion(plan, task, settings)
-    reflex = Reflexes(plan, plan, motion, task, 0, settings)
-    job = Rollout(stick(_STICK), motion.trajectory, 0, 0.1, 0.3, 1 / FEEL_S, reflex=reflex)
+    playing = PlannedGuards(plan, plan, motion, task, 0, settings)
+    job = Rollout(stick(_STICK), motion.trajectory, 0, 0.1, 0.3, 1 / FEEL_S, guards=playing)
     (outcome,) = simulator.rollout(task, [job])
     expect(outcome.error is None, f"a rollout with guards broke: {outcome.error}")
-    return outcome, reflex
+    return outcome, playing
 
 
 def _rows(*places: tuple[float, float, float]) -> Array:
@@ -60,7 +60,7 @@ def check_that_touch_ends_at_a_wall(simulator: Simulator) -> str:
     block = Body.of("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2), mass=0.0, color=GREY)
     high, low = (0.55, 0.0, _FROM), (0.55, 0.0, _STICK + _TOP / 2)
     touch = Guard("touch")
-    outcome, reflex = _played(simulator, _rows(high, low, high, low), (None, touch, None, touch), block)
+    outcome, playing = _played(simulator, _rows(high, low, high, low), (None, touch, None, touch), block)
     expect(
         [felt.fired for felt in outcome.felt] == ["touch", "touch"],
         f"two touches of a block were expected, and felt was: {'; '.join(map(str, outcome.felt)) or 'nothing'}",
@@ -73,7 +73,7 @@ def check_that_touch_ends_at_a_wall(simulator: Simulator) -> str:
     end = float(_mount(outcome, np.inf)[2]) - _STICK - _TOP
     expect(abs(end) < _STOP_M, f"after a touch the arm rests {1000 * end:.1f} mm from the block")
     expect(
-        np.allclose(reflex.motion.trajectory.arm[-1], film(outcome).arm[-1], atol=0.01),
+        np.allclose(playing.motion.trajectory.arm[-1], film(outcome).arm[-1], atol=0.01),
         "the motion that came back is not the one that was played",
     )
     return f"{1000 * max(map(abs, missed)):.2f} mm from the block"
@@ -100,8 +100,8 @@ def check_that_a_guard_may_never_fire(simulator: Simulator) -> None:
     rows = _rows((0.5, 0.1, 0.4), (0.5, -0.1, 0.4))
     for otherwise, last in (("go_on", rows[1]), ("end", rows[0])):
         guard = Guard("touch", otherwise="end" if otherwise == "end" else "go_on")
-        outcome, reflex = _played(simulator, rows, (guard, None), cube(at=(0.5, 0.6, 0.05)))
+        outcome, playing = _played(simulator, rows, (guard, None), cube(at=(0.5, 0.6, 0.05)))
         expect([felt.fired for felt in outcome.felt] == [""], f"nothing is there, and felt was {outcome.felt[0]}")
         end = _mount(outcome, np.inf)
         expect(np.allclose(end, last[:3], atol=0.003), f"otherwise={otherwise}: the motion ended at {np.round(end, 3)}")
-        expect(len(reflex.motion.arrivals) == (2 if otherwise == "go_on" else 1), "the arrivals don't fit the motion")
+        expect(len(playing.motion.arrivals) == (2 if otherwise == "go_on" else 1), "the arrivals don't fit the motion")

@@ -114,10 +114,9 @@ class Writer:
         path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
-        if felt:
-            ended = [motion.arrivals[guard.waypoint - 1] for guard in felt]
-            places = arm_of(self._robot).positions(motion.trajectory.sample(np.array(ended))[0])
-            self._log(("world", "guards"), rr.Points3D(places, labels=[*map(str, felt)], radii=0.01))
+        ended = np.array([motion.arrivals[guard.waypoint - 1] for guard in felt])
+        places = arm_of(self._robot).positions(motion.trajectory.sample(ended)[0])
+        self._log(("world", "guards"), rr.Points3D(places, labels=[*map(str, felt)], radii=0.01))
         text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}\n{text}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -23,22 +23,14 @@ _AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)  # as a number: an array is compare
 
 
 class Feeler:
-    """What pushes the links that a joint moves, see `core.values.jobs.FeelingWorld`."""
+    """What pushes some links of the robot, see `core.values.jobs.FeelingWorld`."""
 
-    def __init__(self, model: Element, joint: str) -> None:
-        moved = {int(model.joint(joint).bodyid[0])}
-        for body in range(min(moved), model.nbody):  # parents come first
-            if int(model.body_parentid[body]) in moved:
-                moved.add(body)
-        self._model, self._own = model, np.isin(model.geom_bodyid, [*moved])
-
-    def free(self, data: Element) -> bool:
-        """Whether nothing touches them."""
-        own = self._own[data.contact.geom]
-        return not (own[:, 0] != own[:, 1]).any()
+    def __init__(self, model: Element, links: Collection[str]) -> None:
+        named = np.array([model.body(body).name in links for body in range(model.nbody)])
+        self._model, self._own = model, named[model.geom_bodyid] & (model.geom_contype != Role.SCENE.value[0])
 
     def pushes(self, data: Element) -> tuple[Array, Array]:
-        """Return those of the last step: points (C, 3) and forces (C, 3)."""
+        """Return what did in the last step: points (C, 3) and forces (C, 3)."""
         points, forces, wrench = [], [], np.zeros(6)
         own = self._own[data.contact.geom]
         for number in np.flatnonzero(own[:, 0] != own[:, 1]).tolist():

@@ -9,8 +9,8 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Reflex, Robot, Rollout, Task
-from core.robot.description import joint_name
+from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout, Task
+from core.robot.description import beyond, joint_name
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
@@ -142,8 +142,7 @@ class World:
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self._scene, self._model = scene, model
         self._joints, self._moving = Joints.of(robot, tool, model), Moving(scene, model)
-        self._data, self._feeler = mujoco.MjData(model), Feeler(model, robot.arm_joints[-1])
-        self._kept: Element | None = None
+        self._data, self._feeler = mujoco.MjData(model), Feeler(model, beyond(robot, tool))
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
@@ -170,14 +169,14 @@ class World:
             recording = Recording(instants, *self._joints.read(qpos[at]), self._moving.state(qpos[at], qvel[at]))
             recording = meter.measured(recording, at) if meter else recording
         start, end = (self._moving.state(qpos[step], qvel[step]) for step in (settle, -1))
-        return Outcome(start, end, float(lag), recording=recording, felt=job.reflex.felt if job.reflex else ())
+        return Outcome(start, end, float(lag), recording=recording, felt=job.guards.felt if job.guards else ())
 
     def _run(
         self, job: Rollout, settle: int, times: Array, meter: Meter | None
     ) -> tuple[Rollout, Array, tuple[Array, Array]]:
         """Step the world: joint positions (S + 1, Q) and speeds (S + 1, V) before each step, and after the last.
 
-        A reflex may change the trajectory and with it the times: the job and the times as they were played come back.
+        A guards may change the trajectory and with it the times: the job and the times as they were played come back.
         Steps begin at ``times`` (S,). In the first ``settle`` of them the joints are held where the motion begins.
         ``meter`` measures the forces in each step.
 
@@ -197,72 +196,51 @@ class World:
             states = states.copy()
             self._moving.launch(*self._split(states[-1]))
         self._joints.hold(self._model, held=False)
-        if job.reflex is not None:
-            return self._felt(job, job.reflex, settle, times, states, controls, meter)
+        if job.guards is not None:
+            return self._felt(job, job.guards, settle, times, states, meter)
         return job, times, self._split(self._steps(self._data, states, controls[settle:], meter))
 
-    def _copied(self) -> Element:
-        """Copy all data, to come back to."""
-        self._kept = self._kept or mujoco.MjData(self._model)
-        mujoco.mj_copyData(self._kept, self._model, self._data)
-        return self._kept
-
-    def _restore(self, data: Element) -> None:
-        mujoco.mj_copyData(self._data, self._model, data)
-
     def _felt(
-        self,
-        job: Rollout,
-        reflex: Reflex,
-        done: int,
-        times: Array,
-        states: Array,
-        controls: Array,
-        meter: Meter | None,
+        self, job: Rollout, guards: Guards, settle: int, times: Array, states: Array, meter: Meter | None
     ) -> tuple[Rollout, Array, tuple[Array, Array]]:
-        """Do the steps after the first ``done`` ones as `_run` does: all in a row where nothing is felt for.
-
-        Where the arm feels for a guard and touched nothing, the steps of a few readings are done in a row. If it
-        touches something after them, they are done again, one reading at a time.
-        """
-        dt, settle = self._model.opt.timestep, done
-        tick, found, nothing = feel_every(dt), [states], np.empty((0, 3))
-        touched, ended = False, 0  # the tool, since so many guards ended
+        """Do the steps after the settling as `_run` does: all in a row up to a reading that guards ask for."""
+        data, dt, kept = self._data, self._model.opt.timestep, mujoco.MjData(self._model)
+        controls, tick, done, found = self._controls(job.trajectory, times), feel_every(dt), settle, [states]
+        touched, ended = False, 0  # whether the tool touched something since that many guards ended
         while done < len(times):
-            ahead = np.searchsorted(times + dt, reflex.since) if np.isfinite(reflex.since) else len(times)
-            first = max(1, -(-(int(ahead) + 1 - done) // tick)) * tick  # the steps up to the next reading
-            last, early = found[-1][-1:], not touched and first == tick and meter is None
-            count = min(_READINGS * tick if early else first, len(times) - done)
-            before = self._copied() if early else None
-            played = self._steps(self._data, last, controls[done : done + count], meter)[1:]
-            if before is not None and not self._feeler.free(self._data):
-                self._restore(before)
-                count = min(tick, len(times) - done)
-                played = self._steps(self._data, last, controls[done : done + count], None)[1:]
+            last, quiet = found[-1][-1:], int(np.searchsorted(times[done:] + dt, guards.since))
+            due = (quiet // tick + 1) * tick  # the steps up to the next reading
+            ahead = due == tick and not touched and meter is None
+            orders = controls[done : done + (_READINGS * tick if ahead else due)]
+            if ahead:
+                mujoco.mj_copyData(kept, self._model, data)
+            played = self._steps(data, last, orders, meter)[1:]
+            if ahead and len(self._feeler.pushes(data)[0]):
+                played = self._again(kept, last, orders[:tick])
             changed = None
-            for end in range(first if before is None else tick, count + 1, tick):
-                now = float(times[done + end - 1] + dt)
-                if (done + end - settle) % tick or now < reflex.since:
+            for end in range(due, len(played) + 1, tick):
+                if (now := float(times[done + end - 1] + dt)) < guards.since:
                     continue
-                pushes = self._feeler.pushes(self._data) if end == count else (nothing, nothing)
+                pushes = self._feeler.pushes(data) if end == len(played) else (np.empty((0, 3)), np.empty((0, 3)))
                 touched |= len(pushes[0]) > 0
                 arm, _ = self._joints.read(self._split(played[end - 1 : end])[0])
-                changed = reflex.feel(now, arm[0], *pushes)
-                if changed is None:
-                    continue
-                if end < count and before is not None:  # the steps after it were played in vain
-                    self._restore(before)
-                    played = self._steps(self._data, last, controls[done : done + end], None)[1:]
-                count = end
-                break
+                changed = guards.feel(now, arm[0], *pushes)
+                if changed is not None:
+                    played = played if end == len(played) else self._again(kept, last, orders[:end])
+                    break
             found.append(played)
-            done += count
-            touched, ended = touched and len(reflex.felt) == ended, len(reflex.felt)
+            done += len(played)
+            touched, ended = touched and len(guards.felt) == ended, len(guards.felt)
             if changed is not None:
                 job = replace(job, trajectory=changed)
                 _, times = schedule(job, dt)
                 controls = self._controls(changed, times)
         return job, times, self._split(np.concatenate(found))
+
+    def _again(self, kept: Element, last: Array, controls: Array) -> Array:
+        """Go back to data that were kept, and do only these steps."""
+        mujoco.mj_copyData(self._data, self._model, kept)
+        return self._steps(self._data, last, controls, None)[1:]
 
     def _split(self, states: Array) -> tuple[Array, Array]:
         """Split states (..., X) into positions (..., Q) and speeds (..., V)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
 from math import ceil
 from pathlib import Path
@@ -17,7 +17,7 @@ from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import assembled, joint_name, write
+from core.robot.description import assembled, beyond, joint_name, write
 from core.scene import Inertia, Scene, State
 from core.values.descriptions import RobotLink
 from core.values.robots import Robot
@@ -161,7 +161,7 @@ class World:
         start = [*trajectory.arm[0], *([trajectory.fingers[0]] * self._fingers)]
         for joint, angle in zip(self._joints, start, strict=True):
             p.resetJointState(self.robot, joint, angle, physicsClientId=client)
-        self._beyond = beyond(client, self.robot, self._joints[self._arm - 1])
+        self._links, self._held = links, (robot, tool)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
             friction = tool.friction if name in tool.borne_on else robot.friction
@@ -227,6 +227,11 @@ class World:
     def pushes(self) -> tuple[Array, Array]:
         """See `core.values.jobs.FeelingWorld`."""
         return pushes(self.client, self.robot, self._beyond)
+
+    @cached_property
+    def _beyond(self) -> set[int]:
+        """PyBullet's numbers of what the arm's last joint moves."""
+        return {self._links[name] for name in beyond(*self._held) & {*self._links}}
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""
@@ -334,15 +339,6 @@ def load_robot(client: int, file: Path) -> int:
     """Load the arm and return its number in the world."""
     flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_SELF_COLLISION
     return int(p.loadURDF(str(file), useFixedBase=True, flags=flags, physicsClientId=client))
-
-
-def beyond(client: int, robot: int, joint: int) -> set[int]:
-    """Return the links that a joint moves; PyBullet numbers parents first."""
-    moved = {joint}
-    for number in range(joint + 1, p.getNumJoints(robot, physicsClientId=client)):
-        if p.getJointInfo(robot, number, physicsClientId=client)[16] in moved:
-            moved.add(number)
-    return moved
 
 
 def joint_numbers(client: int, robot: int) -> tuple[dict[str, int], dict[str, int]]:

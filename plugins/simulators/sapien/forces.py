@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,8 @@ from plugins.simulators.forces import TOOL, Impulses, Thing
 from plugins.simulators.sapien.description import robot_links
 
 
-def beyond(system: Any, joint: str) -> set[Any]:
-    """Return the collision shapes of the links that a joint moves."""
-    moved, shapes = set[Any](), set[Any]()
-    for link in system.articulation_link_components:  # parents first
-        if link.joint.name == joint or link.parent in moved:
-            moved.add(link)
-            shapes.update(link.collision_shapes)
-    return shapes
-
-
-def pushes(system: Any, shapes: set[Any]) -> tuple[Array, Array]:
-    """Return what pushed these shapes in the last step, see `core.values.jobs.FeelingWorld`."""
+def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
+    """Return what pushed these collision shapes in the last step, see `core.values.jobs.FeelingWorld`."""
     points, forces = [], []
     for contact in system.get_contacts():
         one, other = (shape in shapes for shape in contact.shapes)

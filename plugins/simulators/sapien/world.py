@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
+from core.robot.description import beyond
 from core.scene import State
 from core.values.robots import Robot as Description
 from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
-from plugins.simulators.sapien.forces import Forces, beyond, pushes
+from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
 from plugins.simulators.sapien.robot import ArticulatedArm, surfaces_of
 from plugins.simulators.sapien.surfaces import Surfaces
@@ -73,7 +75,7 @@ class World:
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
         self._joints = Joints(weighed.scene, weighed.inertias, self._bodies.components, time_step, tracking_rate)
         self._robot = ArticulatedArm(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
-        self._beyond = beyond(self._system, robot.arm_joints[-1])
+        self._held = robot, tool
         self.forces = Forces(self._system, weighed.scene, robot, tool) if forces else None
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
@@ -88,6 +90,13 @@ class World:
     def pushes(self) -> tuple[Array, Array]:
         """See `core.values.jobs.FeelingWorld`. PhysX does not tell friction."""
         return pushes(self._system, self._beyond)
+
+    @cached_property
+    def _beyond(self) -> set[Any]:
+        """The collision shapes of what the arm's last joint moves."""
+        links = beyond(*self._held)
+        own = [link for link in self._system.articulation_link_components if link.entity.name in links]
+        return {shape for link in own for shape in link.collision_shapes}
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""

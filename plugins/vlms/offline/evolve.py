@@ -48,8 +48,8 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
         if candidate.tool is not None and candidate.tool.gripper == gripper:
             rows, anchors = candidate.plan.resolve(seen).poses, candidate.plan.anchors
             anchors = anchors if len(anchors) == len(rows) else (Anchor(),) * len(rows)
-            known = {*seen.poses, Anchor().name}  # where a guard ends is not; offspring have no guards
-            anchors = tuple(of if of.name in known else Anchor() for of in anchors)
+            known = {*seen.poses, Anchor().name, Anchor().toward}  # not where a guard ends: offspring have no guards
+            anchors = tuple(of if {of.name, of.toward} <= known else Anchor() for of in anchors)
             elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, evaluation.moved_m))
     return elites
 

@@ -9,13 +9,13 @@ import pytest
 
 from core.design import Candidate
 from core.designs.planning import resolve
-from core.geometry import Box, Pose
+from core.geometry import Box
 from core.interfaces import Feel, Perception, RolloutSettings
 from core.scene import Body
-from core.simulation.guards import Reflexes
+from core.simulation.guards import PlannedGuards
 from core.simulation.rollout import evaluate_batch, prepare
 from plugins.actions.anchored import AnchoredActions
-from plugins.conformance.worlds import GREY, HOME, Bodies, stick
+from plugins.conformance.worlds import GREY, HOME, Bodies, arm, stick
 from tests.engines import every_simulator, simulator
 from tests.faults import Faulty
 
@@ -39,16 +39,16 @@ def candidate(*steps):
 
 
 def play(*steps, engine="mujoco", seed=0, **settings):
-    """Play a plan: the outcome, its reflex, and the motion that was planned."""
+    """Play a plan: the outcome, its guards, and the motion that was planned."""
     task = Block()
     motion, job = prepare(task, candidate(*steps), seed, RolloutSettings(**settings), record_hz=100.0)
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
-    return SimpleNamespace(outcome=outcome, reflex=job.reflex, motion=motion, job=job, task=task)
+    return SimpleNamespace(outcome=outcome, guards=job.guards, motion=motion, job=job, task=task)
 
 
 def mount(played):
-    return played.reflex._arm.forward(played.outcome.recording.arm[-1]).position
+    return arm().positions(played.outcome.recording.arm[-1:])[0]
 
 
 @every_simulator
@@ -75,12 +75,12 @@ def test_a_motion_is_the_same_each_time_that_it_is_played(engine):
 
 def test_arrivals_and_distance_are_those_of_what_was_played():
     played = play(ABOVE, DOWN, UP)
-    motion, planned = played.reflex.motion, played.motion
+    motion, planned = played.guards.motion, played.motion
     assert motion.arrivals[0] == planned.arrivals[0]
     assert (motion.arrivals[1:] < planned.arrivals[1:]).all()
     assert motion.trajectory.duration == motion.arrivals[-1]
     steps = np.abs(np.diff(motion.trajectory.arm, axis=0)) / np.diff(motion.trajectory.times)[:, None]
-    assert (steps <= played.reflex._arm.velocity_limits * 1.001).all()
+    assert (steps <= arm().velocity_limits * 1.001).all()
     assert motion.distance_m < planned.distance_m
     assert motion.plan[2, 2] == pytest.approx(TOP + 0.2 + 0.05, abs=0.002)
 
@@ -109,7 +109,7 @@ def test_the_evaluation_is_of_the_motion_as_it_was_played():
     plan = candidate(ABOVE, DOWN, UP)
     (evaluation,) = evaluate_batch(Block(), simulator("mujoco"), [plan], 0, settings)
     played = play(ABOVE, DOWN, UP)
-    assert evaluation.distance_m == pytest.approx(played.reflex.motion.distance_m, abs=1e-3)
+    assert evaluation.distance_m == pytest.approx(played.guards.motion.distance_m, abs=1e-3)
     assert evaluation.observation.felt[0].startswith("waypoint 2: touch at ")
     assert len(evaluation.observation.arrivals) == 3
 
@@ -123,24 +123,28 @@ def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
     slow = {"anchor": "block", "offset": [0, 0, 0.3], "seconds": 3.0}
     played = play(ABOVE, DOWN, slow, max_motion_s=20)
     steps, short = candidate(ABOVE, DOWN, slow).plan, RolloutSettings(max_motion_s=4)
-    reflex = Reflexes(steps, resolve(steps, played.task, 0, RolloutSettings()), played.motion, played.task, 0, short)
-    (outcome,) = simulator("mujoco").rollout(played.task, [replace(played.job, reflex=reflex)])
-    assert "at most 4 s" in reflex.problem
-    assert len(reflex.motion.arrivals) == 2
+    guards = PlannedGuards(
+        steps, resolve(steps, played.task, 0, RolloutSettings()), played.motion, played.task, 0, short
+    )
+    (outcome,) = simulator("mujoco").rollout(played.task, [replace(played.job, guards=guards)])
+    assert "at most 4 s" in guards.problem
+    assert len(guards.motion.arrivals) == 2
     assert outcome.recording.times[-1] < 6
 
 
 def test_nothing_is_felt_for_without_guards_and_after_the_last():
-    assert prepare(Block(), candidate(ABOVE), 0, RolloutSettings())[1].reflex is None
-    assert play(ABOVE, DOWN, UP).reflex.since == math.inf
+    assert prepare(Block(), candidate(ABOVE), 0, RolloutSettings())[1].guards is None
+    assert play(ABOVE, DOWN, UP).guards.since == math.inf
 
 
-def test_the_estimate_is_the_force_where_the_arm_can_feel_it():
-    reflex = play(ABOVE, DOWN, UP, feel=Feel(noise=0.0)).reflex
-    joints = reflex.motion.trajectory.arm[0]
-    forces = np.array([[0.0, 0.0, 12.0], [3.0, 0.0, 0.0]])
-    points = Pose(HOME.position).position - [[0, 0, 0.2], [0.05, 0, 0.1]]
-    np.testing.assert_allclose(reflex._estimate(joints, points, forces), [3, 0, 12], atol=0.01)
+def test_the_force_is_that_on_the_tool_less_what_was_felt_when_the_way_began():
+    played = play(ABOVE, DOWN, feel=Feel(noise=0.0))
+    guards, begin = played.guards, played.motion.arrivals[0]
+    joints, _ = guards.begin().sample(np.array([begin]))
+    points, held, more = HOME.position - [[0.0, 0.0, 0.2]], np.array([[0.0, 0.0, -9.0]]), np.array([[3.0, 0.0, 4.0]])
+    readings = [guards.feel(begin + 0.01 * k, joints[0], points, held + more * (k > 1)) for k in range(4)]
+    assert [reading is None for reading in readings] == [True, True, True, False]  # of three the middle one counts
+    assert guards.felt[0].force_n == pytest.approx(5.0, abs=0.01)
 
 
 def test_mujoco_feels_the_same_however_many_readings_it_plays_in_a_row(monkeypatch):

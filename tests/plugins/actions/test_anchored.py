@@ -15,7 +15,7 @@ from core.design import Candidate, Component, DesignError, Tool
 from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
-from core.interfaces import Anchor, RolloutSettings, Seen, Waypoints
+from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
 from core.plugins import installed
 from core.robot.tempo import plan_task_motion
 from core.search.orchestration import resume, run
@@ -210,12 +210,15 @@ def test_it_is_played_and_what_was_slowed_is_reported():
     assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
 
 
-class Never:
+class Never(Simulator):
     """A simulator that is not to be called."""
 
     def rollout(self, task, jobs):
         assert not jobs
         return []
+
+    def render(self, task, **view):
+        raise AssertionError("it is not to draw")
 
 
 SWING = [{"offset": [0.5, 0.3 * (-1) ** k, 0.4], "speed": 5.0} for k in range(60)]

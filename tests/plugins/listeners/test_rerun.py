@@ -22,6 +22,7 @@ from core.events import Generation, Result, Run
 from core.interfaces import Budget, RolloutSettings
 from core.plugins import event_hub, installed
 from core.simulation.rollout import evaluate_batch
+from plugins.actions.anchored import AnchoredActions
 from plugins.listeners.rerun.writer import MAX_TEXT, replay
 from tests import solutions
 from tests.panda import ARM
@@ -300,6 +301,18 @@ def test_a_generation_of_rejects_only(tmp_path, simulator, capfd):
     recording = Recording(tmp_path / "recording.rrd")
     assert "/search/reward/best" not in recording.rows
     assert said(capfd) == []
+
+
+def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(tmp_path, simulator, generations):
+    hook = generations[0].evaluations[0]
+    steps = [{"offset": [0.5, 0.3, 0.5]}, {"offset": [0.5, 0.3, 0.4], "until": "touch"}]
+    plan = AnchoredActions().parse(steps, gripper=False)
+    guarded = evaluate_batch(TASK, simulator, [replace(hook.candidate, plan=plan)], 0, RolloutSettings())
+    play(run_in(tmp_path, simulator), [Generation(0, tuple(guarded)), Generation(1, (hook,))])
+    marked, cleared = Recording(tmp_path / "recording.rrd").rows["/world/guards"]
+    np.testing.assert_allclose(marked["positions"], [[0.5, 0.3, 0.4]], atol=0.002)
+    assert marked["labels"][0].startswith("waypoint 2: never fired; reached at 1.16 s")
+    assert cleared["positions"] == []
 
 
 def test_wrong_settings():

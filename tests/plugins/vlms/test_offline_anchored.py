@@ -113,6 +113,19 @@ def test_offspring_of_what_flew_away_can_be_written():
     assert len(answer(offspring)["strategies"]) == 4
 
 
+def test_a_plan_with_guards_has_offspring_without():
+    given = brief("BringCube", actions=AnchoredActions(guards=True))
+    (first, *_) = candidates(given, answer(given))
+    steps = [*first.plan.dump(), {"anchor": "cube", "offset": [0, 0.1, 0.3], "until": "touch"}]
+    steps += [{"anchor": "here", "offset": [0, 0, 0.1]}, {"anchor": "cube", "toward": "here", "offset": [0, 0, 0.1]}]
+    guarded = replace(first, plan=given.actions.parse(steps, gripper=False))
+    elites = (Evaluation(guarded, "ok", 0.9, moved_m={"cube": 0.3}),)
+    offspring = replace(given, elites=elites, n_tool=2, n_action=3)
+    plans = [c.plan for c in candidates(offspring, answer(offspring))]
+    assert len(plans) == 6
+    assert not any(step.until or "here" in (step.anchor, step.toward) for plan in plans for step in plan.steps)
+
+
 @pytest.mark.thorough
 def test_one_plan_lifts_a_plate_in_layouts_that_it_was_not_made_for():
     given = brief("ElevatePlate", "wide", AnchoredActions(), n_tool=3)
