@@ -27,6 +27,10 @@ NAMES = {RIGID_MOUNT: "tool", GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "rig
 # least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
 WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
 
+# Where all sides moved out alike, an edge of one component may lie in a face of another, and their union touch itself
+# along it, which is no closed surface. So each component is moved out by a little less than the one before.
+UNEVEN = 0.4  # share of the weld by which the last one is moved out less
+
 SHORTEST_MM = 1e-3  # of a mesh's edges: STL files have single precision, in which shorter ones vanish and leave holes
 
 
@@ -60,9 +64,10 @@ class ToolLink:
         """The directions (3 K, 3) of K components, to which cuts are square."""
         return np.vstack([pose.rotation.as_matrix().T for _, pose in self.shapes])
 
-    def grown(self, by: float) -> list[Placed]:
-        """Return its shapes with each side moved out by millimetres."""
-        return widened(self.shapes, by)
+    def grown(self, by: float, uneven: float = 0.0) -> list[Placed]:
+        """Return its shapes with each side moved out by millimetres: the last shape's by the share ``uneven`` less."""
+        steps = uneven / max(1, len(self.shapes) - 1)
+        return [placed for n, one in enumerate(self.shapes) for placed in widened([one], by * (1 - n * steps))]
 
 
 def links_of(tool: Tool) -> list[ToolLink]:

@@ -18,9 +18,10 @@ from core.values.materials import PAPER, Material
 from core.values.robots import Robot
 from plugins.results.workshop.cutting import Dovetails, cut
 from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, make_hinges, on_finger, weighed
-from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, print_part, to_3mf, to_stl
+from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_3mf, to_stl
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import (
+    UNEVEN,
     WELDS_MM,
     Placed,
     ToolLink,
@@ -149,17 +150,19 @@ def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], s
 
 
 def _fitted(link: ToolLink, fix: Callable[[Workpiece], Mount], printer: Printer, fit: Fit) -> _FittedLink:
-    """Weld a link by as little as makes it and its mount one body with a closed surface, and cut it to the plate."""
-    for weld in WELDS_MM:
-        mount = fix(Workpiece("add", tuple(link.grown(weld))))
-        if len(mount.solid.bodies) == 1 and closed(mount.solid.mesh):
+    """Weld a link by as little as makes it and its mount one body whose parts, as they lie on the plate, are closed."""
+    for weld, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
+        shapes = link.grown(weld, uneven)
+        mount = fix(Workpiece("add", tuple(shapes)))
+        corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
+        cuts, joints = cut(mount.solid, printer, fit, link.axes, corners)
+        laid = (lay(each.mesh, printer.plate_mm)[0] for each in cuts)
+        if len(mount.solid.bodies) == 1 and closed(mount.solid.mesh) and all(map(closed, laid)):
             break
     names = [*link.names, *(f"mount {n}" for n in range(len(mount.adding)))]
-    whole = joined(names, [*link.grown(weld), *widened(mount.adding, weld)], weld, printer)
+    whole = joined(names, [*shapes, *widened(mount.adding, weld)], weld, printer)
     if whole.passed and len(mount.solid.bodies) > 1:
         whole = _single(mount.solid)
-    corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
-    cuts, joints = cut(mount.solid, printer, fit, link.axes, corners)
     return _FittedLink(link, mount, weld, whole, cuts, joints)
 
 

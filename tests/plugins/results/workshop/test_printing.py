@@ -59,6 +59,19 @@ def test_faces_that_all_but_meet_make_a_closed_file(off):
     assert trimesh.load(io.BytesIO(to_stl(piece)), file_type="stl").is_volume
 
 
+def test_components_with_sides_in_one_plane_make_a_closed_file():
+    socket = box("socket", "tool_mount", (0, 0, -0.006), (0.05, 0.05, 0.012))
+    thick, turn = 0.017478942044, 2.782373713772
+    at = (-0.021409147902, 0.008039378961, -0.002739471022)
+    boom = box("boom", "socket", at, (0.063216595154, thick, thick), (0, 0, turn))
+    drop = box("drop", "boom", (0.022868826555, 0, -0.027996864818), (thick, thick, 0.055993729637), (0, 0, -turn))
+    wall = box("wall", "drop", (-0.003260528978, 0, -0.042996864818), (0.008, 0.113959183673, 0.03))
+    tine = box("tine", "wall", (0.012795030527, 0.048979591837, -0.0114), (0.033590061055, 0.016, 0.0072))
+    (piece,) = pieces(tool(socket, boom, drop, wall, tine), WIDE)
+    assert piece.ready
+    assert piece.weld_mm == 0.01
+
+
 def test_parts_that_touch_by_an_edge_only_or_not_at_all_are_said():
     one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     (piece,) = pieces(tool(one, box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))), WIDE)
