@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from core.geometry import Capsule, Cylinder, Mesh, Pose, Shape
+from core.geometry import Mesh, Pose, Shape
 from core.robot.description import write
 from core.scene import Body, Inertia
 from core.support.scratch import write_once
@@ -24,10 +24,10 @@ from core.values.descriptions import (
     rounded_shape,
 )
 from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.rolling import rollers
 
 DIGITS = ".12g"  # of numbers in files
-# The least arm of rolling friction of what rolls on a line, metres. PyBullet keeps contact points where they were: one
-# lags behind a body that begins to roll, and its force turns the body on, which creeps.
+# The least arm of rolling friction of what rolls on a line, metres: it crept otherwise.
 _LEAST_ROLLING = 2e-4
 
 
@@ -57,7 +57,7 @@ class PreparedBody:
             body.fixed,
             body.pose.position.tolist(),
             list(body.pose.rotation.as_quat()),
-            dynamics_of(body, _LEAST_ROLLING if _rolls_on_a_line(body) else 0.0),
+            dynamics_of(body, _LEAST_ROLLING if rollers(body) else 0.0),
             offset_of(inertia),
         )
 
@@ -82,15 +82,6 @@ def dynamics_of(body: Body, least_rolling: float = 0.0) -> dict[str, float]:
     rolling = max(body.rolling_friction, least_rolling)
     friction = {"lateralFriction": np.sqrt(body.friction), "rollingFriction": rolling / np.sqrt(0.5)}
     return {**friction, "restitution": body.restitution, "linearDamping": 0.0, "angularDamping": 0.0}
-
-
-def _rolls_on_a_line(body: Body) -> bool:
-    """Whether all collision shapes of a free body are capsules, or cylinders that lie."""
-    lie = [abs((body.pose @ part.pose).rotation.as_matrix()[2, 2]) < 0.5 for part in body.collisions]
-    parts = zip(body.collisions, lie, strict=True)
-    return not body.fixed and all(
-        isinstance(part.shape, Capsule) or (lies and isinstance(part.shape, Cylinder)) for part, lies in parts
-    )
 
 
 def offset_of(inertia: Inertia | None) -> Pose | None:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.geometry import Array
+from core.geometry import Array, Cylinder
 from core.scene import Inertia, Scene, State
+from plugins.simulators.rolling import rollers
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.joints import apart
 from plugins.simulators.sapien.shapes import collision, place, to_sapien
@@ -25,6 +26,9 @@ GRAVITY = 9.81
 _SEPARATION = 2.0
 # How fast rolling is stopped, up to the brake's torque, 1/s: at once.
 _BRAKE = 1e4
+# The least arm of rolling friction of a lying cylinder, as a share of its radius: where it rests, slower than so many
+# m/s, and where it rolls. Without, it begins to roll by itself.
+_LEAST_RESTING, _LEAST_ROLLING, _RESTS = 0.02, 0.01, 0.05
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
@@ -70,7 +74,7 @@ class Bodies:
         centers = np.array([weighed.inertias[name].frame.position for name in self._names]).reshape(-1, 3)
         self._shifted = np.flatnonzero(centers.any(axis=1))  # bodies whose frame is not at their centre of mass
         self._centers = centers[self._shifted]
-        brakes: list[tuple[int, Any, float]] = []
+        brakes: list[tuple[int, Any, float, float]] = []
         self._brake_every = max(1, round(_BRAKE_EVERY / time_step))
         self._steps = 0
         self.components: dict[str, Any] = {}  # of the free bodies
@@ -93,11 +97,14 @@ class Bodies:
                     place(shape, part.shape, part.pose)
                     component.attach(shape)
             entity.pose = to_sapien(body.pose)
-            if not body.fixed and body.rolling_friction > 0:
-                drive, impulse = physx.PhysxDriveComponent(component), body.rolling_friction * body.mass * time_step
-                _brake(drive, impulse, GRAVITY)
+            radius = max((shape.radius for shape in rollers(body) if isinstance(shape, Cylinder)), default=0.0)
+            arm = max(body.rolling_friction, _LEAST_ROLLING * radius)
+            if not body.fixed and arm > 0:
+                drive, impulse = physx.PhysxDriveComponent(component), arm * body.mass * time_step
+                held = max(1.0, _LEAST_RESTING * radius / arm)
+                _brake(drive, impulse, held * GRAVITY)
                 entity.add_component(drive)
-                brakes.append((self._names.index(body.name), drive, impulse))
+                brakes.append((self._names.index(body.name), drive, impulse, held))
             scene.add_entity(entity)
         self._brakes = _Brakes(brakes, self._brake_every * time_step)
         placed = weighed.scene.state()
@@ -164,17 +171,18 @@ class _Brakes:
     """Rolling friction, which PhysX lacks: drives that stop the rotation of free bodies.
 
     A brake's torque is at most the arm of rolling friction times the normal force, which is taken to be what makes the
-    body deviate from free fall. Given are each body's number, its drive, the drive's impulse per step and m/s^2, and
-    the seconds between two adjustments.
+    body deviate from free fall. Given are each body's number, its drive, the drive's impulse per step and m/s^2, how
+    many times as much it is where the body rests, and the seconds between two adjustments.
     """
 
-    def __init__(self, each: list[tuple[int, Any, float]], seconds: float) -> None:
+    def __init__(self, each: list[tuple[int, Any, float, float]], seconds: float) -> None:
         self.each = each
-        self._numbers = [number for number, _, _ in each]
+        self._numbers = [number for number, *_ in each]
+        self._held = np.array([held * held for *_, held in each], dtype=np.float32)
         self._seconds = seconds
         self._velocities: npt.NDArray[np.float32] = np.zeros((len(each), 3), dtype=np.float32)
         # Squares of the accelerations between which a brake may stay as it is.
-        self._low, self._high = (np.full(len(each), (share * GRAVITY) ** 2, dtype=np.float32) for share in _ALIKE)
+        self._low, self._high = ((share * GRAVITY) ** 2 * self._held for share in _ALIKE)
 
     def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
         """Update the brakes from the velocities (B, 3) of all free bodies."""
@@ -182,10 +190,11 @@ class _Brakes:
         contact = (own - self._velocities) / self._seconds + _UP
         self._velocities = own
         squares = np.einsum("bi,bi->b", contact, contact)
+        squares *= np.where(np.einsum("bi,bi->b", own, own) < _RESTS**2, self._held, 1)
         changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
         if len(changed):
             changed_to = np.sqrt(squares[changed])
             for brake, acceleration in zip(changed.tolist(), changed_to.tolist(), strict=True):
-                _, drive, impulse = self.each[brake]
+                _, drive, impulse, _ = self.each[brake]
                 _brake(drive, impulse, acceleration)
             self._low[changed], self._high[changed] = (_ALIKE[0] * changed_to) ** 2, (_ALIKE[1] * changed_to) ** 2

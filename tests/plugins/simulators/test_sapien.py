@@ -8,7 +8,7 @@ import pytest
 
 from core.design import Component, Tool
 from core.errors import UsageError
-from core.geometry import Box, Pose, Sphere
+from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Joint
@@ -52,6 +52,15 @@ def test_many_coefficients_of_friction_are_their_pairs_geometric_means():
     due = GRAVITY * (math.sin(tilt) - np.sqrt(0.3 * frictions) * math.cos(tilt)) / 2
     np.testing.assert_allclose(slid, np.maximum(due, 0), atol=0.02)
     assert max(slid) > 1
+
+
+@pytest.mark.parametrize("rpy", [(math.pi / 2, 0, 0), (math.pi / 2, 0.3, 0), (0, math.pi / 2, 1.2)])
+@pytest.mark.parametrize(("radius", "length"), [(0.015, 0.15), (0.03, 0.1), (0.1, 0.1)])
+def test_a_lying_cylinder_does_not_roll_by_itself(radius, length, rpy):
+    ground = Body.of("ground", Box((3, 3, 0.1)), (0.5, 0, -0.05), mass=0, color=GREY)
+    can = Body.of("can", Cylinder(radius, length), (0.9, 0.3, radius), mass=0.2, color=GREY, rpy=rpy)
+    there = end(wait(sapien(), ground, can, seconds=2.0)).position("can")
+    assert np.linalg.norm(there[:2] - [0.9, 0.3]) < 1e-3
 
 
 def test_restitutions_are_told_apart():
