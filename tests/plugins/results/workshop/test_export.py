@@ -188,6 +188,8 @@ def test_reports_what_is_near_and_the_limits(made):
     assert near["arm", "table"] > 0.02
     checklist = (folder / "CHECKLIST.md").read_text()
     assert checklist.count("- [ ]") == 8
+    assert re.search(r"^- tool to \w+: -?[1-9]?\d+ mm at", checklist, re.M)
+    assert "-0 mm" not in checklist
     assert f"{found.payload['mass_kg']:g} kg" in checklist
 
 
