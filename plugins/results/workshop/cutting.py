@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Pose
 from plugins.results.workshop.printing import lay
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import Workpiece, hull
+from plugins.results.workshop.solid import hull, to_mesh, union
 
 MAX_PARTS = 24
 PLACES = np.linspace(0.25, 0.75, 11)  # of the length, where a cut may be
@@ -66,13 +66,11 @@ class _Tail:
         return points
 
 
-def cut(
-    solid: Workpiece, printer: Printer, fit: Fit, axes: Array, whole: Array
-) -> tuple[list[Workpiece], list[Dovetails]]:
+def cut(solid: Any, printer: Printer, fit: Fit, axes: Array, whole: Array) -> tuple[list[Any], list[Dovetails]]:
     """Cut until each part fits the plate.
 
     Args:
-        solid: in the mount's frame.
+        solid: a Manifold in the mount's frame.
         printer: its plate decides.
         fit: the gap in a joint.
         axes: (K, 3) directions of the components, of which a cut takes the one nearest to the longest side.
@@ -81,29 +79,27 @@ def cut(
     Returns:
         The parts, and a joint for each cut.
     """
-    done, todo, joints = list[Workpiece](), [solid], list[Dovetails]()
+    done, todo, joints = list[Any](), [solid], list[Dovetails]()
     while todo:
         piece = todo.pop(0)
-        if len(done) + len(todo) + 1 >= MAX_PARTS or lay(piece.mesh, printer.plate_mm)[1]:
+        if len(done) + len(todo) + 1 >= MAX_PARTS or lay(to_mesh(piece), printer.plate_mm)[1]:
             done.append(piece)
             continue
         near, far, joint = _divide(piece, printer, fit, axes, whole)
         joints.append(joint)
-        todo[:0] = [*near.separated(), *far.separated()]
+        todo[:0] = [*near.decompose(), *far.decompose()]
     return done, joints
 
 
-def _divide(
-    piece: Workpiece, printer: Printer, fit: Fit, axes: Array, whole: Array
-) -> tuple[Workpiece, Workpiece, Dovetails]:
+def _divide(piece: Any, printer: Printer, fit: Fit, axes: Array, whole: Array) -> tuple[Any, Any, Dovetails]:
     """Cut where most regions of the section can be joined, away from the mount."""
-    box = piece.mesh.bounding_box_oriented
+    box = to_mesh(piece).bounding_box_oriented
     longest = np.asarray(box.primitive.transform)[:3, int(np.argmax(box.primitive.extents))]
     way = axes[np.abs(axes @ longest).argmax()]
     other = axes[np.abs(axes @ way).argmin()]
     other = other - (other @ way) * way
     frame = np.stack([other / np.linalg.norm(other), np.cross(way, other / np.linalg.norm(other)), way])
-    turned = piece.body.transform(np.column_stack([frame, np.zeros(3)]))
+    turned = piece.transform(np.column_stack([frame, np.zeros(3)]))
     low, high = turned.bounding_box()[2], turned.bounding_box()[5]
     held, choices = whole @ way, []
     for place in (low + PLACES * (high - low)).tolist():
@@ -118,11 +114,11 @@ def _divide(
     back = Pose.from_rotation(place * way / 1000, Rotation.from_matrix(frame.T))
     below = np.array([(x, y, z) for x in (-_FAR, _FAR) for y in (-_FAR, _FAR) for z in (-_FAR, 0.0)])
     near, far = (
-        [(hull(points / 1000), back) for points in [below, *(tail.solid(gap, 1.0, tail.floor) for tail in sound)]]
+        union([(hull(p / 1000), back) for p in [below, *(tail.solid(gap, 1.0, tail.floor) for tail in sound)]])
         for gap in (0.0, fit.joint_mm)
     )
     neck = sum(tail.width / 3 * (tail.high - tail.low - tail.floor) for tail in sound)
-    return piece.keep(*near), piece.cut(*far), Dovetails(len(sound), neck, area)
+    return piece ^ near, piece - far, Dovetails(len(sound), neck, area)
 
 
 def _tails(regions: Sequence[Any], printer: Printer) -> tuple[list[_Tail], int]:

@@ -25,7 +25,7 @@ from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import Placed, ToolLink, Workpiece, box, hull, rod, union
+from plugins.results.workshop.solid import Placed, ToolLink, box, hull, rod, union
 
 HEADS_MM = {"M3": 5.5, "M4": 7.0, "M5": 8.5, "M6": 10.0, "M8": 13.0, "M10": 16.0}  # ISO 4762
 SCREWS_MM = (10, 12, 16, 20, 25, 30, 35, 40)
@@ -53,13 +53,13 @@ class Mount:
     """A solid that is fitted to the arm.
 
     Attributes:
-        solid: it, with what was added to its components, and without what was taken away.
+        solid: a Manifold, with what was added to its components, and without what was taken away.
         adding, taking: these shapes.
         simulated: shapes like those that were added, as components, and ``name``, what they are.
         checks, hardware: what was checked, and what is bought.
     """
 
-    solid: Workpiece
+    solid: Any
     name: str = ""
     simulated: tuple[Placed, ...] = ()
     adding: tuple[Placed, ...] = ()
@@ -68,7 +68,7 @@ class Mount:
     hardware: tuple[str, ...] = ()
 
 
-def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount:
+def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     """Make the plate of a rigid tool, whose link the solid is.
 
     The mount's origin is in the flange's face, and the tool extends toward -z, so that the plate is right below z = 0.
@@ -89,9 +89,9 @@ def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount
         height = min(BOSS_MM / 1000, flange.centring_depth_m - 0.0005)
         added.append(_upright((0, 0), -t / 2, height, (1000 * flange.centring_m - CENTRING_MM) / 2000))
     arm = _arm(robot)
-    clear = solid.cut(*arm)
-    lost = max(_shared(shape, arm) / union([shape]).volume() for shape in solid.shapes)
-    bores, screws, covered = _screws(robot, link, clear.add(plate).body, fit)
+    clear = solid - union(arm)
+    lost = max(_shared(shape, arm) / union([shape]).volume() for shape in link.shapes)
+    bores, screws, covered = _screws(robot, link, clear + union([plate]), fit)
     places = [bore[1].position for bore in bores[::2]]
     apart = max((float(np.linalg.norm(one - other)) for one in places for other in places), default=0.0)
     found = f"{len(screws)} of {flange.bolts} screws can be driven"
@@ -104,7 +104,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount
     if flange.pin_angle is not None:
         bores.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, (1000 * flange.pin_m + PIN_MM) / 2000))
         hardware.append(f"1 pin {1000 * flange.pin_m:g} m6 x 12")
-    fitted, taken = clear.add(*added).cut(*bores), (*arm, *bores)
+    fitted, taken = clear + union(added) - union(bores), (*arm, *bores)
     return Mount(fitted, "mount_plate", (plate,), tuple(added), taken, checks, tuple(hardware))
 
 
@@ -190,7 +190,7 @@ def _too_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
     return None
 
 
-def on_finger(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount:
+def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
 
     The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
@@ -211,14 +211,15 @@ def on_finger(robot: Robot, link: ToolLink, solid: Workpiece, fit: Fit) -> Mount
     bore = rod(middle, middle + out + 0.001 * np.abs(side), fit.insert_mm / 2000)
     ends = [(axis, end) for axis in range(3) for end in (-1, 1) if end * tip[axis] >= 0]  # it is open at its base
     kept = [_sheet(low, high, wall, axis, end) for axis, end in ends]
-    lost = (solid.body ^ union(cavity)).volume() / solid.body.volume()
+    lost = (solid ^ union(cavity)).volume() / solid.volume()
     checks = (
         Check("finger", lost < 0.5, f"{lost:.0%} of the attachment is cut away where the finger is"),
         Check("sleeve", True, f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"),
     )
     held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
     hardware = "1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"
-    fitted, adding, taking = solid.add(walls, clamp).cut(*cavity).cut(bore), (walls, clamp), (*cavity, bore)
+    adding, taking = (walls, clamp), (*cavity, bore)
+    fitted = solid + union(adding) - union(taking)
     return Mount(fitted, f"{link.bearer}_sleeve", (*kept, clamp), adding, taking, checks, hardware)
 
 

@@ -6,14 +6,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.solid import WELDS_MM, Placed, Workpiece, closed, manifold, to_mesh, union
+from plugins.results.workshop.solid import WELDS_MM, Placed, closed, manifold, to_mesh, union
 
 if TYPE_CHECKING:
     import trimesh
@@ -48,7 +48,7 @@ class PrintedPart:
     Attributes:
         name: of the part.
         link: the name of the link that it is part of.
-        solid: in the frame of its mount.
+        solid: a Manifold in the frame of its mount.
         mesh: as it lies on the plate, centred, its lowest point at 0.
         to_mount: (4, 4) from the mesh to the frame of its mount, millimetres.
         weld_mm: by how much its sides were moved out.
@@ -58,7 +58,7 @@ class PrintedPart:
 
     name: str
     link: str
-    solid: Workpiece
+    solid: Any
     mesh: trimesh.Trimesh
     to_mount: Array
     weld_mm: float
@@ -75,10 +75,10 @@ class PrintedPart:
 
 
 def print_part(
-    name: str, link: str, solid: Workpiece, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
+    name: str, link: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
 ) -> PrintedPart:
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
-    mesh, plate = solid.mesh, printer.plate_mm
+    mesh, plate = to_mesh(solid), printer.plate_mm
     lying, fits, back = lay(mesh, plate)
     wall, whole_skin = thinnest(mesh) - 2 * weld_mm, closed(lying)
     size = " × ".join(f"{side:.0f}" for side in lying.extents)

@@ -1,7 +1,6 @@
-"""Take a tool apart into its rigid links, and make solids of their shapes, so that a mesh and an exact model can be
-made of them.
+"""Take a tool apart into its rigid links, and make solids of their shapes: Manifolds, and meshes of them.
 
-Shapes are in metres, in the frame of the mount, with all joints at 0; meshes are in millimetres.
+Shapes are in metres, in the frame of the mount, with all joints at 0; solids and meshes are in millimetres.
 Covered by `tests/plugins/results/workshop/test_tool.py`.
 """
 
@@ -9,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -93,54 +92,6 @@ def widened(shapes: Sequence[Placed], by: float) -> list[Placed]:
     ]
 
 
-@dataclass(frozen=True, eq=False)
-class Workpiece:
-    """A solid: what was done last, and the solid ``before``; each is computed once.
-
-    The union of ``shapes`` was added, cut away, or what the solid shares with it was kept; with ``one`` the body was
-    kept whose centre is next to the ``middle`` (3,), in metres.
-    """
-
-    kind: Literal["add", "cut", "keep", "one"]
-    shapes: tuple[Placed, ...] = ()
-    before: Workpiece | None = None
-    middle: Array | None = None
-
-    def add(self, *shapes: Placed) -> Workpiece:
-        return Workpiece("add", shapes, self)
-
-    def cut(self, *shapes: Placed) -> Workpiece:
-        return Workpiece("cut", shapes, self) if shapes else self
-
-    def keep(self, *shapes: Placed) -> Workpiece:
-        return Workpiece("keep", shapes, self)
-
-    def separated(self) -> list[Workpiece]:
-        """Take its bodies apart, each as a solid of its own."""
-        middles = [to_mesh(each).center_mass / 1000 for each in self.bodies]
-        return [Workpiece("one", (), self, middle) for middle in middles] if len(middles) > 1 else [self]
-
-    @cached_property
-    def body(self) -> Any:
-        """It as a Manifold, in millimetres."""
-        if self.before is None:
-            return union(self.shapes)
-        if self.middle is not None:
-            middle = 1000 * self.middle
-            return min(self.before.bodies, key=lambda each: np.linalg.norm(to_mesh(each).center_mass - middle))
-        whole, other = self.before.body, union(self.shapes)
-        return whole + other if self.kind == "add" else whole - other if self.kind == "cut" else whole ^ other
-
-    @cached_property
-    def bodies(self) -> list[Any]:
-        """Its connected bodies, as Manifolds."""
-        return list(self.body.decompose())
-
-    @cached_property
-    def mesh(self) -> trimesh.Trimesh:
-        return to_mesh(self.body.simplify(SHORTEST_MM))
-
-
 def union(shapes: Sequence[Placed]) -> Any:
     """Return the union of shapes as a Manifold, in millimetres."""
     return _union(tuple(shapes))
@@ -165,10 +116,13 @@ def manifold(mesh: trimesh.Trimesh) -> Any:
 
 
 def to_mesh(whole: Any) -> trimesh.Trimesh:
-    """Return a Manifold as a mesh, as closed as it is: where bodies touch along an edge they share no corner."""
+    """Return a Manifold as a mesh, as closed as it is: where bodies touch along an edge they share no corner.
+
+    Edges that STL files can't hold are merged.
+    """
     import trimesh
 
-    data = whole.to_mesh64()
+    data = whole.simplify(SHORTEST_MM).to_mesh64()
     return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=False)
 
 

@@ -25,7 +25,6 @@ from plugins.results.workshop.solid import (
     WELDS_MM,
     Placed,
     ToolLink,
-    Workpiece,
     closed,
     links_of,
     manifold,
@@ -33,7 +32,6 @@ from plugins.results.workshop.solid import (
     union,
     widened,
 )
-from plugins.results.workshop.step import write_step
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import printable
 
@@ -92,7 +90,7 @@ class _FittedLink:
     mount: Mount
     weld_mm: float
     whole: Check
-    cuts: Sequence[Workpiece]
+    cuts: Sequence[Any]
     joints: Sequence[Dovetails]
 
     def printed(self, names: Iterable[str], printer: Printer, material: Material) -> list[PrintedPart]:
@@ -134,41 +132,41 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material)
 
 
-def _single(solid: Workpiece) -> Check:
-    count = len(solid.bodies)
+def _single(solid: Any) -> Check:
+    count = len(solid.decompose())
     return Check("one piece", count == 1, "one body" if count == 1 else f"it falls into {count} pieces")
 
 
-def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], solid: Workpiece) -> Mount:
+def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], solid: Any) -> Mount:
     """Fit a link's solid to what bears it: the flange, a finger, or the link that it is hinged to."""
     mount = Mount(solid)
     if link.bearer == RIGID_MOUNT:
         mount = at_flange(robot, link, solid, fit)
     elif link.bearer in GRIPPER_MOUNTS:
         mount = on_finger(robot, link, solid, fit)
-    return replace(mount, solid=mount.solid.cut(*hinges), taking=(*mount.taking, *hinges))
+    return replace(mount, solid=mount.solid - union(hinges), taking=(*mount.taking, *hinges))
 
 
-def _fitted(link: ToolLink, fix: Callable[[Workpiece], Mount], printer: Printer, fit: Fit) -> _FittedLink:
+def _fitted(link: ToolLink, fix: Callable[[Any], Mount], printer: Printer, fit: Fit) -> _FittedLink:
     """Weld a link by as little as makes it and its mount one body whose parts, as they lie on the plate, are closed."""
     for weld, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
         shapes = link.grown(weld, uneven)
-        mount = fix(Workpiece("add", tuple(shapes)))
+        mount = fix(union(shapes))
         corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
         cuts, joints = cut(mount.solid, printer, fit, link.axes, corners)
-        laid = (lay(each.mesh, printer.plate_mm)[0] for each in cuts)
-        if len(mount.solid.bodies) == 1 and closed(mount.solid.mesh) and all(map(closed, laid)):
+        laid = (lay(to_mesh(each), printer.plate_mm)[0] for each in cuts)
+        if len(mount.solid.decompose()) == 1 and closed(to_mesh(mount.solid)) and all(map(closed, laid)):
             break
     names = [*link.names, *(f"mount {n}" for n in range(len(mount.adding)))]
     whole = joined(names, [*shapes, *widened(mount.adding, weld)], weld, printer)
-    if whole.passed and len(mount.solid.bodies) > 1:
+    if whole.passed and len(mount.solid.decompose()) > 1:
         whole = _single(mount.solid)
     return _FittedLink(link, mount, weld, whole, cuts, joints)
 
 
 def _faithful(fitted: _FittedLink) -> Check:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
-    off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid.body, fitted.mount
+    off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid, fitted.mount
     wide, narrow = (_batch([_offset(shape, by) for shape in fitted.link.shapes]) for by in (off, -off))
     excess = max(0.0, (whole - wide - union(mount.adding)).volume())
     lack = max(0.0, (narrow - union(mount.taking) - whole).volume())
@@ -197,7 +195,7 @@ def _apart(links: Sequence[_FittedLink]) -> list[Check]:
     checks = []
     for one, other in itertools.combinations(links, 2):
         if one.link.mount == other.link.mount:
-            shared = (one.mount.solid.body ^ other.mount.solid.body).volume()
+            shared = (one.mount.solid ^ other.mount.solid).volume()
             said = f"{one.link.name} and {other.link.name} share {shared / 1000:.2f} cm³ at rest"
             if shared >= _NOTHING_MM3:
                 checks.append(Check("apart", False, said))
@@ -205,10 +203,10 @@ def _apart(links: Sequence[_FittedLink]) -> list[Check]:
 
 
 def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
-    """Write STL, 3MF, STEP if it can be, and ``assembly.md``, what is bought and what speaks against it.
+    """Write STL, 3MF, and ``assembly.md``, what is bought and what speaks against it.
 
     Returns:
-        The tool with a check of the files, and of what is not in the STEP file.
+        The tool with a check of the files.
 
     Raises:
         UserError: a file can't be written.
@@ -222,8 +220,7 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     read = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
     if not made.material.metal:
         write_bytes(folder / "tool.3mf", to_3mf(made.parts))
-    missing = write_step({name: part.solid for name, part in files.items()}, folder / "tool.step")
-    made = replace(made, checks=(*made.checks, read, *missing))
+    made = replace(made, checks=(*made.checks, read))
     write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=made).encode())
     return made
 
@@ -232,5 +229,5 @@ def _difference(file: Path, part: PrintedPart) -> float:
     """Measure what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed."""
     import trimesh
 
-    read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid.body
+    read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid
     return float(((read - whole).volume() + (whole - read).volume()) / whole.volume())

@@ -33,7 +33,6 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "joint of": "make one link 5 mm wider on both sides of the other, about the axis, or make it by hand",
     "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
     "apart": "leave a gap between them",
-    "STEP": "mill it from its STL file",
     "weight": "simulate it with material= what it is made of",
     "motion": "search in each of these engines with fitness=robust, or name in sims those that you trust",
     "mounted": "move components away from the mount, and leave more room where the motion is tight",

@@ -7,7 +7,7 @@ from core.geometry import Box, Cylinder, Mesh, Pose
 from plugins.results.workshop.cutting import cut
 from plugins.results.workshop.printing import lay
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import Workpiece
+from plugins.results.workshop.solid import to_mesh, union
 
 pytestmark = pytest.mark.slow
 
@@ -34,20 +34,19 @@ SOLIDS = {
 
 def parted(name):
     shapes = SOLIDS[name]
-    solid = Workpiece("add", shapes)
+    solid = union(shapes)
     axes = np.vstack([pose.rotation.as_matrix().T for _, pose in shapes])
-    return solid.body, *cut(solid, SMALL, FIT, axes, NO_MOUNT)
+    return solid, *cut(solid, SMALL, FIT, axes, NO_MOUNT)
 
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_parts_fit_and_make_the_whole(name):
-    whole, solids, joints = parted(name)
-    parts = [solid.body for solid in solids]
+    whole, parts, joints = parted(name)
     assert len(parts) > 1
-    for solid in solids:
-        assert solid.mesh.is_volume
-        assert len(solid.bodies) == 1
-        assert lay(solid.mesh, SMALL.plate_mm)[1]
+    for part in parts:
+        assert to_mesh(part).is_volume
+        assert len(part.decompose()) == 1
+        assert lay(to_mesh(part), SMALL.plate_mm)[1]
     together = sum(parts[1:], parts[0])
     assert (together - whole).volume() < 0.01
     assert sum(part.volume() for part in parts) == pytest.approx(together.volume(), abs=0.01)  # none overlap
@@ -60,34 +59,25 @@ def test_parts_fit_and_make_the_whole(name):
 @pytest.mark.parametrize("name", ["bar", "leaning bar", "sheet", "pan"])
 def test_dovetails_slide_in_and_do_not_come_apart(name):
     """One half moves square to its socket only: not along the cut's normal, and not across its tails."""
-    _, solids, _ = parted(name)
-    near, far = (solid.body for solid in solids[-2:])
+    near, far = parted(name)[1][-2:]
     shared = lambda way: (near.translate(tuple(way)) ^ far).volume()  # noqa: E731
     assert shared((0, 0, 0)) < 1e-6
-    turn, pulled = SOLIDS[name][0][1].rotation.as_matrix().T, _normal(solids[-1])
+    turn = SOLIDS[name][0][1].rotation.as_matrix().T
+    pulled = max((*turn, *-turn), key=lambda way: way @ (to_mesh(near).center_mass - to_mesh(far).center_mass))
     ways = [way for way in np.vstack([np.eye(3), -np.eye(3), turn, -turn]) if shared(way) < 0.01]
     assert all(abs(way @ pulled) < 0.01 or way @ pulled < 0 for way in ways)
     assert shared(-2 * pulled) > 1
 
 
-def _normal(solid):
-    """The normal of the last cut: out of the half that is kept."""
-    while solid.kind != "cut":
-        solid = solid.before
-    return solid.shapes[0][1].rotation.as_matrix()[:, 2]
-
-
 def test_no_cut_goes_through_the_mount():
     shapes = SOLIDS["bar"]
-    solid = Workpiece("add", shapes)
     held = np.array([[-40.0, 0, 0], [40.0, 0, 0]])
-    solids, _ = cut(solid, SMALL, FIT, np.eye(3), held)
-    boxes = [part.body.bounding_box() for part in solids]
+    boxes = [part.bounding_box() for part in cut(union(shapes), SMALL, FIT, np.eye(3), held)[0]]
     assert any(low < -40 and high > 40 for low, high in ((box[0], box[3]) for box in boxes))
 
 
 def test_a_section_that_nothing_fits_is_glued_and_says_so():
     wire = Mesh.from_trimesh(Cylinder(0.002, 0.4).to_trimesh())
-    solids, joints = cut(Workpiece("add", ((wire, Pose()),)), SMALL, FIT, np.eye(3), NO_MOUNT)
+    solids, joints = cut(union([(wire, Pose())]), SMALL, FIT, np.eye(3), NO_MOUNT)
     assert len(solids) > 1
     assert {str(joint).split(",")[0] for joint in joints} == {"glue alone"}

@@ -49,7 +49,7 @@ def test_bores_are_where_the_panda_has_threads():
     """Its drawing has four M6 at 45 degrees on a circle of 50 mm, and a pin of 6 mm at 90 degrees, from outside."""
     found = made(POST)
     assert check(found, "screws").passed
-    holes = circles(found.parts[0].solid.body, -3.5)
+    holes = circles(found.parts[0].solid, -3.5)
     turn = PANDA.mount.rotation.as_matrix()[:2, :2]
     at = {round(diameter, 1): [] for _, diameter in holes}
     for middle, diameter in holes:
@@ -60,7 +60,7 @@ def test_bores_are_where_the_panda_has_threads():
 
 
 def test_the_plate_is_below_the_face_and_its_boss_in_the_recess():
-    solid = made(POST).parts[0].solid.body
+    solid = made(POST).parts[0].solid
     assert solid.slice(-0.01).area() == pytest.approx(math.pi * (31.5**2 - 4 * 3.3**2 - 3.05**2), rel=0.01)
     boss = solid.trim_by_plane((0, 0, 1), 0.01)
     low, high = np.reshape(boss.bounding_box(), (2, 3))
@@ -76,7 +76,7 @@ def test_a_beam_is_held_by_long_screws_through_it():
     found = made(box("beam", (0.1, 0, -0.01), (0.3, 0.03, 0.02)))
     assert sorted(found.hardware[:2]) == ["2 x M6 x 12", "2 x M6 x 25"]
     assert check(found, "screws").passed
-    below = circles(found.parts[0].solid.body, -19)
+    below = circles(found.parts[0].solid, -19)
     assert sorted(round(middle[0]) for middle, _ in below) == [-25, 25]
     assert all(diameter == pytest.approx(6.6, abs=0.05) for _, diameter in below)
 
@@ -92,14 +92,14 @@ def test_what_covers_the_screws_is_named():
 def test_what_is_above_the_face_is_cut_where_the_arm_is():
     found = made(box("cap", (0, 0, 0.0), (0.06, 0.06, 0.02)))
     assert not check(found, "clear of the arm").passed
-    solid = found.parts[0].solid.body
+    solid = found.parts[0].solid
     assert solid.slice(5.0).area() < 60**2 - math.pi * 31.5**2 + 1
     assert check(made(POST), "clear of the arm").passed
 
 
 def test_a_flange_without_pin_and_recess():
     plain = replace(PANDA, flange=replace(PANDA.flange, pin_angle=None, centring_m=None, bolts=6, thread="M5"))
-    solid = made(POST, robot=plain).parts[0].solid.body
+    solid = made(POST, robot=plain).parts[0].solid
     assert [round(diameter, 1) for _, diameter in circles(solid, -3.5)] == [5.6] * 6
     assert solid.bounding_box()[5] == pytest.approx(0, abs=0.02)
     with pytest.raises(UserError, match="no screw is known for thread 'UNC'"):
@@ -113,7 +113,7 @@ def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
     side = 1 if mount == "left_finger" else -1
     found = made(box("pad", (0, side * 0.007, 0.08), (0.016, 0.014, 0.08), mount), gripper=True)
     assert found.faults == [fault for fault in found.faults if "weight" in fault]
-    sleeve = found.parts[0].solid.body
+    sleeve = found.parts[0].solid
     finger = [
         manifold(hull(1000 * s.pose.apply(corners(s.geometry))).to_trimesh())
         for s in robot_solids(PANDA, True)
@@ -166,7 +166,7 @@ def along(length, wide):
 @pytest.mark.parametrize("tool", [pair(), pair(0.02, 0.05)])  # the one that is wider becomes a fork
 def test_a_pin_fits_and_the_links_turn(tool):
     made = make_tool(tool, PANDA, Material(), Printer(), Fit())
-    post, jaw = (part.solid.body for part in made.parts)
+    post, jaw = (part.solid for part in made.parts)
     middle = post if tool.components[0].shape.size[0] < 0.04 else jaw
     assert (along(0.05, 2.98) ^ (post + jaw)).volume() < 0.1  # tight in the fork
     assert (along(0.02, 3.38) ^ middle).volume() < 0.1

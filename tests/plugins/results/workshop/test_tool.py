@@ -11,7 +11,6 @@ from plugins.conformance.joints import tongs
 from plugins.conformance.shapes import bowl, prism
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import box, manifold, to_mesh, union
-from plugins.results.workshop.step import NO_STEP
 from plugins.results.workshop.tool import make_tool, write_tool
 from tests.panda import PANDA
 
@@ -73,44 +72,6 @@ def test_the_3mf_has_every_part(written):
     assert back.units == "millimeter"
     volumes = sorted(mesh.volume for mesh in back.geometry.values())
     assert volumes == pytest.approx(sorted(part.mesh.volume for part in made.parts), rel=1e-3)
-
-
-def test_step_is_read_back_with_the_same_volume(written):
-    pytest.importorskip("OCP")
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-    from OCP.STEPControl import STEPControl_Reader
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopExp import TopExp_Explorer
-
-    folder, made = written
-    reader = STEPControl_Reader()
-    reader.ReadFile(str(folder / "tool.step"))
-    reader.TransferRoots()
-    found, volumes = TopExp_Explorer(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID), []
-    while found.More():
-        weighed = GProp_GProps()
-        BRepGProp.VolumeProperties_s(found.Current(), weighed)
-        volumes.append(weighed.Mass())
-        found.Next()
-    assert volumes == pytest.approx([part.solid.body.volume() for part in made.parts], rel=0.01)
-    assert "CYLINDRICAL_SURFACE" in (folder / "tool.step").read_text()  # bores are round
-
-
-def test_what_open_cascade_can_not_model_is_left_out_of_the_step_file(written, tmp_path, monkeypatch):
-    pytest.importorskip("OCP")
-    _, made = written
-    monkeypatch.setattr("plugins.results.workshop.step.SAME_VOLUME", -1.0)
-    made = write_tool(made, tmp_path)
-    assert not (tmp_path / "tool.step").exists()
-    assert "STEP: part_1_of_2.stl can't be modelled; mill it from its STL file" in made.faults
-
-
-def test_without_open_cascade_a_line_says_how_to_get_step(written, tmp_path, monkeypatch):
-    monkeypatch.setattr("plugins.results.workshop.step.importlib.util.find_spec", lambda name: None)
-    made = write_tool(written[1], tmp_path)
-    assert not (tmp_path / "tool.step").exists()
-    assert (made.checks[-1].passed, made.checks[-1].found) == (None, NO_STEP)
 
 
 def test_a_file_that_is_not_the_part_is_said(written, tmp_path, monkeypatch):
