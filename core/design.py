@@ -121,9 +121,7 @@ class Evaluation:
         warnings: what else is to be said of it.
         trials: in their order.
         combined: whether a fitness made it of ``trials``; else it is that of the only one.
-        planned: how many trials there would have been, where it was given up before the last; None: it was not.
         same_as: the id of the near-duplicate that was tried in its place.
-        saved_s: the processor time of the rollouts that were not needed, an estimate.
         figures: further numbers of a fitness, by name.
         final: its trials as a finalist: of each the engine, its number there, and the reward.
     """
@@ -140,9 +138,7 @@ class Evaluation:
     warnings: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = ()
     combined: bool = False
-    planned: int | None = None
     same_as: str | None = None
-    saved_s: float = 0.0
     figures: Mapping[str, float] = field(default_factory=dict)
     final: tuple[tuple[str, int, float], ...] = ()
 
@@ -167,11 +163,6 @@ class Evaluation:
         return bool(self.trials) and holds(min(float(np.mean(own)) for own in self.by_engine.values()))
 
     @property
-    def stopped(self) -> bool:
-        """Whether it was given up before its last trial; its reward is what is certain."""
-        return self.planned is not None
-
-    @property
     def shown(self) -> Trial | None:
         """The trial that was observed; None: none was."""
         return next((trial for trial in self.trials if trial.observation is not None), None)
@@ -193,11 +184,6 @@ class Evaluation:
     def rollouts(self) -> int:
         """The number of its rollouts."""
         return count_rollouts(self.status, self.trials, self.same_as)
-
-    @property
-    def unneeded(self) -> int:
-        """The number of rollouts that were not needed: those of trials left out."""
-        return self.planned - len(self.trials) if self.planned is not None else 0
 
 
 def count_rollouts(status: str, trials: Sequence[Trial], same_as: str | None) -> int:
@@ -250,13 +236,9 @@ def _or_longest(distance_m: float | None) -> float:
 
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
-    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`.
-
-    Those that stopped early come after all others.
-    """
+    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
     tried = sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key)
-    parts = ([e for e in tried if e.stopped is stopped] for stopped in (False, True))
-    return [e for part in parts for e in ranked(part, lambda e: (e.reward, e.distance_m), tie)]
+    return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from core.design import TIE, Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
@@ -72,14 +72,6 @@ class Generation:
         return sum(e.status == status for e in self.evaluations)
 
 
-class SavedRollouts(NamedTuple):
-    """The rollouts that a run did not need, and their seconds of processor time, an estimate; the near-duplicates."""
-
-    rollouts: int
-    seconds: float
-    near_duplicates: int
-
-
 @dataclass(frozen=True, eq=False)
 class Result:
     """The result of a run: its generations, and how long it took.
@@ -121,11 +113,3 @@ class Result:
         found = {e.candidate.content: e for generation in self.generations for e in generation.evaluations}
         finals = sum(len(rewards) for engines in self.finals.values() for rewards in engines.values())
         return finals + sum(e.rollouts for e in found.values())
-
-    @property
-    def saved(self) -> SavedRollouts:
-        """What was not tried, or not to the end. What equal candidates share counts once."""
-        evaluations = [e for generation in self.generations for e in generation.evaluations]
-        tried = {e.candidate.content: e for e in evaluations if e.same_as is None}.values()
-        near_duplicates = sum(e.same_as is not None for e in evaluations)
-        return SavedRollouts(sum(e.unneeded for e in tried), sum(e.saved_s for e in tried), near_duplicates)

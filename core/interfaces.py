@@ -333,9 +333,6 @@ class Evaluate(Protocol):
         """Return one evaluation for each candidate, in order."""
 
 
-Raced = tuple[list[Candidate], list[Evaluation] | Exception]
-
-
 class Fitness(Evaluate, ABC):
     """The rule that turns a candidate's rollouts into one evaluation. It is picklable, and called in workers.
 
@@ -354,15 +351,6 @@ class Fitness(Evaluate, ABC):
     def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
         """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
         return {}
-
-    def race(
-        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
-    ) -> Iterator[Raced] | None:
-        """Yield what `Executor.map` would, of candidates that compete; None: they don't compete.
-
-        They do so with each other, and with those of ``earlier``, which is called after all of ``chunks`` were read.
-        """
-        return None
 
 
 CHUNK = 10  # candidates that travel together: the method has as many plans for a tool

@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Goal, Scene, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 SIDE = 0.07
 START = (1.0, 0.0, SIDE / 2)
@@ -35,12 +35,8 @@ class BringCube(Task):
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("mark", TARGET, 0.03)},
         "wide": {
-            "cube.x": (0.85, 1.05),
-            "cube.y": (-0.3, 0.3),
-            "cube.yaw": (-np.pi / 4, np.pi / 4),
-            "cube.mass": (0.5, 1.5),
-            "mark.x": (0.45, 0.65),
-            "mark.y": (-0.2, 0.2),
+            **within("cube", x=(0.85, 1.05), y=(-0.3, 0.3), yaw=(-np.pi / 4, np.pi / 4), mass=(0.5, 1.5)),
+            **within("mark", x=(0.45, 0.65), y=(-0.2, 0.2)),
         },
     }
     camera = Camera(position=(1.45, -1.1, 0.9), target=(0.52, 0.0, 0.2))

@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 COUNT = 8
 SIDE = 0.03
@@ -64,11 +64,9 @@ class CleanTable(Task):
     variations = {
         "near": around("circle", CIRCLE, 0.03),
         "wide": {
-            "patch.x": (-0.05, 0.0),
-            "patch.y": (-0.1, 0.1),
+            **within("patch", x=(-0.05, 0.0), y=(-0.1, 0.1)),
             "dust.mass": (0.005, 0.02),
-            "circle.x": (1.08, 1.15),
-            "circle.y": (-0.15, 0.15),
+            **within("circle", x=(1.08, 1.15), y=(-0.15, 0.15)),
         },
     }
     camera = Camera(position=(1.75, -1.0, 1.15), target=(0.58, 0.0, 0.12), fov_deg=50.0)

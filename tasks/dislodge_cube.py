@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Scene, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 SIDE = 0.07
 WALL = 0.01
@@ -91,12 +91,8 @@ class DislodgeCube(Task):
     variations = {
         "near": around("pipe", (0.0, 0.0), 0.03, 0.05),
         "wide": {
-            "pipe.x": (-0.05, 0.03),
-            "pipe.y": (-0.1, 0.1),
-            "pipe.yaw": (-0.2, 0.2),
-            "cube.x": (CUBE[0] - 0.02, CUBE[0] + 0.005),
-            "cube.side": (0.055, 0.08),
-            "cube.mass": (0.1, 0.4),
+            **within("pipe", x=(-0.05, 0.03), y=(-0.1, 0.1), yaw=(-0.2, 0.2)),
+            **within("cube", x=(CUBE[0] - 0.02, CUBE[0] + 0.005), side=(0.055, 0.08), mass=(0.1, 0.4)),
         },
     }
     home = Pose(np.array([0.4, 0.0, 0.1]))

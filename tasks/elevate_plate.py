@@ -8,7 +8,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import revolved, round_wall
 
 # The plate stands on a foot; around the foot there is a gap of FOOT_HEIGHT between the plate and the table.
@@ -76,7 +76,7 @@ class ElevatePlate(Task):
     goals = (Goal(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
     variations = {
         "near": around("plate", START, 0.03),
-        "wide": {"plate.x": (0.6, 0.8), "plate.y": (-0.25, 0.25), "plate.mass": (0.3, 0.7)},
+        "wide": within("plate", x=(0.6, 0.8), y=(-0.25, 0.25), mass=(0.3, 0.7)),
     }
     camera = Camera(position=(1.45, -1.05, 0.95), target=(0.48, 0.0, 0.31))
 

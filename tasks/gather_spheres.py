@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 RADIUS, MASS = 0.02, 0.005
 ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; JITTER: a sphere's largest offset on the grid
@@ -79,9 +79,7 @@ class GatherSpheres(Task):
     variations = {
         "near": around("container", CONTAINER, 0.03, 0.1),
         "wide": {
-            "container.x": (0.64, 0.74),
-            "container.y": (-0.15, 0.15),
-            "container.yaw": (-0.3, 0.3),
+            **within("container", x=(0.64, 0.74), y=(-0.15, 0.15), yaw=(-0.3, 0.3)),
             "sphere.mass": (0.003, 0.008),
         },
     }

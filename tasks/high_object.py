@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board, open_box
 
 SIDE = 0.05
@@ -54,11 +54,9 @@ class HighObject(Task):
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("bin", BIN_CENTER, 0.02)},
         "wide": {
-            "cube.x": (1.15, 1.28),
-            "cube.y": (-0.3, 0.3),
-            "cube.yaw": (-np.pi / 4, np.pi / 4),
-            "cube.side": (0.04, 0.06),
-            "cube.mass": (0.05, 0.2),
+            **within(
+                "cube", x=(1.15, 1.28), y=(-0.3, 0.3), yaw=(-np.pi / 4, np.pi / 4), side=(0.04, 0.06), mass=(0.05, 0.2)
+            ),
             "shelf.z": (-0.1, 0.0),
             "bin.x": (0.74, 0.82),
         },

@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outer width along x and y; height of the walls; their thickness
 FLAP, SLANT = 0.10, np.radians(25.0)  # length of a flap, and the angle by which it rises outward
@@ -57,12 +57,7 @@ class LiftBox(Task):
     goals = (Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),)
     variations = {
         "near": around("box", CENTER, 0.03, 0.3),
-        "wide": {
-            "box.x": (0.58, 0.72),
-            "box.y": (-0.2, 0.2),
-            "box.yaw": (-np.pi / 4, np.pi / 4),
-            "box.mass": (0.2, 0.45),
-        },
+        "wide": within("box", x=(0.58, 0.72), y=(-0.2, 0.2), yaw=(-np.pi / 4, np.pi / 4), mass=(0.2, 0.45)),
     }
     camera = Camera(position=(1.3, -0.95, 0.9), target=(0.48, 0.0, 0.28))
 

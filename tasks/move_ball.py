@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Goal, Scene, Sphere, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 RADIUS = 0.08
 START = (0.6, 0.3, RADIUS)
@@ -37,11 +37,8 @@ class MoveBall(Task):
     variations = {
         "near": {**around("ball", START, 0.03), **around("mark", TARGET, 0.03)},
         "wide": {
-            "ball.x": (0.5, 0.7),
-            "ball.y": (0.2, 0.35),
-            "ball.mass": (0.5, 1.5),
-            "mark.x": (0.5, 0.7),
-            "mark.y": (-0.35, -0.2),
+            **within("ball", x=(0.5, 0.7), y=(0.2, 0.35), mass=(0.5, 1.5)),
+            **within("mark", x=(0.5, 0.7), y=(-0.35, -0.2)),
         },
     }
     camera = Camera(position=(1.6, -1.2, 1.05), target=(0.5, 0.0, 0.2), fov_deg=52.0)

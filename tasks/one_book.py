@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one book to the next along y
 HEIGHTS = (0.17, 0.168, 0.172, 0.21, 0.22)  # from the robot's right to its left
@@ -77,9 +77,7 @@ class OneBook(Task):
     variations = {
         "near": around("row", (CENTER_X, 0.0), 0.03, 0.3),
         "wide": {
-            "row.x": (0.55, 0.68),
-            "row.y": (-0.2, 0.2),
-            "row.yaw": (-0.4, 0.4),
+            **within("row", x=(0.55, 0.68), y=(-0.2, 0.2), yaw=(-0.4, 0.4)),
             "book_3.height": (0.155, 0.19),
             "books.density": (400.0, 800.0),
         },

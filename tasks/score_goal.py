@@ -9,7 +9,7 @@ import trimesh
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, State, floor
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board
 
 PUCK_RADIUS, PUCK_HEIGHT, PUCK_MASS = 0.038, 0.025, 0.17
@@ -99,11 +99,8 @@ class ScoreGoal(Task):
     variations = {
         "near": {**around("puck", START, 0.03), **around("goal", (CENTER_X, CENTER_Y), 0.03)},
         "wide": {
-            "puck.x": (0.7, 0.85),
-            "puck.y": (0.45, 0.65),
-            "puck.mass": (0.12, 0.22),
-            "goal.x": (1.8, 2.1),
-            "goal.y": (-0.3, 0.3),
+            **within("puck", x=(0.7, 0.85), y=(0.45, 0.65), mass=(0.12, 0.22)),
+            **within("goal", x=(1.8, 2.1), y=(-0.3, 0.3)),
         },
     }
     camera = Camera(position=(1.6, -1.75, 1.5), target=(1.05, 0.3, 0.1), fov_deg=52.0)

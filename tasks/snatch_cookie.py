@@ -8,7 +8,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import revolved, round_wall
 
 JAR = (0.58, 0.0)  # x, y of its middle
@@ -88,7 +88,7 @@ class SnatchCookie(Task):
     )
     variations = {
         "near": around("jar", JAR, 0.03, 0.3),
-        "wide": {"jar.x": (0.5, 0.65), "jar.y": (-0.2, 0.2), "jar.yaw": (-0.6, 0.6), "cookie.mass": (0.012, 0.03)},
+        "wide": {**within("jar", x=(0.5, 0.65), y=(-0.2, 0.2), yaw=(-0.6, 0.6)), "cookie.mass": (0.012, 0.03)},
     }
     camera = Camera(position=(1.15, -0.62, 0.68), target=(0.42, 0.0, 0.3))
 

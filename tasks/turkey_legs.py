@@ -9,7 +9,7 @@ import trimesh
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board, open_box, revolved, round_wall
 
 POT = (0.75, -0.2)  # x, y of its middle
@@ -116,12 +116,9 @@ class TurkeyLegs(Task):
     variations = {
         "near": {**around("pot", POT, 0.03, 0.1), **around("box", BOX, 0.02)},
         "wide": {
-            "pot.x": (0.68, 0.78),
-            "pot.y": (-0.27, -0.17),
-            "pot.yaw": (-0.3, 0.3),
+            **within("pot", x=(0.68, 0.78), y=(-0.27, -0.17), yaw=(-0.3, 0.3)),
             "leg.mass": (0.04, 0.08),
-            "box.x": (0.72, 0.85),
-            "box.y": (0.24, 0.32),
+            **within("box", x=(0.72, 0.85), y=(0.24, 0.32)),
         },
     }
     home = Pose(np.array([0.4, -0.2, 0.2]))

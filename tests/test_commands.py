@@ -130,7 +130,7 @@ def test_the_result(tiny):
             "tie",
             "stopped",
         ),
-        *("generations", "n_evaluations", "rollouts", "saved", "wall_time_s", "rollouts_per_s", "versions"),
+        *("generations", "n_evaluations", "rollouts", "wall_time_s", "rollouts_per_s", "versions"),
     ]
     assert [result[key] for key in ("task", "robot", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
         *("BringCube", "panda", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)

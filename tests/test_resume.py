@@ -28,13 +28,10 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 KILLED = {  # settings of the runs that are killed
     "vlmgineer": [],
-    "map_elites": ["evolution=map_elites", "evolution.varied=4"],
+    "map_elites": ["evolution=map_elites"],
     "islands": ["evolution=islands"],
     "refined": ["evolution.refine=12"],
-    "raced": [
-        *("task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0", "fitness.final=0"),
-        "fitness.stop_behind=1",
-    ],
+    "layouts": ["task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0", "fitness.final=0"],
 }
 TIMES = ("wall_time_s", "rollouts_per_s")
 LOCAL = ("notes", "members", "limit", "down", "fails_at", "workers")  # settings that may differ between sessions

@@ -115,8 +115,6 @@ def combined_figures(evaluation: Evaluation, task: Task, sight: Sight | None = N
         figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
         if poor := poor_layouts(evaluation, task, drawn=sight is None):
             figures["poor_layouts"] = poor
-    if evaluation.planned is not None:
-        figures["stopped"] = {"after": len(evaluation.trials), "of": evaluation.planned}
     if evaluation.same_as is not None:
         figures["same_as"] = evaluation.same_as
     return figures | dict(evaluation.figures)

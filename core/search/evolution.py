@@ -16,7 +16,7 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError, fault
 from core.events import INTERRUPTED, Generation, Result
-from core.interfaces import CHUNK, Budget, EvolutionStrategy, Executor, Fitness, Raced, Robot
+from core.interfaces import CHUNK, Budget, EvolutionStrategy, Executor, Robot
 from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
 from core.search.duplicates import NearDuplicates
@@ -154,7 +154,7 @@ class Trials:
         broken: list[list[Candidate]] = []
         untried = self._untried(candidates, settled)
         chunks = _gathered(untried, self._batch) if self._batch > 1 else _chunks(untried)
-        for chunk, result in self._attempt(chunks):
+        for chunk, result in self._executor.map(self._evaluate, chunks):
             yield from _drained(settled)
             if isinstance(result, Exception):
                 broken.append(chunk)
@@ -179,16 +179,6 @@ class Trials:
         yield from _drained(settled)
         if self._waiting:
             raise UserError(f"{describe_part(self._executor)}: map gave no result for {len(self._waiting)} candidates")
-
-    def _attempt(self, chunks: Iterable[list[Candidate]]) -> Iterator[Raced]:
-        raced = None
-        if isinstance(self._evaluate, Fitness):
-            raced = self._evaluate.race(chunks, self._executor, self._so_far)
-        return self._executor.map(self._evaluate, chunks) if raced is None else raced
-
-    def _so_far(self) -> list[Evaluation]:
-        with self._lock:
-            return list(self._earned.values())
 
     def _untried(self, candidates: Iterable[Candidate], settled: deque[Evaluation]) -> Iterator[Candidate]:
         """Yield the candidates to try; evaluations of the others go to ``settled`` at once, or come from `_results`."""

@@ -75,11 +75,6 @@ class StoredEvaluation:
         return load_plan(self.waypoints)
 
     @property
-    def stopped(self) -> bool:
-        """Whether it was given up before its last trial."""
-        return self.details.planned is not None
-
-    @property
     def rollouts(self) -> int:
         """The number of its rollouts."""
         return count_rollouts(self.status, self.details.trials, self.details.same_as)

@@ -293,7 +293,6 @@ def report(run: Run, result: Result) -> dict[str, Any]:
         "generations": [summary(generation) for generation in result.generations],
         "n_evaluations": result.n_evaluations,
         "rollouts": result.rollouts,
-        "saved": saved._asdict() if any(saved := result.saved) else None,
         "wall_time_s": round(result.wall_time_s, 3),
         "rollouts_per_s": round(result.rollouts / result.wall_time_s, 3),
         "versions": versions(),

@@ -143,15 +143,6 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class SavedFigures:
-    """The rollouts that were not needed, and their seconds of processor time; of a run its near-duplicates too."""
-
-    rollouts: Count
-    seconds: Amount
-    near_duplicates: Count = 0
-
-
-@dataclass(frozen=True)
 class RunFigures:
     """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
     which difference rewards counted as equal.
@@ -178,7 +169,6 @@ class RunFigures:
     unseen: Unseen | None = None
     effort: Effort | None = None  # in unseen layouts
     rollouts: Count | None = None  # of runs before they were counted
-    saved: SavedFigures | None = None
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -194,9 +184,7 @@ class Details:
 
     trials: tuple[Trial, ...] = ()
     combined: bool = False
-    planned: Count | None = None
     same_as: Id | None = None
-    saved_s: Amount = 0.0
     figures: dict[str, Number] = field(default_factory=dict)
     final: tuple[tuple[str, Count, Reward], ...] = ()
 

@@ -45,3 +45,8 @@ def around(name: str, position: Sequence[float], metres: float, radians: float =
     x, y, *_ = position
     ranges = {f"{name}.x": (x - metres, x + metres), f"{name}.y": (y - metres, y + metres)}
     return ranges | ({f"{name}.yaw": (-radians, radians)} if radians else {})
+
+
+def within(name: str, **ranges: tuple[float, float]) -> Ranges:
+    """Ranges of a body's numbers, such as ``x``, ``yaw`` and ``mass``."""
+    return {f"{name}.{number}": span for number, span in ranges.items()}

@@ -17,7 +17,7 @@ from core.plugins import PluginPart
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
 from core.values.layouts import NONE, Ranges
-from plugins.fitness.racing import SeveralTrials, Stops
+from plugins.fitness.several import SeveralTrials
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
@@ -65,7 +65,6 @@ class Layouts(SeveralTrials):
             candidates that earn alike; 0: the shortest distance decides.
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
-        stop_below: see `plugins.fitness.racing.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.
@@ -80,14 +79,10 @@ class Layouts(SeveralTrials):
         final: int = 8,
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
-        stop_below: float | None = None,
-        stop_behind: float | None = None,
     ) -> None:
         for name, count, least in (("layouts", layouts, 1), ("final", final, 0), ("unseen", unseen, 0)):
             if count < least:
                 raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
-        if stop_behind is not None and combine != "mean":
-            raise UsageError(f"fitness.stop_behind compares means; with fitness.combine={combine} it must be null")
         if evaluator.seed + layouts + final > _MOST_SEED:
             what = "seed, fitness.layouts and fitness.final together"
             raise UsageError(f"{what} must be at most {_MOST_SEED}; those after are unseen")
@@ -104,7 +99,7 @@ class Layouts(SeveralTrials):
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
         how, self._counts = COMBINE[combine]
         kind = _Weighed if combine == "margin" else CheckedEvaluator
-        super().__init__(self._in_layouts(self._seeds, self._sims, kind), how, Stops(stop_below, stop_behind), "layout")
+        super().__init__(self._in_layouts(self._seeds, self._sims, kind), how, "layout")
 
     def _in_layouts(
         self,
@@ -134,7 +129,6 @@ class Layouts(SeveralTrials):
             f"in metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
             "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as "
             "that, and the tool must be clear of each at the start."
-            f"{self.stops.instructions()}"
         )
 
     def final(self) -> dict[str, list[Evaluator]]:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from core.design import Evaluation
+from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.simulation.rollout import Evaluator
 from core.values.efforts import HOLDS, Effort
 from plugins.fitness.layouts import Layouts
-from plugins.fitness.racing import Tried
 
 
 class Lean(Layouts):
@@ -54,8 +53,8 @@ class Lean(Layouts):
             f"is compared with takes {known.motion_s:.3g} s and has a tool of {1000 * known.mass_kg:.3g} g{room}."
         )
 
-    def _combined(self, every: Iterable[Tried]) -> list[Evaluation]:
-        return [self._weighed(evaluation) for evaluation in super()._combined(every)]
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return [self._weighed(evaluation) for evaluation in super().__call__(candidates)]
 
     def _weighed(self, evaluation: Evaluation) -> Evaluation:
         effort = evaluation.effort

@@ -8,7 +8,7 @@ from typing import Any
 from core.config.schemas import PerturbationRange
 from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
-from plugins.fitness.racing import SeveralTrials, Stops
+from plugins.fitness.several import SeveralTrials
 
 
 class Robust(SeveralTrials):
@@ -19,7 +19,6 @@ class Robust(SeveralTrials):
         sims: see `core.simulation.robustness.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
-        stop_below: see `plugins.fitness.racing.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: an engine or a seed that can't be used.
@@ -31,15 +30,13 @@ class Robust(SeveralTrials):
         sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
         seeds: list[int] = [0, 1, 2],  # noqa: B006
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
-        stop_below: float | None = None,
-        stop_behind: float | None = None,
     ) -> None:
         check_draws(seeds)
         evaluators = {
             name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
             for name, sim in engines(sims, evaluator.sim).items()
         }
-        super().__init__(evaluators, mean, Stops(stop_below, stop_behind), "change")
+        super().__init__(evaluators, mean, "change")
         self._draws, self._perturbation = len(seeds), perturbation
 
     def instructions(self) -> str:
@@ -53,5 +50,4 @@ class Robust(SeveralTrials):
             f"are moved by up to {most.position:g} m along x and along y and turned by up to {most.yaw:g} rad about z, "
             f"masses differ by up to {most.mass:.0%}, friction by up to {most.friction:.0%}. "
             f"What counts is {counts}; a trial that fails counts 0. So leave margins."
-            f"{self.stops.instructions()}"
         )

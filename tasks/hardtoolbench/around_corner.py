@@ -8,7 +8,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board
 
 LENGTH, WIDTH, HEIGHT, WALL = 0.18, 0.13, 0.105, 0.008  # inside the box
@@ -69,17 +69,17 @@ class AroundCorner(Task):
     variations = {
         "near": around("box", (0.46, 0.0), 0.03, 0.2),
         "wide": {
-            "box.x": (0.42, 0.5),
-            "box.y": (-0.2, 0.2),
-            "box.yaw": (-0.5, 0.5),
-            "cube.gap": (0.055, 0.075),
-            "cube.y": (-0.015, 0.015),
-            "cube.yaw": (-0.25, 0.25),
-            "cube.side": (0.036, 0.046),
-            "cube.mass": (0.05, 0.2),
-            "cube.friction": (0.2, 0.5),
-            "mark.x": (OPENING + 0.13, OPENING + 0.19),
-            "mark.y": (-0.1, 0.1),
+            **within("box", x=(0.42, 0.5), y=(-0.2, 0.2), yaw=(-0.5, 0.5)),
+            **within(
+                "cube",
+                gap=(0.055, 0.075),
+                y=(-0.015, 0.015),
+                yaw=(-0.25, 0.25),
+                side=(0.036, 0.046),
+                mass=(0.05, 0.2),
+                friction=(0.2, 0.5),
+            ),
+            **within("mark", x=(OPENING + 0.13, OPENING + 0.19), y=(-0.1, 0.1)),
         },
     }
     camera = Camera(position=(1.05, -0.85, 0.6), target=(0.52, 0.0, 0.1))

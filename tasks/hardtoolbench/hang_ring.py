@@ -8,7 +8,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Mesh, Pose, Scene, State, Trace, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 PEG, PEG_WIDTH, LIP = 0.1, 0.01, 0.012  # length, width and height, and the height of the lip at its tip
 HANGS = 0.05  # from the peg's root to the ring, m
@@ -69,16 +69,9 @@ class HangRing(Task):
     variations = {
         "near": {**around("post_a", (0.62, -0.2), 0.03, 0.2), **around("post_b", (0.62, 0.2), 0.03, 0.2)},
         "wide": {
-            "post_a.x": (0.57, 0.7),
-            "post_a.y": (-0.3, -0.14),
-            "post_a.yaw": (-0.45, 0.3),
-            "post_a.height": (0.2, 0.35),
-            "post_b.x": (0.57, 0.7),
-            "post_b.y": (0.14, 0.3),
-            "post_b.yaw": (-0.3, 0.45),
-            "post_b.height": (0.2, 0.35),
-            "ring.inner": INNER,
-            "ring.mass": (0.1, 0.3),
+            **within("post_a", x=(0.57, 0.7), y=(-0.3, -0.14), yaw=(-0.45, 0.3), height=(0.2, 0.35)),
+            **within("post_b", x=(0.57, 0.7), y=(0.14, 0.3), yaw=(-0.3, 0.45), height=(0.2, 0.35)),
+            **within("ring", inner=INNER, mass=(0.1, 0.3)),
         },
     }
     camera = Camera(position=(0.12, -0.8, 0.68), target=(0.55, 0.0, 0.24))

@@ -7,7 +7,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Mesh, Pose, Scene, State, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board
 
 SIDE, STEM = 0.028, 0.05  # of the plug's stem: square section and height
@@ -78,17 +78,10 @@ class InsertPlug(Task):
     variations = {
         "near": {**around("stand", (0.62, -0.2), 0.03, 0.2), **around("socket", (0.62, 0.2), 0.03, 0.2)},
         "wide": {
-            "stand.x": (0.57, 0.7),
-            "stand.y": (-0.3, -0.15),
-            "stand.yaw": (-0.5, 0.3),
-            "stand.height": (0.05, 0.12),
-            "socket.x": (0.57, 0.7),
-            "socket.y": (0.15, 0.3),
-            "socket.yaw": (-0.3, 0.5),
-            "socket.height": (0.05, 0.13),
+            **within("stand", x=(0.57, 0.7), y=(-0.3, -0.15), yaw=(-0.5, 0.3), height=(0.05, 0.12)),
+            **within("socket", x=(0.57, 0.7), y=(0.15, 0.3), yaw=(-0.3, 0.5), height=(0.05, 0.13)),
             "clearance": (0.002, 0.004),
-            "plug.mass": (0.4, 0.8),
-            "plug.friction": (0.4, 0.7),
+            **within("plug", mass=(0.4, 0.8), friction=(0.4, 0.7)),
         },
     }
     camera = Camera(position=(1.15, -0.35, 0.55), target=(0.52, 0.0, 0.1))

@@ -6,7 +6,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 LENGTH, WIDTH, HEIGHT = 0.28, 0.28, 0.18  # of the stone
 SLAB = 0.05  # height of the slab that it lies on
@@ -61,13 +61,9 @@ class LeverStone(Task):
     variations = {
         "near": around("fulcrum", (0.75, 0.0), 0.03, 0.15),
         "wide": {
-            "fulcrum.x": (0.7, 0.8),
-            "fulcrum.y": (-0.2, 0.2),
-            "fulcrum.yaw": (-0.3, 0.3),
+            **within("fulcrum", x=(0.7, 0.8), y=(-0.2, 0.2), yaw=(-0.3, 0.3)),
             "gap": (0.04, 0.06),
-            "stone.y": (-0.03, 0.03),
-            "stone.mass": (32.0, 44.0),
-            "stone.friction": (0.6, 0.9),
+            **within("stone", y=(-0.03, 0.03), mass=(32.0, 44.0), friction=(0.6, 0.9)),
         },
     }
     camera = Camera(position=(0.95, -1.1, 0.55), target=(0.62, 0.0, 0.12))

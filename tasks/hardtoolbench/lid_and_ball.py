@@ -8,7 +8,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board, round_wall
 
 POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.095, 0.16, 0.006, 0.006
@@ -90,14 +90,9 @@ class LidAndBall(Task):
     variations = {
         "near": around("pot", (0.54, 0.0), 0.03, 0.2),
         "wide": {
-            "pot.x": (0.48, 0.58),
-            "pot.y": (-0.06, 0.06),
-            "pot.yaw": (-0.3, 0.3),
-            "bowl.x": (0.4, 0.54),
-            "bowl.y": (-0.36, -0.29),
-            "lid.yaw": (-0.3, 0.3),
-            "lid.mass": (0.25, 0.5),
-            "lid.friction": (0.3, 0.6),
+            **within("pot", x=(0.48, 0.58), y=(-0.06, 0.06), yaw=(-0.3, 0.3)),
+            **within("bowl", x=(0.4, 0.54), y=(-0.36, -0.29)),
+            **within("lid", yaw=(-0.3, 0.3), mass=(0.25, 0.5), friction=(0.3, 0.6)),
             "ball.mass": (0.03, 0.09),
         },
     }

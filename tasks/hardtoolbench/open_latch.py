@@ -6,7 +6,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Margin, Pose, Scene, State, Trace, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board
 
 WIDTH, BOTTOM, TOP = 0.21, 0.014, 0.186  # of the door, and the heights of its lower and upper edge
@@ -75,11 +75,8 @@ class OpenLatch(Task):
     variations = {
         "near": around("cabinet", (0.64, 0.0), 0.03, 0.15),
         "wide": {
-            "cabinet.x": (0.58, 0.68),
-            "cabinet.y": (-0.15, 0.15),
-            "cabinet.yaw": (-0.35, 0.35),
-            "slot.radius": (0.15, 0.17),
-            "slot.z": (0.1, 0.13),
+            **within("cabinet", x=(0.58, 0.68), y=(-0.15, 0.15), yaw=(-0.35, 0.35)),
+            **within("slot", radius=(0.15, 0.17), z=(0.1, 0.13)),
             "glass.angle": (1.55, 1.75),
             "latch.force": (6.0, 10.0),
             "hinge.friction": (0.05, 0.3),

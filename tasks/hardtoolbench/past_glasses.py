@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, goals_reward, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board, revolved
 
 FRONT = (0.67, 0.0)  # x, y of the middle of the cupboard's front edge; its x axis points inward
@@ -72,18 +72,12 @@ class PastGlasses(Task):
     variations = {
         "near": around("cupboard", FRONT, 0.03, 0.15),
         "wide": {
-            "cupboard.x": (0.64, 0.7),
-            "cupboard.y": (-0.15, 0.15),
-            "cupboard.yaw": (-0.25, 0.25),
-            "gate.y": (-0.04, 0.04),
-            "gate.width": (0.147, 0.157),
-            "tin.x": (0.175, 0.195),
-            "tin.y": (-0.03, 0.03),
-            "tin.radius": (0.0415, 0.0435),
-            "tin.mass": (0.15, 0.5),
-            "tin.friction": (0.3, 0.6),
-            "mark.x": (-0.125, -0.1),
-            "mark.y": (-0.04, 0.04),
+            **within("cupboard", x=(0.64, 0.7), y=(-0.15, 0.15), yaw=(-0.25, 0.25)),
+            **within("gate", y=(-0.04, 0.04), width=(0.147, 0.157)),
+            **within(
+                "tin", x=(0.175, 0.195), y=(-0.03, 0.03), radius=(0.0415, 0.0435), mass=(0.15, 0.5), friction=(0.3, 0.6)
+            ),
+            **within("mark", x=(-0.125, -0.1), y=(-0.04, 0.04)),
             **{f"{name}.{axis}": (-0.01, 0.01) for name in GLASSES for axis in "xy"},
         },
     }

@@ -7,7 +7,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board, revolved, round_wall
 
 CRUCIBLE, BOWL = (0.74, -0.18), (0.73, 0.15)  # x and y of their middles
@@ -89,15 +89,11 @@ class PourGrains(Task):
     variations = {
         "near": {**around("crucible", CRUCIBLE, 0.03), **around("bowl", BOWL, 0.03)},
         "wide": {
-            "crucible.x": (0.68, 0.78),
-            "crucible.y": (-0.27, -0.12),
+            **within("crucible", x=(0.68, 0.78), y=(-0.27, -0.12)),
             "stand.height": (0.1, 0.17),
-            "crucible.mass": (1.3, 1.7),
-            "crucible.friction": (0.01, 0.03),
-            "grain.mass": (0.0015, 0.003),
-            "grain.friction": (0.2, 0.5),
-            "bowl.x": (0.68, 0.78),
-            "bowl.y": (0.1, 0.22),
+            **within("crucible", mass=(1.3, 1.7), friction=(0.01, 0.03)),
+            **within("grain", mass=(0.0015, 0.003), friction=(0.2, 0.5)),
+            **within("bowl", x=(0.68, 0.78), y=(0.1, 0.22)),
         },
     }
     camera = Camera(position=(0.95, -0.72, 0.62), target=(0.62, 0.0, 0.14))

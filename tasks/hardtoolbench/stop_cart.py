@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, Trace, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board
 
 PLACE = (0.68, 0.0)  # of the track's frame: x points across it and away from the robot, y back to where the carts start
@@ -78,11 +78,8 @@ class StopCart(Task):
     variations = {
         "near": around("track", PLACE, 0.03, 0.15),
         "wide": {
-            "track.x": (0.64, 0.72),
-            "track.y": (-0.1, 0.1),
-            "track.yaw": (-0.3, 0.3),
-            "cart.y": (0.36, 0.44),
-            "cart.mass": (0.08, 0.2),
+            **within("track", x=(0.64, 0.72), y=(-0.1, 0.1), yaw=(-0.3, 0.3)),
+            **within("cart", y=(0.36, 0.44), mass=(0.08, 0.2)),
             "before.gap": (0.14, 0.17),
             "behind.gap": (0.14, 0.17),
             "speed": (0.92 * SPEED, 1.08 * SPEED),

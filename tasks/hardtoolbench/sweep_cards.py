@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Margin, Pose, Scene, State, Trace, floor, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board, open_box, revolved
 
 PLACE, TOP = (0.39, 0.0), 0.055  # the middle of the board's near edge, on top; its x axis points from the robot
@@ -68,13 +68,10 @@ class SweepCards(Task):
     variations = {
         "near": around("board", PLACE, 0.03, 0.15),
         "wide": {
-            "board.x": (0.36, 0.42),
-            "board.y": (-0.08, 0.08),
-            "board.yaw": (-0.2, 0.2),
-            "board.pitch": (-0.05, 0.05),
-            "board.roll": (-0.03, 0.03),
-            "cards.mass": (0.003, 0.008),
-            "cards.friction": (0.3, 0.6),
+            **within(
+                "board", x=(0.36, 0.42), y=(-0.08, 0.08), yaw=(-0.2, 0.2), pitch=(-0.05, 0.05), roll=(-0.03, 0.03)
+            ),
+            **within("cards", mass=(0.003, 0.008), friction=(0.3, 0.6)),
             **{f"{name}.{axis}": (-0.012, 0.012) for name in ("vase", *CARDS) for axis in "xy"},
             **{f"{name}.yaw": (-3.14, 3.14) for name in CARDS},
         },

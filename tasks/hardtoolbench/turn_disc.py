@@ -6,7 +6,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.joints import rotate
-from core.values.layouts import around
+from core.values.layouts import around, within
 
 RADIUS = 0.08
 TOP = 0.016  # of the board, above the table
@@ -79,16 +79,10 @@ class TurnDisc(Task):
     variations = {
         "near": around("board", (0.55, 0.0), 0.03, 0.2),
         "wide": {
-            "board.x": (0.52, 0.62),
-            "board.y": (-0.15, 0.15),
-            "board.yaw": (-0.4, 0.4),
+            **within("board", x=(0.52, 0.62), y=(-0.15, 0.15), yaw=(-0.4, 0.4)),
             "gap": (0.001, 0.008),
-            "disc.y": (-0.05, 0.05),
-            "disc.thickness": (0.014, 0.02),
-            "disc.mass": (0.3, 0.6),
-            "disc.friction": (0.35, 0.7),
-            "mark.x": (0.13, 0.2),
-            "mark.y": (-0.03, 0.03),
+            **within("disc", y=(-0.05, 0.05), thickness=(0.014, 0.02), mass=(0.3, 0.6), friction=(0.35, 0.7)),
+            **within("mark", x=(0.13, 0.2), y=(-0.03, 0.03)),
         },
     }
     camera = Camera(position=(1.15, -0.75, 0.6), target=(0.48, 0.0, 0.08))

@@ -5,7 +5,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Joint, Pose, Scene, State, floor, goals_reward, table
-from core.values.layouts import around
+from core.values.layouts import around, within
 from tasks.assets import board
 
 TUBE_WIDTH, TUBE_HEIGHT, TUBE_LENGTH, WALL = 0.024, 0.03, 0.16, 0.006  # inside
@@ -95,17 +95,10 @@ class TwoStations(Task):
     variations = {
         "near": {**around("tube", (0.56, 0.2), 0.03, 0.2), **around("cabinet", (0.54, -0.2), 0.03, 0.2)},
         "wide": {
-            "tube.x": (0.5, 0.64),
-            "tube.y": (0.12, 0.28),
-            "tube.yaw": (-0.3, 0.45),
-            "tube.height": (0.12, 0.24),
-            "button.depth": (0.06, 0.09),
-            "button.friction": (3.0, 8.0),
-            "cabinet.x": (0.5, 0.6),
-            "cabinet.y": (-0.28, -0.14),
-            "cabinet.yaw": (-0.45, 0.3),
-            "drawer.friction": (3.0, 8.0),
-            "drawer.mass": (0.3, 0.8),
+            **within("tube", x=(0.5, 0.64), y=(0.12, 0.28), yaw=(-0.3, 0.45), height=(0.12, 0.24)),
+            **within("button", depth=(0.06, 0.09), friction=(3.0, 8.0)),
+            **within("cabinet", x=(0.5, 0.6), y=(-0.28, -0.14), yaw=(-0.45, 0.3)),
+            **within("drawer", friction=(3.0, 8.0), mass=(0.3, 0.8)),
         },
     }
     camera = Camera(position=(0.12, -0.72, 0.55), target=(0.57, 0.02, 0.12))

@@ -42,16 +42,6 @@ def test_a_result_is_of_all_generations():
     assert result.n_evaluations == 3
 
 
-def test_what_equal_candidates_share_is_saved_once():
-    assert not any(Result((Generation(0, (evaluation(0, 0.7),)),), 1.0).saved)
-    one = replace(evaluation(0, 0.7), trials=(Trial(),), planned=3, saved_s=1.5)
-    same = replace(one, candidate=evaluation(1, 0.0).candidate)
-    near = replace(one, same_as="g0-a0-s0-p0")
-    other = replace(one, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
-    found = Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0)
-    assert found.saved == (4, 3.0, 1)
-
-
 def test_rollouts_of_equal_candidates_count_once():
     trials = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2))
     one, same, other = (replace(evaluation(n, 0.7), trials=trials) for n in range(3))

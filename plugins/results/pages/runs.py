@@ -152,7 +152,7 @@ def read_so_far(folder: Path) -> FinishedRun | None:
     store = StoredRun(folder)
     config, generations = store.config(), store.generations()
     done = [e for e in store.evaluations() if e.design[0] < len(generations)]
-    tried = [e for e in done if e.status == "ok" and not e.stopped]
+    tried = [e for e in done if e.status == "ok"]
     tie = config.get("evolution", {}).get("tie", TIE)
     for best in ranked(tried, lambda e: (e.reward, e.distance_m), tie)[:1]:
         figures = RunFigures(

@@ -116,9 +116,8 @@ def every_tool(run: FinishedRun) -> Iterator[Winner]:
     """
     given, (_, representation) = given_tool(run), _parts(run)
     tried = [e for e in run.store.evaluations() if e.status == "ok"]
-    finished = [e for e in tried if not e.stopped] or tried
     best: dict[Key, StoredEvaluation] = {}
-    order = ranked(finished, lambda e: (e.reward, e.distance_m), run.figures.tie)
+    order = ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie)
     for evaluation in sorted(order, key=lambda e: e.candidate != run.best.candidate):  # what the run chose is first
         best.setdefault(evaluation.design, evaluation)
     designs = run.store.designs()

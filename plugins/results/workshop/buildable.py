@@ -64,8 +64,6 @@ class Buildable(Fitness):
         (node,) = listed("fitness", "fitness", [of]).values()
         if node.name == NAME:
             raise UsageError("fitness.of: buildable can't judge for itself; name another fitness")
-        if node.get("stop_behind") is not None:
-            raise UsageError("fitness.of: buildable compares no candidates; leave its stop_behind null")
         check_positive("fitness.", safety=safety)
         if not 0 <= margin_m <= 0.2:
             raise UsageError(f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}")

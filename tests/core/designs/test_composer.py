@@ -191,7 +191,7 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     assert "judged by" not in plain
     assert "`details`" not in plain
     trials = (Trial("one", reward=0.5, change=1), Trial("one", reward=0.524690, change=2))
-    elites = (replace(ELITES[0], trials=trials, combined=True, figures={"cost": float("nan")}, saved_s=1.5), ELITES[1])
+    elites = (replace(ELITES[0], trials=trials, combined=True, figures={"cost": float("nan")}), ELITES[1])
     text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites)))
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
     _, _, (first, second) = elites_in(text)

@@ -145,7 +145,6 @@ def test_result_and_generations(opened):
         "generations": [summary(generation)],
         "n_evaluations": 3,
         "rollouts": 1,  # they are equal
-        "saved": None,
         "wall_time_s": 1.5,
         "rollouts_per_s": 0.667,
     }
@@ -176,7 +175,7 @@ def test_numbers_come_back_to_the_last_bit(opened):
         Trial("mujoco", 3, reward=1 / 3, touch_m=1 / 9, observation=seen, margins=(Margin("x", 1 / 3, 1, "m", 2 / 3),)),
         Trial("a", 4, 1, "failed", reason="no", goals=(("door", 1 / 3), ("can", 0.0))),
     )
-    more = {"trials": trials, "combined": True, "planned": 5, "saved_s": 1 / 7, "figures": {"x": 1 / 9}}
+    more = {"trials": trials, "combined": True, "figures": {"x": 1 / 9}}
     more |= {"final": (("mujoco", 0, 1 / 7),)}
     stored = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), **more)
     events.hook.candidate_evaluated(evaluation=stored)

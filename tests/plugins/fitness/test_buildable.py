@@ -115,7 +115,6 @@ def test_neighbours_are_judged_each_for_itself(scoop):
         ({"of": "buildable"}, "fitness.of: buildable can't judge for itself; name another fitness"),
         ({"of": "layots"}, "no fitness 'layots' .did you mean 'layouts'"),
         ({"of": {}}, "fitness: {} names no fitness"),
-        ({"of": {"name": "robust", "stop_behind": 1.5}}, "compares no candidates; leave its stop_behind null"),
         ({"plate_mm": [200.0, 200.0]}, "plate_mm must be three lengths"),
         ({"safety": 0.0}, "fitness.safety must be"),
         ({"margin_m": -1.0}, "fitness.margin_m must be between 0 and 0.2 m, got -1"),

@@ -3,7 +3,6 @@
 import json
 import pickle
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +13,9 @@ from omegaconf import OmegaConf
 from core.config.compose import load, part
 from core.design import Candidate, Component, Tool
 from core.designs.feedback import combined_figures
-from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Perception, RolloutSettings, Waypoints
-from core.plugins import installed
-from core.search.evolution import evaluate_all
 from core.search.orchestration import resume, run
 from core.simulation.rollout import Evaluator, PluginPart
 from plugins.fitness.layouts import UNSEEN, worst_quarter
@@ -46,10 +41,6 @@ def fitness(evaluator=WIDE, **settings):
             "no way to combine rewards 'median' in fitness.combine .*possible: margin, mean, worst, worst_q",
         ),
         ({"sims": ["bullet"]}, "no sim 'bullet'"),
-        (
-            {"combine": "worst", "stop_behind": 1},
-            "stop_behind compares means; with fitness.combine=worst it must be null",
-        ),
     ],
 )
 def test_a_wrong_setting_is_reported(settings, said):
@@ -164,33 +155,3 @@ def _unseen(words):
     cfg = load("config", words)
     evaluator = Evaluator(PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
     return part("fitness", cfg.fitness).create(evaluator=evaluator).unseen()["mujoco"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "named",
-    [
-        {"name": "layouts", "layouts": 3},
-        pytest.param({"name": "robust", "sims": ["mujoco"]}, marks=pytest.mark.thorough),
-    ],
-)
-def test_a_race_ends_the_same_way_with_one_worker_and_with_two(named):
-    near = Evaluator(
-        PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", load("config", ["sim=mujoco"]).sim)
-    )
-    boxes = installed().create("tool", "boxes", {})
-    document = json.loads(Path("tests/tasks/anchored/BringCube.json").read_text())
-    (solution,) = read_designs(document, boxes, SpawnRules(near.task.create(), 0))
-    idle = [replace(STAY, strategy=1 + number // 3, action=number % 3) for number in range(6)]
-    plans = [Waypoints(np.array([[0.4 + 0.02 * number, 0.0, 0.5, 0.0, 0.0, 0.0]])) for number in range(6)]
-    many = [solution, *(replace(one, plan=plan) for one, plan in zip(idle, plans, strict=True))]
-    found = {}
-    for workers in (1, 2):
-        made = part("fitness", OmegaConf.create({**named, "stop_behind": 1.5})).create(evaluator=near)
-        with installed().create("executor", "local", {"workers": workers}) as executor:
-            evaluations = sorted(evaluate_all(many, made, executor), key=lambda e: e.candidate.key)
-        found[workers] = [(e.reward, e.planned and (len(e.trials), e.planned), e.warnings) for e in evaluations]
-    assert found[1] == found[2]
-    (reward, none, _), *others = found[1]
-    assert (reward > 0.9, none) == (True, None)
-    assert [stopped for _, stopped, _ in others] == [(1, 3)] * 6

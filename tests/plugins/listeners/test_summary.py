@@ -130,7 +130,7 @@ def test_commands_are_quoted(capsys):
 
 KINDS = {
     "nominal": "sim.time_step=0.004 material=pla material.infill=0.5 rollout.segment_s=0.7",
-    "robust": "fitness=robust fitness.sims=[{name:mujoco,time_step:0.004}] fitness.seeds=[1,2] fitness.stop_below=0.01",
+    "robust": "fitness=robust fitness.sims=[{name:mujoco,time_step:0.004}] fitness.seeds=[1,2]",
     "layouts": "fitness=layouts fitness.layouts=2 fitness.combine=worst fitness.unseen=1 task.variation=wide "
     "action=anchored rollout.perception.position=0.01 budget.n_tool=1",
     "buildable": "task=OneBook fitness=buildable material=pla fitness.plate_mm=[400,400,400]",
