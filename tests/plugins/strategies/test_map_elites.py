@@ -88,7 +88,7 @@ def config(toy, fails_at=None):  # noqa: F811
 
 @pytest.mark.thorough
 def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F811
-    whole = run(config(toy), tmp_path / "whole")
+    run(config(toy), tmp_path / "whole")
     tried = len(toy.lines("tried"))
     assert len(json.loads((tmp_path / "whole/archive/designs.json").read_text())["strategies"]) > 3
     for at in (3, 9, 14):
