@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -13,7 +13,7 @@ from core.designs.planning import resolve
 from core.designs.rules import check_work
 from core.errors import RAISED, UserError
 from core.geometry import Array
-from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
+from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import PluginPart, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
@@ -22,7 +22,7 @@ from core.scene import Scene, State, Trace
 from core.simulation.guards import PlannedGuards
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
-from core.solids.penetration import Explosion, Finding, findings_of_each
+from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite, sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
@@ -243,42 +243,24 @@ class _Batch:
 
     def judged(self, attempts: Sequence[_Attempt]) -> list[Evaluation]:
         """Check what was played, and reward it."""
-        exploded = self._check(attempts)
-        failures = [self._failure(attempt, exploded.get(id(attempt))) for attempt in attempts]
+        failures = [self._failure(attempt) for attempt in attempts]
         finished = [attempt for attempt, failure in zip(attempts, failures, strict=True) if failure is None]
         rewarded = iter(self._rewarded(finished) if finished else [])
         return [attempt.failed(why) if why else next(rewarded) for attempt, why in zip(attempts, failures, strict=True)]
 
-    def _check(self, attempts: Sequence[_Attempt]) -> dict[int, Explosion]:
-        """Find what is unphysical, and what touched; return the worlds that blew up."""
-        exploded = {}
-        if self._checks:
-            films = {
-                number: (attempt.tool, attempt.outcome.recording)
-                for number, attempt in enumerate(attempts)
-                if attempt.outcome is not None and attempt.outcome.recording is not None
-            }
-            for number, found in findings(self.scene, self.task.robot, films).items():
-                if isinstance(found, Explosion):
-                    exploded[id(attempts[number])] = found
-                else:
-                    attempts[number].findings = found
-        for attempt in attempts:
-            outcome = attempt.outcome
-            wanted = self.task.reads_trace or self.settings.observe
-            if outcome is None or not wanted or id(attempt) in exploded or outcome.error is not None:
-                continue
-            if (recording := outcome.recording) is not None and is_finite(recording):
+    def _failure(self, attempt: _Attempt) -> str | None:
+        """Find what was unphysical and what touched; say why a rollout failed; None: it did not."""
+        outcome, wanted = attempt.outcome, self.task.reads_trace or self.settings.observe
+        if outcome is not None and (recording := outcome.recording) is not None:
+            try:
+                if self._checks:
+                    attempt.findings = findings(self.scene, self.task.robot, attempt.tool, recording)
+            except Explosion as explosion:
+                return attempt.problem or f"the simulation blew up: {explosion}"
+            if wanted and outcome.error is None and is_finite(recording):
                 attempt.contacts = find_contacts(self.scene, self.task.robot, attempt.tool, recording)
-        return exploded
-
-    def _failure(self, attempt: _Attempt, explosion: Explosion | None) -> str | None:
-        """Say why a rollout failed; None: it did not."""
-        outcome = attempt.outcome
         if attempt.problem is not None:
             return attempt.problem
-        if explosion is not None:
-            return f"the simulation blew up: {explosion}"
         if outcome is None or outcome.error is not None or outcome.start is None or outcome.end is None:
             return (outcome and outcome.error) or "the simulator returned no state"
         if self.task.reads_trace and attempt.contacts is None:
@@ -332,17 +314,6 @@ class _Batch:
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
         return Trial(touch_m=seen.touch_m, outcome=f"{seen.result} {seen.what}".strip(), observation=seen)
-
-
-def findings(
-    scene: Scene, robot: Robot, recorded: Mapping[int, tuple[Tool, Recording]]
-) -> dict[int, list[Finding] | Explosion]:
-    """Find what is unphysical in recorded rollouts, those with one tool together."""
-    found: dict[int, list[Finding] | Explosion] = {}
-    for tool in dict.fromkeys(tool for tool, _ in recorded.values()):
-        films = {i: recording for i, (with_tool, recording) in recorded.items() if with_tool == tool}
-        found |= zip(films, findings_of_each(scene, robot, tool, [*films.values()]), strict=True)
-    return found
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:

@@ -8,9 +8,8 @@ samples poses are interpolated, and an instant is skipped if the solids can't ha
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +19,11 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
-from core.solids.bodies import ROBOT, all_solids, scene_solids
+from core.solids.bodies import ROBOT
 from core.solids.gap_bounds import may_meet, neighbours
 from core.solids.passage import DEEP_S, Depths, find_passage, relative_ways
-from core.solids.record_rate import coarse_samples, detours, is_finite, joined, refined_samples, subset
-from core.solids.tracks import SAMPLE_HZ, Detour, Indices, Tracks, follow, lengths
+from core.solids.record_rate import coarse_samples, detours, is_finite, refined_samples, subset
+from core.solids.tracks import SAMPLE_HZ, Indices, Tracks, follow, lengths
 
 FLUNG_M_S = 5.0  # a body was flung if it is faster than this, and
 FLUNG_TIMES = 2.2  # so many times as fast as the robot ever was: an elastic blow gives twice the speed; and a tenth
@@ -33,7 +32,6 @@ EXPLODED_M_S = 100.0
 OVERRUN = {"hinge": 0.1, "slider": 0.003}  # rad and m that a tool's joint may go beyond its range, as stops are soft
 
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
-_AT_ONCE = 12_000  # samples of solids: their arrays stay in the processor's cache
 _GRAVITY = 9.81
 
 
@@ -59,28 +57,20 @@ def findings(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> li
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
     """
-    (result,) = findings_of_each(scene, robot, tool, [recording])
-    if isinstance(result, Explosion):
-        raise result
-    return result
-
-
-def findings_of_each(
-    scene: Scene, robot: Robot, tool: Tool, recordings: Sequence[Recording]
-) -> list[list[Finding] | Explosion]:
-    """Find what is unphysical in each rollout of one tool, as `findings`.
-
-    Short ones are looked at together: what numpy does with their samples takes less time than its calls.
-    """
-    results: list[list[Finding] | Explosion] = [Explosion("a body's state is not finite")] * len(recordings)
-    finite = [i for i, recording in enumerate(recordings) if is_finite(recording)]
-    moving = len(all_solids(robot, tool, scene_solids(scene)).moving)
-    parts = np.cumsum([moving * len(coarse_samples(recordings[i])) for i in finite]) // _AT_ONCE
-    for part in np.unique(parts):
-        some = [i for i, number in zip(finite, parts, strict=True) if number == part]
-        for i, each in zip(some, _find_together(scene, robot, tool, [recordings[i] for i in some]), strict=True):
-            results[i] = each if isinstance(each, Explosion) else [*each, *_overrun(tool, recordings[i])]
-    return results
+    if not is_finite(recording):
+        raise Explosion("a body's state is not finite")
+    samples, unpressed = coarse_samples(recording), replace(recording, forces={})
+    coarse = subset(unpressed, samples)
+    tracks, times = follow(scene, robot, tool, coarse, detours(recording, samples)), coarse.times
+    flung, pairs = _flung(coarse, tracks), neighbours(tracks, joined=scene.joined)
+    meetings = _meet(tracks, pairs, Depths.of(tracks.solids, pairs), _moving(tracks, pairs))
+    wanted = _wanted(meetings)
+    if (wanted > 1).any() and len(samples) < len(recording.times):
+        more = refined_samples(samples, wanted)  # elsewhere no two move near each other
+        closer, before = subset(unpressed, more), np.searchsorted(samples, more[:-1], side="right") - 1
+        tracks, times = follow(scene, robot, tool, closer, only=meetings.pairs), closer.times
+        meetings = _meet(tracks, meetings.pairs, meetings.depths, meetings.near[:, before])
+    return [*_passages(meetings, times), *flung, *_overrun(tool, recording)]
 
 
 def _overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
@@ -94,32 +84,6 @@ def _overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
             first, unit = recording.times[1:][over.argmax()], "rad" if joint.kind == "hinge" else "m"
             text = f"{bearer.name!r} went {beyond.max():.3g} {unit} beyond the range of its joint from {first:.2f} s on"
             yield Finding(text, penetration=True)
-
-
-def _find_together(
-    scene: Scene, robot: Robot, tool: Tool, recordings: Sequence[Recording]
-) -> Iterator[list[Finding] | Explosion]:
-    """Look at recordings as if they were one. Between two of them there is an interval that is never looked at."""
-    recording, begins = joined(recordings), np.cumsum([0, *(len(each.times) for each in recordings)])
-    each_ones = [coarse_samples(each) for each in recordings]
-    samples = np.concatenate([chosen + begin for chosen, begin in zip(each_ones, begins[:-1], strict=True)])
-    aside = zip(*(detours(each, chosen) for each, chosen in zip(recordings, each_ones, strict=True)), strict=True)
-    coarse = subset(recording, samples)
-    tracks = follow(scene, robot, tool, coarse, Detour(*map(np.hstack, aside)))
-    parts = np.searchsorted(samples, begins)
-    flung = [_flung(subset(coarse, np.arange(*part)), tracks.part(*part)) for part in pairwise(parts)]
-    pairs = neighbours(tracks, joined=scene.joined)
-    meetings = _meet(tracks, pairs, Depths.of(tracks.solids, pairs), _moving(tracks, pairs, parts))
-    times, wanted = coarse.times, _wanted(meetings)
-    if (wanted > 1).any() and len(samples) < len(recording.times):
-        more = refined_samples(samples, wanted)  # elsewhere no two move near each other
-        closer, before = subset(recording, more), np.searchsorted(samples, more[:-1], side="right") - 1
-        tracks, times = follow(scene, robot, tool, closer, only=meetings.pairs), closer.times
-        parts = np.searchsorted(more, begins)
-        meetings = _meet(tracks, meetings.pairs, meetings.depths, meetings.near[:, before])
-    for (begin, end), thrown in zip(pairwise(parts.tolist()), flung, strict=True):
-        part = meetings._replace(tracks=tracks.part(begin, end), near=meetings.near[:, begin : max(begin, end - 1)])
-        yield thrown if isinstance(thrown, Explosion) else _passages(part, times[begin:end]) + thrown
 
 
 # --- penetration ------------------------------------------------------------------------------------------------
@@ -143,21 +107,16 @@ def _meet(tracks: Tracks, pairs: Indices, depths: Depths, within: npt.NDArray[np
     return _Meetings(tracks, pairs[met], Depths(*(values[met] for values in depths)), near[met])
 
 
-def _moving(tracks: Tracks, pairs: Indices, parts: Indices) -> npt.NDArray[np.bool_]:
-    """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one.
-
-    In each rollout, from one of ``parts`` (R + 1,) to the next, the first is marked; those between them are not.
-    """
-    rows, begins = tracks.rows, parts[:-1]
+def _moving(tracks: Tracks, pairs: Indices) -> npt.NDArray[np.bool_]:
+    """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
+    rows = tracks.rows
     moved, turned, aside = (tracks.by_sample(values)[:, :-1] for values in (rows.moved, rows.turned, rows.aside))
     travel = np.zeros((len(moved), tracks.samples))
     np.cumsum(moved + tracks.solids.reaches[tracks.moving, None] * turned, axis=1, out=travel[:, 1:])
-    travel -= np.repeat(travel[:, begins], np.diff(parts), axis=1)
     marks, moves = np.floor(travel / _STILL_M), np.zeros((len(tracks), tracks.samples - 1), dtype=bool)
     moves[tracks.moving] = (marks[:, 1:] > marks[:, :-1]) | (aside > _STILL_M / 2)
     marked: npt.NDArray[np.bool_] = moves[pairs[:, 0]] | moves[pairs[:, 1]]
-    marked[:, begins[begins < tracks.samples - 1]] = True
-    marked[:, parts[1:-1] - 1] = False
+    marked[:, :1] = True
     return marked
 
 
@@ -193,10 +152,11 @@ def _passages(meetings: _Meetings, times: Array) -> list[Finding]:
 # --- flung ------------------------------------------------------------------------------------------------------
 
 
-def _flung(recording: Recording, tracks: Tracks) -> list[Finding] | Explosion:
+def _flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     """Find bodies faster than the robot and a fall can have made them, and bodies that are far away.
 
-    It is an explosion if one is faster than `EXPLODED_M_S`.
+    Raises:
+        Explosion: one is faster than `EXPLODED_M_S`.
     """
     states, flung = recording.states, []
     fallen = np.maximum(states.positions[:1, :, 2] - states.positions[:, :, 2], 0.0)
@@ -205,7 +165,7 @@ def _flung(recording: Recording, tracks: Tracks) -> list[Finding] | Explosion:
     farthest = lengths(states.positions[:, :, :2]).max(axis=0)
     for name, speed, far in zip(states.names, fastest, farthest, strict=True):
         if speed > EXPLODED_M_S:
-            return Explosion(f"{name!r} reached {speed:.0f} m/s")
+            raise Explosion(f"{name!r} reached {speed:.0f} m/s")
         if speed > FLUNG_M_S and speed > FLUNG_TIMES * (robot_speed := _top_speed(tracks, recording.times)):
             flung.append(
                 Finding(f"{name!r} was flung: it reached {speed:.1f} m/s, the robot {robot_speed:.1f} m/s", False)

@@ -6,7 +6,6 @@ Covered by `tests/core/solids/test_record_rate.py`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -103,15 +102,6 @@ def subset(recording: Recording, samples: Indices) -> Recording:
     states = State(recording.states.names, *(array[samples] for array in recording.states.arrays))
     forces = {pair: _means(recording.times, values, samples) for pair, values in recording.forces.items()}
     return Recording(recording.times[samples], recording.arm[samples], recording.fingers[samples], states, forces)
-
-
-def joined(recordings: Sequence[Recording]) -> Recording:
-    """Put recordings of one layout behind each other, without forces."""
-    times, arm, fingers = (
-        np.concatenate(e) for e in zip(*((r.times, r.arm, r.fingers) for r in recordings), strict=True)
-    )
-    arrays = (np.concatenate(each) for each in zip(*(r.states.arrays for r in recordings), strict=True))
-    return Recording(times, arm, fingers, State(recordings[0].states.names, *arrays))
 
 
 def _means(times: Array, values: Array, samples: Indices) -> Array:

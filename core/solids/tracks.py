@@ -6,7 +6,6 @@ Covered by `tests/core/solids/test_penetration.py`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from copy import copy
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -176,12 +175,6 @@ class Tracks:
 
     def __iter__(self) -> Iterator[Track]:
         return (self[number] for number in range(len(self)))
-
-    def part(self, begin: int, end: int) -> Tracks:
-        """The same solids from one sample to before another."""
-        part = copy(self)
-        part.first, part.samples, part._made = self.first + begin * self.moves, end - begin, {}
-        return part
 
     def row(self, numbers: Indices | int, samples: Indices) -> Indices:
         """The rows of solids at samples."""

@@ -16,7 +16,7 @@ from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Rollou
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
 from core.simulation.rollout import evaluate_batch
-from core.solids.penetration import Explosion, findings, findings_of_each
+from core.solids.penetration import Explosion, findings
 from plugins.conformance.joints import hinge, hinged
 from plugins.conformance.shapes import bowl, prism
 from tests.panda import ARM, PANDA
@@ -94,20 +94,6 @@ def test_a_body_that_gets_in_and_stays(way, rest, hz):
     scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
     (found,) = penetrations(scene, recording(scene, {"cube": np.vstack([way, np.tile(SUNK, (rest, 1))])}, hz=hz))
     assert "deep inside 'table'" in found
-
-
-def test_rollouts_are_looked_at_together_as_they_are_one_by_one():
-    """Of other lengths and rates; what is at the end of one and the beginning of the next is nothing."""
-    scene = Scene((WALL, body("cube", Box((0.04, 0.04, 0.04)), (0.2, 0.0, 0.25))))
-    here, there = (0.2, 0.0, 0.25), (0.8, 0.0, 0.25)
-    ways = [(here, here, 9, HZ), (there, there, 30, 400.0), (here, there, 400, 400.0), (here, (0.47, 0, 0.25), 1, HZ)]
-    films = [recording(scene, {"cube": straight(*way)}, hz=hz) for *way, hz in ways]
-    lost = replace(films[0], arm=np.full_like(films[0].arm, np.nan))
-    alone = [findings(scene, PANDA, ROD, film) for film in films]
-    *found, exploded = findings_of_each(scene, PANDA, ROD, [*films, lost])
-    assert [len(each) for each in alone] == [0, 0, 1, 0]
-    assert found == alone
-    assert isinstance(exploded, Explosion)
 
 
 def test_a_body_that_turns_through_a_wall():
