@@ -15,5 +15,7 @@ def commands() -> dict[str, Command]:
         "home": Command("find joints at which the flange of one's own arm looks down", "plugins.robots.home:main"),
         "new": Command("write a plugin package to start from", "plugins.new.command:main"),
         "render": Command("draw a task's scene, with a tool if one is given", "plugins.render:main"),
-        "transfer": Command("try the best designs in several engines and in perturbed scenes", "plugins.transfer:main"),
+        "transfer": Command(
+            "try the best designs in several engines and in perturbed scenes", "plugins.fitness.transfer:main"
+        ),
     }

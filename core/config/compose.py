@@ -19,8 +19,8 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandat
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Task, ToolRepresentation
-from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, installed
+from core.interfaces import Simulator, Task, ToolRepresentation
+from core.plugins import KINDS, ROBOT, SIMULATOR, TASK, TOOL, Kind, PluginPart, RobotPart, installed
 from core.values.materials import Material
 
 T = TypeVar("T")
@@ -244,6 +244,24 @@ def listed(
         found[shown] = OmegaConf.create({"name": name, **dict(usual.settings), **base, **settings})
     if not found:
         raise UsageError(f"{kind.removesuffix('s')}s: name at least one {word}")
+    return found
+
+
+def engines(
+    sims: Sequence[str | Mapping[str, Any]], chosen: PluginPart | None = None
+) -> dict[str, PluginPart[Simulator]]:
+    """Make the engines, by the names under which they are shown.
+
+    An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and settings that differ from the
+    configuration's. For the engine of ``chosen`` these are the configuration's settings.
+
+    Raises:
+        UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
+    """
+    nodes = listed("sim", "engine", sims, chosen)
+    found: dict[str, PluginPart[Simulator]] = {shown: part(SIMULATOR, node) for shown, node in nodes.items()}
+    for engine in found.values():
+        engine.create()  # so that a fault is reported once, not by each worker
     return found
 
 

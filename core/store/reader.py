@@ -1,6 +1,6 @@
 """Read what a run's store holds: the one reader of all who come later.
 
-Covered by `tests/core/store/test_reader.py` and `tests/plugins/test_transfer.py`.
+Covered by `tests/core/store/test_reader.py` and `tests/plugins/fitness/test_transfer.py`.
 """
 
 from __future__ import annotations

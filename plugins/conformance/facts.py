@@ -12,11 +12,10 @@ from typing import Any
 
 from omegaconf import MISSING, OmegaConf
 
-from core.config.compose import load, robot_part
+from core.config.compose import engines, load, robot_part
 from core.designs.arm_sheet import as_table, compute_reach, segments, short
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
-from core.simulation.robustness import engines
 from core.support.cli import arguments, say, write_bytes
 from core.support.text import table
 from plugins.conformance.exactness import measure

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from core.config.compose import engines
 from core.design import Candidate, Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Simulator, Task
 from core.plugins import PluginPart
-from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
 from core.values.layouts import NONE, Ranges
+from plugins.fitness.robustness import CheckedEvaluator, mean
 from plugins.fitness.several import SeveralTrials
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
@@ -60,7 +61,7 @@ class Layouts(SeveralTrials):
         layouts: how many there are; each costs a rollout in each engine.
         combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards; ``margin``: the mean, of which a share is for
             the least margin.
-        sims: see `core.simulation.robustness.engines`; none: the run's engine.
+        sims: see `core.config.compose.engines`; none: the run's engine.
         final: how many more layouts of the run's own seeds decide, in each engine of ``unseen_sims``, between
             candidates that earn alike; 0: the shortest distance decides.
         unseen: how many other layouts the best candidate is tried in at the end.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from core.config.schemas import PerturbationRange
-from core.simulation.robustness import check_draws, engines, mean, perturbed
+from core.config.compose import engines
 from core.simulation.rollout import Evaluator
+from plugins.fitness.robustness import PerturbationRange, check_draws, mean, perturbed
 from plugins.fitness.several import SeveralTrials
 
 
@@ -16,7 +16,7 @@ class Robust(SeveralTrials):
 
     Args:
         evaluator: the task, its layout, how plans are executed, and the settings of its engine if ``sims`` names it.
-        sims: see `core.simulation.robustness.engines`.
+        sims: see `core.config.compose.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
 

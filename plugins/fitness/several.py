@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from core.design import Candidate, Evaluation
 from core.interfaces import Evaluate, Fitness
-from core.simulation.robustness import worst
+from plugins.fitness.robustness import worst
 
 
 @dataclass(eq=False)

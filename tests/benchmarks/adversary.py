@@ -24,7 +24,7 @@ import cmaes
 import numpy as np
 from rich.console import Console
 
-from core.config.compose import load, part
+from core.config.compose import engines, load, part
 from core.design import Candidate, DesignError, Evaluation, best_first
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules, check_plan, check_tool
@@ -34,7 +34,6 @@ from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.simulation.pictures import png
-from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch, prepare
 from core.solids.penetration import Explosion, findings
 from core.support.cli import command

@@ -26,6 +26,7 @@ import trimesh
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
+from core.config.compose import engines
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
@@ -35,7 +36,6 @@ from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, RolloutSettings, Task
 from core.plugins import installed
 from core.simulation.pictures import png
-from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch
 from core.support.cli import command
 from plugins.actions.anchored import AnchoredPlan, Step

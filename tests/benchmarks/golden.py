@@ -14,6 +14,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from core.config.compose import engines
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
@@ -21,7 +22,6 @@ from core.evaluate import record as entry
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.search.evolution import evaluate_all
-from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator
 from core.support.cli import command
 from tests.benchmarks import measuring

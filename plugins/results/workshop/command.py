@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from core.config.compose import check_seed, node, task_part, tool_part
+from core.config.compose import check_seed, engines, node, task_part, tool_part
 from core.design import Candidate, Evaluation, Tool
 from core.designs.planning import resolve
 from core.designs.rules import SpawnRules
@@ -26,7 +26,6 @@ from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Task
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
-from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator
 from core.store.artifacts import save_design
 from core.store.reader import chosen_evaluations, config_for

@@ -2,8 +2,9 @@ import math
 
 import pytest
 
-from core.config.schemas import PerturbationRange, PromptSettings
+from core.config.schemas import PromptSettings
 from core.errors import UsageError
+from plugins.fitness.robustness import PerturbationRange
 
 
 @pytest.mark.parametrize(

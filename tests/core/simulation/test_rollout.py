@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.config.schemas import PerturbationRange
 from core.design import Candidate
 from core.errors import UsageError
 from core.interfaces import Outcome, Recording, RolloutSettings
 from core.plugins.blame import PluginError
 from core.scene import State
-from core.simulation.robustness import perturb_task
 from core.simulation.rollout import evaluate_batch, prepare
+from plugins.fitness.robustness import PerturbationRange, perturb_task
 from tests.faults import Faulty, Slide, candidate
 from tests.panda import ARM
 

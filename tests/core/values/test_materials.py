@@ -19,9 +19,9 @@ from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from core.plugins import installed
 from core.search.orchestration import run
 from core.values.materials import PAPER, Material
+from plugins.fitness.transfer import configured
 from plugins.results.pages.runs import read_run
 from plugins.results.pages.tools import winners
-from plugins.transfer import configured
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow

@@ -22,7 +22,7 @@ def earned(monkeypatch, reward, seconds):
     """Judge a candidate whose every trial earns so much in so many seconds."""
     trials = (Trial("mujoco", reward=reward, motion_s=seconds),)
     made = Evaluation(STAY, "ok", reward=reward, trials=trials)
-    monkeypatch.setattr("core.simulation.robustness.CheckedEvaluator.__call__", lambda self, candidates: [made])
+    monkeypatch.setattr("plugins.fitness.robustness.CheckedEvaluator.__call__", lambda self, candidates: [made])
     return fitness()([STAY])[0]
 
 

@@ -11,17 +11,16 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
-from core.config.compose import load, part
-from core.config.schemas import PerturbationRange
+from core.config.compose import engines, load, part
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.search.orchestration import run
-from core.simulation.robustness import engines, perturbed
 from core.simulation.rollout import Evaluator
-from tests.core.simulation.test_robustness import COARSE, EVALUATOR, TASK
+from plugins.fitness.robustness import PerturbationRange, perturbed
+from tests.plugins.fitness.test_robustness import COARSE, EVALUATOR, TASK
 
 ROOT = Path(__file__).parents[3]
 

@@ -16,7 +16,7 @@ from core.errors import UsageError
 from core.evaluate import evaluate
 from core.geometry import Box, Pose
 from core.plugins import installed
-from core.simulation.robustness import worst
+from plugins.fitness.robustness import worst
 from plugins.strategies.map_elites.archive import Archive, Measure, extent, observes, picks, read_measures, save_archive
 from tests.core.run_folders import PLAN, hook
 

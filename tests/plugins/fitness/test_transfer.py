@@ -13,8 +13,8 @@ from core.errors import UserError
 from core.plugins import Offer, installed
 from core.search.orchestration import run
 from core.store.reader import stored_config, stored_evaluations
+from plugins.fitness.transfer import TransferConfig, configured, transfer
 from plugins.robots.arms import panda
-from plugins.transfer import TransferConfig, configured, transfer
 from tests import toys
 from tests.commands import python_m
 

@@ -10,14 +10,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from core.config.schemas import PerturbationRange
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Joint, Scene, table
-from core.simulation.robustness import CONTACT_M, perturb, perturb_task, together
+from plugins.fitness.robustness import CONTACT_M, PerturbationRange, perturb, perturb_task, together
 from tests.panda import ARM, FINGER_OPEN
 
 pytestmark = pytest.mark.slow

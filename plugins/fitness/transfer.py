@@ -18,8 +18,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from rich.console import Console
 from rich.progress import track
 
-from core.config.compose import check_seed, listed, node, part, robot_part, task_part, tool_part
-from core.config.schemas import PerturbationRange
+from core.config.compose import check_seed, engines, listed, node, part, robot_part, task_part, tool_part
 from core.design import Candidate, Evaluation
 from core.designs.feedback import statistics
 from core.designs.rules import SpawnRules
@@ -27,12 +26,12 @@ from core.errors import UserError
 from core.interfaces import RolloutSettings, Task
 from core.plugins import EXECUTOR, PluginPart, RobotPart
 from core.search.evolution import evaluate_all
-from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import clean
 from core.values.materials import Material
+from plugins.fitness.robustness import PerturbationRange, check_draws, perturbed, worst
 
 USAGE = (
     "usage: vlmgineer transfer designs=FILE|RUN_DIR [task=NAME] [robots=[NAME,...]] [sims=[NAME,...]] "

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from hydra import initialize_config_module
 
-from core.config.compose import load, part
-from core.config.schemas import PerturbationRange
+from core.config.compose import engines, load, part
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
-from core.simulation.robustness import engines, perturbed, worst
 from core.simulation.rollout import Evaluator, PluginPart
 from core.values.margins import Margin
 from core.values.observations import Observation
+from plugins.fitness.robustness import PerturbationRange, perturbed, worst
 
 COARSE = {"name": "pybullet", "time_step": 0.004}
 TASK = PluginPart("task", "BringCube")

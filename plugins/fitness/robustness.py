@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from core.config.compose import listed, part
-from core.config.schemas import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.geometry import Pose
-from core.interfaces import Simulator, Task
-from core.plugins import SIMULATOR, PluginPart
+from core.interfaces import Task
+from core.plugins import PluginPart
 from core.robot.solids import Obstacles, Solid, body_solids
 from core.scene import Body, Scene
 from core.simulation.rollout import Evaluator
@@ -31,6 +29,31 @@ CONTACT_M = 0.0005  # bodies nearer than this stay as near: a body keeps its sup
 _EXACT_M = 2e-5  # accuracy of Coal's distances between convex shapes that touch
 _TRIES = 32  # for each size of the change; then it is halved
 _HALVINGS = 6
+
+
+@dataclass(unsafe_hash=True)
+class PerturbationRange:
+    """The greatest perturbations of a scene; each is drawn uniformly between minus and plus this number.
+
+    ``position``: metres, along x and along y. ``yaw``: radians, about the vertical. ``mass`` and ``friction``:
+    fractions of the nominal value. The defaults are 5 mm and 3 degrees, as bodies are placed by hand or located by a
+    camera; a tenth of the mass; and a fifth of the friction, which is known least.
+
+    Raises:
+        UsageError: a number is negative or not finite, or a fraction is 1 or more.
+    """
+
+    position: float = 0.005
+    yaw: float = 0.05
+    mass: float = 0.1
+    friction: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name, most in (("position", math.inf), ("yaw", math.inf), ("mass", 1.0), ("friction", 1.0)):
+            value = getattr(self, name)
+            if not 0 <= value < most:
+                less = f" and less than {most:g}" if most < math.inf else ", and finite"
+                raise UsageError(f"perturbation.{name} must be 0 or greater{less}, got {value}")
 
 
 def perturb_task(task: Task, ranges: PerturbationRange, draw: int) -> Task:
@@ -188,24 +211,6 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     of = evaluator.task
     task = PerturbedPart(of.kind, of.name, of.settings, of.robot, perturbation=perturbation, draw=draw)
     return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
-
-
-def engines(
-    sims: Sequence[str | Mapping[str, Any]], chosen: PluginPart | None = None
-) -> dict[str, PluginPart[Simulator]]:
-    """Make the engines, by the names under which they are shown.
-
-    An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and settings that differ from the
-    configuration's. For the engine of ``chosen`` these are the configuration's settings.
-
-    Raises:
-        UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
-    """
-    nodes = listed("sim", "engine", sims, chosen)
-    found: dict[str, PluginPart[Simulator]] = {shown: part(SIMULATOR, node) for shown, node in nodes.items()}
-    for engine in found.values():
-        engine.create()  # so that a fault is reported once, not by each worker
-    return found
 
 
 def check_draws(seeds: Sequence[int]) -> None:
