@@ -1,5 +1,3 @@
-"""BringCube: bring a cube nearer that lies on the table out of reach."""
-
 import numpy as np
 
 from core.geometry import Array

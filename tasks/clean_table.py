@@ -1,5 +1,3 @@
-"""CleanTable: sweep small cubes, the dust, together on the table, away from the robot."""
-
 import numpy as np
 
 from core.geometry import Array, Pose

@@ -1,5 +1,3 @@
-"""DislodgeCube: get a cube out of the far end of a bent pipe, which is open toward the robot and to the side."""
-
 import numpy as np
 
 from core.geometry import Array, Pose

@@ -1,5 +1,3 @@
-"""ElevatePlate: lift a dinner plate from the table and keep it level."""
-
 from dataclasses import replace
 from functools import cache
 

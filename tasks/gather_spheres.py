@@ -1,5 +1,3 @@
-"""GatherSpheres: scoop up thirty small spheres from between three walls, and hold them in the air."""
-
 import numpy as np
 
 from core.geometry import Array

@@ -1,5 +1,3 @@
-"""HighObject: bring a cube from a shelf, out of reach, into the bin in front of the shelf."""
-
 import numpy as np
 
 from core.geometry import Array

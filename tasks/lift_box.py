@@ -1,5 +1,3 @@
-"""LiftBox: lift an open cardboard box that is too wide for a gripper; it can be held by its flaps."""
-
 import numpy as np
 
 from core.geometry import Array

@@ -1,5 +1,3 @@
-"""MoveBall: move a ball from the robot's left to its right, and bring it to rest there."""
-
 import numpy as np
 
 from core.geometry import Array

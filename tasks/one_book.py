@@ -1,5 +1,3 @@
-"""OneBook: pull the middle one of five books out of its row."""
-
 import numpy as np
 
 from core.geometry import Array

@@ -1,5 +1,3 @@
-"""ScoreGoal: shoot a puck, which lies on ice to the robot's left, into a goal that is far out of reach."""
-
 from dataclasses import replace
 from functools import cache
 

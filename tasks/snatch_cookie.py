@@ -1,5 +1,3 @@
-"""SnatchCookie: take one cookie out of a deep jar."""
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,5 +1,3 @@
-"""TurkeyLegs: bring five turkey legs from a pot into the chef's box, without the pot."""
-
 from dataclasses import replace
 from functools import cache
 

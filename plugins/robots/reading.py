@@ -1,9 +1,7 @@
-"""Make a robot of a URDF or Xacro file, of which the arm, its home and its flange are chosen."""
+"""Make a robot of a URDF file, of which the arm, its home and its flange are chosen."""
 
 from __future__ import annotations
 
-import importlib.util
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,7 +17,6 @@ from core.robot.description import RESERVED, write
 from core.robot.kinematics import Arm, link_poses
 from core.robot.solids import robot_solids
 from core.support.files import read_untrusted
-from core.support.sandbox import isolated
 from core.support.text import clean, short_numbers
 from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
 from core.values.robots import Gripper, Robot
@@ -28,12 +25,10 @@ from plugins.robots.normalise import Problems, normalised
 from plugins.robots.settings import ArmSettings as ArmSettings
 from plugins.robots.settings import BoltOptions as BoltOptions
 from plugins.robots.settings import GripperOptions as GripperOptions
-from plugins.robots.xacro import expand
 
 # A URDF has neither; each is a setting.
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
 MOTOR_INERTIA = 0.1  # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.5 to 12.5 kg
-XACRO_S = 60
 
 _TURN = 2 * math.pi  # a continuous joint turns this far each way: limits are finite everywhere
 _TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
@@ -71,7 +66,11 @@ def describe(chosen: ArmSettings) -> Description:
     Raises:
         UserError: the file can't be used.
     """
-    data = _text(chosen.path, chosen.arguments or {})
+    if chosen.path.suffix == ".xacro":
+        made = chosen.path.with_suffix("" if chosen.path.stem.endswith(".urdf") else ".urdf").name
+        mend = f"pip install 'xacrodoc>=2,<3', then: xacrodoc {chosen.path} -o {made}"
+        raise UserError(f"{chosen.path} is Xacro, of which a URDF is to be made first: {mend}")
+    data = read_untrusted(chosen.path, MAX_BYTES)
     return read_description(data, chosen.path, tuple(chosen.without or ()), taken=RESERVED)
 
 
@@ -130,20 +129,6 @@ def mounted(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
     mount, grip = _mount(robot, axis, rpy), robot.gripper
     grip = None if grip is None else replace(grip, mount=grip.mount @ mount)
     return _straightened(replace(robot, mount=mount, gripper=grip))
-
-
-def _text(path: Path, arguments: Mapping[str, str]) -> bytes:
-    """Read a description, or expand it.
-
-    Raises:
-        UserError: it can't be read; or Xacro is not installed, or fails.
-    """
-    data = read_untrusted(path, MAX_BYTES)
-    if path.suffix != ".xacro":
-        return data
-    if importlib.util.find_spec("xacrodoc") is None:
-        raise UserError(f"{path} is Xacro, which needs one more package: pip install 'xacrodoc>=2,<3'")
-    return isolated(expand, f"Xacro {path}", b"", str(path), json.dumps(dict(arguments)), limit_s=XACRO_S)
 
 
 def _flange(description: Description, flange: str | None) -> str:

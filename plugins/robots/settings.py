@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -74,7 +73,7 @@ class ArmSettings:
     """What is chosen of a file, and what a description does not say of its arm.
 
     Attributes:
-        path: a URDF file, or one whose name ends in ``.xacro``.
+        path: a URDF file.
         home: joints (J,) from the base on, radians; there the flange looks down. ``vlmgineer home`` finds some.
         flange: the link that bears tools; None: the only one that bears no other link.
         title: as people call it; empty: the name in the description.
@@ -87,7 +86,6 @@ class ArmSettings:
         bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
         fixed: joints that are held at 0, or each at its value, radians or metres.
         without: links that are left out, with all that they bear.
-        arguments: of a Xacro file.
     """
 
     path: Path
@@ -102,4 +100,3 @@ class ArmSettings:
     bolts: BoltOptions | None = None
     fixed: list[str] | dict[str, float] | None = None
     without: list[str] | None = None
-    arguments: Mapping[str, str] | None = None

@@ -1,4 +1,4 @@
-"""One's own arm, from a URDF or Xacro file."""
+"""One's own arm, from a URDF file."""
 
 import inspect
 import typing

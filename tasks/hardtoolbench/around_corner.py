@@ -1,5 +1,3 @@
-"""AroundCorner: bring a cube out of a roofed box that opens away from the robot, onto a mark."""
-
 from dataclasses import replace
 
 import numpy as np

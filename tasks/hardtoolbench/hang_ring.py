@@ -1,5 +1,3 @@
-"""HangRing: take a ring off the peg of one post, and hang it on the peg of another."""
-
 import numpy as np
 import trimesh
 

@@ -1,5 +1,3 @@
-"""InsertPlug: carry a plug with a large head from its stand to a socket, and put it in."""
-
 import numpy as np
 import trimesh
 

@@ -1,5 +1,3 @@
-"""LeverStone: raise the edge of a stone that is too heavy for the arm, with a lever."""
-
 import numpy as np
 
 from core.geometry import Array

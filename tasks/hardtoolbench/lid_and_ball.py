@@ -1,5 +1,3 @@
-"""LidAndBall: take the lid off a pot, put it down, and bring the ball that stands inside to a bowl."""
-
 from functools import cache
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""OpenLatch: open a latched door by the slot of its recessed handle, and leave the glass beside it standing."""
-
 import numpy as np
 
 from core.geometry import Array

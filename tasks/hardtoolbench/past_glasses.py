@@ -1,5 +1,3 @@
-"""PastGlasses: fetch a tin from a low cupboard, past slender glasses that the robot must not touch."""
-
 import numpy as np
 
 from core.geometry import Array

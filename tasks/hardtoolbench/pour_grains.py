@@ -1,5 +1,3 @@
-"""PourGrains: pour grains from a heavy, oiled crucible into a bowl."""
-
 from functools import cache
 
 import numpy as np

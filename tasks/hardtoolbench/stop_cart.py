@@ -1,5 +1,3 @@
-"""StopCart: push one of three moving carts off its track, at the right moment."""
-
 import numpy as np
 
 from core.geometry import Array

@@ -1,5 +1,3 @@
-"""SweepCards: sweep thirteen cards off a lacquered board, around a vase, into the tray below its edge."""
-
 import numpy as np
 
 from core.geometry import Array

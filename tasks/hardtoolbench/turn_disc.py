@@ -1,5 +1,3 @@
-"""TurnDisc: turn a stone disc upside down over a strip, and push it onto a mark."""
-
 import numpy as np
 
 from core.geometry import Array

@@ -1,5 +1,3 @@
-"""TwoStations: press a button deep in a narrow tube, and pull a drawer by a handle below a canopy."""
-
 import numpy as np
 
 from core.geometry import Array

@@ -198,46 +198,11 @@ def test_a_joint_is_held_at_a_value(changed):
         np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-@pytest.fixture
-def as_xacro(changed):
-    """Read the arm from Xacro in which one axis is an expression."""
-    header = ('<robot name="outside arm">', '<robot name="outside arm" xmlns:xacro="http://www.ros.org/wiki/xacro">')
-
-    def read(expression, *changes, **options):
-        axis = ('<axis xyz="0 0 1"/>', f'<axis xyz="0 0 {expression}"/>')
-        return changed(header, axis, *changes, name="arm.urdf.xacro", **options)
-
-    return read
-
-
-def test_xacro(as_xacro):
-    argument = ("</robot>", '<xacro:arg name="speed" default="1"/></robot>')
-    used = ('velocity="2.6"', 'velocity="$(arg speed)"')
-    robot = as_xacro("${2 - 1}", argument, used, arguments={"speed": "2.0"})
-    np.testing.assert_allclose(arm_of(robot).velocity_limits[:3], 2.0)
-
-
-@pytest.mark.parametrize(
-    ("expression", "reason"),
-    [
-        ("${nothing}", "nothing"),
-        ("$(env OPENAI_API_KEY)", "OPENAI_API_KEY"),
-        ("$(optenv OPENAI_API_KEY none)", "xyz is '0 0 none'"),
-        ("${xacro.load_yaml('/tmp/../etc/hostname')}", "etc/hostname is not of the description's package"),
-        ("${xacro.load_yaml('/proc/self/environ')}", "environ is not of the description's package"),
-    ],
-)
-def test_xacro_reads_no_key_and_no_file_of_another_folder(as_xacro, monkeypatch, expression, reason):
-    monkeypatch.setenv("OPENAI_API_KEY", "1")
-    with pytest.raises(UserError, match=reason) as caught:
-        as_xacro(expression)
-    assert "\n" not in str(caught.value)
-
-
-def test_xacro_that_is_not_installed(changed, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(UserError, match=r"is Xacro, which needs one more package: pip install 'xacrodoc>=2,<3'"):
-        changed(name="arm.xacro")
+def test_xacro_is_to_be_expanded_first(changed):
+    with pytest.raises(
+        UserError, match=r"is Xacro, of which .* first: pip install 'xacrodoc>=2,<3', then: xacrodoc .*/arm"
+    ):
+        changed(name="arm.urdf.xacro")
 
 
 # --- what is refused ------------------------------------------------------------------------------------------------
