@@ -23,8 +23,6 @@ from core.interfaces import ToolRepresentation
 from core.values.efforts import front
 
 MAX_BINS = 100
-LIGHT_KG = 0.2
-PLATE_M = 0.22  # the side of a common printer's plate
 
 Cell = tuple[int, ...]
 
@@ -163,21 +161,6 @@ class Archive:
         return {cell: best_first(self._found[cell], self.tie)[0] for cell in sorted(self._found)}
 
 
-def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Evaluation]:
-    """Pick the ``best``; the best ``light`` tool, below 200 g; and the best that fits a printer's ``plate``, unturned.
-
-    By the rule for ties, the best is the shortest motion of those that earned about the most.
-    """
-    ranking = best_first(evaluations, tie)
-    suits: dict[str, Callable[[Evaluation], bool]] = {
-        "best": lambda evaluation: True,
-        "light": lambda evaluation: tool_of(evaluation).mass < LIGHT_KG,
-        "plate": lambda evaluation: extent(tool_of(evaluation)) <= PLATE_M,
-    }
-    found = {name: next(filter(suit, ranking), None) for name, suit in suits.items()}
-    return {name: evaluation for name, evaluation in found.items() if evaluation is not None}
-
-
 def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     """Return what holds and is not beaten in mass without a longer motion, the lightest first."""
     held = [(e, (effort.mass_kg, effort.motion_s)) for e in evaluations if e.holds and (effort := e.effort) is not None]
@@ -189,18 +172,16 @@ def save_archive(
 ) -> None:
     """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies.
 
-    These are the best of each cell, in the order of the cells, and then the `picks` of ``ranking`` that are none, and
-    the front of mass against time (`lean_front`).
+    These are the best of each cell, in the order of the cells, and then the best of ``ranking``, and the front of mass
+    against time (`lean_front`), where these are none.
     """
     picked: dict[str, list[str]] = {}
-    chosen = picks(ranking, archive.tie)
-    for name, evaluation in chosen.items():
-        picked.setdefault(evaluation.candidate.id, []).append(name)
-    unbeaten = lean_front(ranking)
-    for evaluation in unbeaten:
-        picked.setdefault(evaluation.candidate.id, []).append("front")
+    chosen = {"best": best_first(ranking, archive.tie)[:1], "front": lean_front(ranking)}
+    for name, evaluations in chosen.items():
+        for evaluation in evaluations:
+            picked.setdefault(evaluation.candidate.id, []).append(name)
     cells = {evaluation.candidate.id: cell for cell, evaluation in archive.best.items()}
-    kept = {e.candidate.id: e for e in (*archive.best.values(), *chosen.values(), *unbeaten)}
+    kept = {e.candidate.id: e for e in (*archive.best.values(), *chosen["best"], *chosen["front"])}
     folder.mkdir(parents=True, exist_ok=True)
     document = {"strategies": [dump_design(e.candidate, representation) for e in kept.values()]}
     (folder / "designs.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")

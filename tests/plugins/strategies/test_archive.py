@@ -1,4 +1,4 @@
-"""The best of each kind of tool and motion, and the picks: what is filed where, and what a user gets."""
+"""The best of each kind of tool and motion: what is filed where, and what a user gets."""
 
 import csv
 import json
@@ -17,7 +17,7 @@ from core.evaluate import evaluate
 from core.geometry import Box, Pose
 from core.plugins import installed
 from plugins.fitness.robustness import worst
-from plugins.strategies.map_elites.archive import Archive, Measure, extent, observes, picks, read_measures, save_archive
+from plugins.strategies.map_elites.archive import Archive, Measure, extent, observes, read_measures, save_archive
 from tests.core.run_folders import PLAN, hook
 
 EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)
@@ -115,14 +115,6 @@ def test_only_touches_need_observations():
 # --- what is handed over ----------------------------------------------------------------------------------------
 
 
-def test_picks():
-    heavy, long = earned(0.99, action=0, mass=0.2), earned(0.9, action=1)
-    small, shorter = earned(0.8, length=0.1, action=2), earned(0.986, 0.4, action=3, mass=0.2)
-    found = picks([heavy, long, small, shorter])
-    assert found == {"best": shorter, "light": long, "plate": small}
-    assert picks([earned(1.0, status="failed")]) == {}
-
-
 def saved(folder, *evaluations):
     archive = Archive((EXTENT, DISTANCE))
     archive.add(evaluations)
@@ -131,16 +123,10 @@ def saved(folder, *evaluations):
     return rows, [(row["cell_extent"], row["cell_distance"], row["picked"]) for row in rows]
 
 
-def test_a_pick_that_is_no_cells_best_is_handed_over_too(tmp_path):
-    rows, found = saved(tmp_path, earned(0.99, action=0, mass=0.2), earned(0.9, action=1))
-    assert found == [("3", "2", "best"), ("", "", "light")]
-    assert [row["candidate"] for row in rows] == ["g0-a0-s0-p0", "g0-a0-s1-p0"]
-
-
 @pytest.mark.slow
 def test_the_designs_of_an_archive_can_be_tried(tmp_path):
     rows, found = saved(tmp_path, *(earned(0.9, length=0.2 + 0.1 * i, action=i) for i in range(3)))
-    assert found == [("2", "2", "best light plate"), ("3", "2", ""), ("4", "2", "")]
+    assert found == [("2", "2", "best"), ("3", "2", ""), ("4", "2", "")]
     strategies = json.loads((tmp_path / "designs.json").read_text())["strategies"]
     assert len(strategies) == len(rows)
     words = ["task=BringCube", "sim=mujoco", "executor.workers=1", f"designs={tmp_path / 'designs.json'}"]
