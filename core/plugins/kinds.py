@@ -30,23 +30,17 @@ class Kind(Generic[T]):
     """A kind of part.
 
     Attributes:
-        name: its config group, as in ``sim=NAME``.
-        hook: the hook that offers its parts, of `core.hooks.Parts`.
-        interface: the class of its parts; None: a part implements some of `core.hooks.Events`.
-        attributes: what its parts have beside methods.
-        provided: the arguments of its factories that the program provides; the others are settings.
         own_keys: the keys of its configuration that are no settings of the part: the program itself reads them.
-        defaults: of those own keys that every part of the kind has.
         checked: what its conformance checks take: the part, a function that makes one, or the `PluginPart`.
     """
 
-    name: str
-    hook: str
-    interface: type[T] | None
-    attributes: tuple[str, ...] = ()
-    provided: tuple[str, ...] = ()
+    name: str  # its config group, as in ``sim=NAME``
+    hook: str  # the hook that offers its parts, of `core.hooks.Parts`
+    interface: type[T] | None  # the class of its parts; None: a part implements some of `core.hooks.Events`
+    attributes: tuple[str, ...] = ()  # what its parts have beside methods
+    provided: tuple[str, ...] = ()  # the arguments of its factories that the program provides; the others are settings
     own_keys: tuple[str, ...] = ()
-    defaults: Mapping[str, Any] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = field(default_factory=dict)  # of those own keys that every part of the kind has
     checked: Literal["made", "factory", "named"] = "made"
 
     def __str__(self) -> str:

@@ -31,23 +31,19 @@ class RobotModel:
     Joints are numbered as in Pinocchio: 0 is the world, and joint j has column j - 1 of the joints' values.
 
     Attributes:
-        model: Pinocchio's, and its ``data``.
         axes: for each joint, the direction that it turns about (3,), and that it moves along (3,), in its frame.
         turning: (3, J - 1, 3, 3), the parts of the joints' rotations in their parents' frames: the constant one, the
             one times the sine and the one times 1 - the cosine of the joint's value (Rodrigues).
-        moving: (2, J - 1, 3), the same of their positions: the constant part and the one times the value.
-        parents: for each joint, the number of the one before it.
-        supports: for each joint, itself and the joints before it.
         links: the number of the joint that moves a link, and the link's pose in that joint's frame.
     """
 
-    model: Any
+    model: Any  # Pinocchio's, and its ``data``
     data: Any
     axes: tuple[tuple[Array, Array], ...]
     turning: Array
-    moving: Array
-    parents: tuple[int, ...]
-    supports: tuple[frozenset[int], ...]
+    moving: Array  # (2, J - 1, 3), the same of their positions: the constant part and the one times the value
+    parents: tuple[int, ...]  # for each joint, the number of the one before it
+    supports: tuple[frozenset[int], ...]  # for each joint, itself and the joints before it
     links: dict[str, tuple[int, Pose]]
 
     @cached_property

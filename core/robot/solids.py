@@ -27,21 +27,14 @@ WORLD = -1  # the frame of what never moves
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A convex solid: Coal's geometry, and its pose in a frame.
+    """A convex solid: Coal's geometry, and its pose in a frame."""
 
-    Attributes:
-        name: of its link, component or body.
-        shape: None for a link's.
-        owner: the body that it is part of, or the robot.
-        frame: the number of the frame among those that move, or `WORLD`.
-    """
-
-    name: str
+    name: str  # of its link, component or body
     geometry: Any
     pose: Pose
-    shape: Shape | None = None
-    owner: str = ""
-    frame: int = WORLD
+    shape: Shape | None = None  # None for a link's
+    owner: str = ""  # the body that it is part of, or the robot
+    frame: int = WORLD  # the number of the frame among those that move, or `WORLD`
 
     @property
     def transform(self) -> Any:

@@ -80,26 +80,20 @@ class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
 
     Attributes:
-        assignment: what is asked for.
-        vlm: the model.
-        prompts: composes the requests.
-        sampling: the temperatures.
-        events: receives requests and replies.
         pictures: those of the scene, without the gripper (False) and with it.
         show: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
             for the most instructive failure of the last generation.
-        critic: has candidates criticised before each generation; None: nothing is.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
     """
 
-    assignment: Assignment
-    vlm: VLM
-    prompts: PromptComposer
-    sampling: Sampling
-    events: pluggy.PluginManager
+    assignment: Assignment  # what is asked for
+    vlm: VLM  # the model
+    prompts: PromptComposer  # composes the requests
+    sampling: Sampling  # the temperatures
+    events: pluggy.PluginManager  # receives requests and replies
     pictures: Mapping[bool, tuple[Picture, ...]] = field(default_factory=dict)
     show: Callable[[Evaluation], Picture | None] | None = None
-    critic: Critic | None = None
+    critic: Critic | None = None  # has candidates criticised before each generation; None: nothing is
     tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:

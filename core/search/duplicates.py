@@ -22,19 +22,13 @@ _AXES = 0.1 * np.vstack([np.zeros(3), np.eye(3)])  # points that show how a fram
 
 @dataclass(frozen=True, eq=False)
 class _Compared:
-    """What is compared of a candidate: ``structure`` exactly, all else within limits.
-
-    Attributes:
-        points: (P, 3) of the tool, in the frames of what bears them.
-        masses: of the tool's components.
-        positions: (N, 3) of the waypoints, with ``rotations``.
-    """
+    """What is compared of a candidate: ``structure`` exactly, all else within limits."""
 
     candidate: Candidate
     structure: object
-    points: Array
-    masses: Array
-    positions: Array
+    points: Array  # (P, 3) of the tool, in the frames of what bears them
+    masses: Array  # of the tool's components
+    positions: Array  # (N, 3) of the waypoints, with ``rotations``
     rotations: Rotation
 
     def near(self, other: _Compared) -> bool:

@@ -130,26 +130,18 @@ class _Attempt:
     """A candidate that is tried, on its way through a batch.
 
     Attributes:
-        candidate: what is tried.
-        tool: the candidate's.
-        motion: its plan in this layout.
-        job: what the simulator plays.
-        warnings: what is to be said of it so far.
-        outcome: what the simulator made of it.
-        findings: what was unphysical.
         contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
-        problem: what came of its guards that is not allowed.
     """
 
-    candidate: Candidate
-    tool: Tool
-    motion: Motion
-    job: Rollout
-    warnings: tuple[str, ...] = ()
-    outcome: Outcome | None = None
-    findings: Sequence[Finding] = ()
+    candidate: Candidate  # what is tried
+    tool: Tool  # the candidate's
+    motion: Motion  # its plan in this layout
+    job: Rollout  # what the simulator plays
+    warnings: tuple[str, ...] = ()  # what is to be said of it so far
+    outcome: Outcome | None = None  # what the simulator made of it
+    findings: Sequence[Finding] = ()  # what was unphysical
     contacts: Contacts | None = None
-    problem: str | None = None
+    problem: str | None = None  # what came of its guards that is not allowed
 
     def failed(self, reason: str) -> Evaluation:
         return Evaluation(self.candidate, "failed", reason=reason, trials=(Trial(),))

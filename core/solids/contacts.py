@@ -39,19 +39,14 @@ class Contacts:
     """The contacts of a rollout, and the clearances.
 
     Attributes:
-        taken: the T samples of the recording that were looked at.
-        touching: for each two things that ever touched, at which samples (T,).
-        resting: the bodies among them that touched before the motion began.
-        depths: the largest penetration of each two, metres.
-        clearances: the smallest gap between the robot and each body that it never touched, metres.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
     """
 
-    taken: Recording
-    touching: dict[Key, Flags]
-    resting: frozenset[Key]
-    depths: dict[Key, float]
-    clearances: dict[str, float]
+    taken: Recording  # the T samples of the recording that were looked at
+    touching: dict[Key, Flags]  # for each two things that ever touched, at which samples (T,)
+    resting: frozenset[Key]  # the bodies among them that touched before the motion began
+    depths: dict[Key, float]  # the largest penetration of each two, metres
+    clearances: dict[str, float]  # the smallest gap between the robot and each body that it never touched, metres
     touch_m: float | None = None
 
     @cached_property

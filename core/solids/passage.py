@@ -41,21 +41,13 @@ Instant = tuple[int, float]  # a sample, and the share of the way to the next
 
 
 class Depths(NamedTuple):
-    """How deep in each other, metres, two solids are when something begins; arrays (P,) for many pairs.
+    """How deep in each other, metres, two solids are when something begins; arrays (P,) for many pairs."""
 
-    Attributes:
-        thick: as deep as the thinner one is thick.
-        deep: from here on, it is too deep.
-        through: from here on, they may have passed through each other.
-        skin: up to here they only touch: the side that each is on is clear.
-        cut: so much farther in than the least way out is a cut.
-    """
-
-    thick: Array
-    deep: Array
-    through: Array
-    skin: Array
-    cut: Array
+    thick: Array  # as deep as the thinner one is thick
+    deep: Array  # from here on, it is too deep
+    through: Array  # from here on, they may have passed through each other
+    skin: Array  # up to here they only touch: the side that each is on is clear
+    cut: Array  # so much farther in than the least way out is a cut
 
     @classmethod
     def of(cls, solids: Solids, pairs: Indices) -> Depths:

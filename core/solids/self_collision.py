@@ -80,17 +80,14 @@ class _Pairs(NamedTuple):
 
     Attributes:
         solids: N of them; ``ends`` (N, 2, 3) are those of the capsules' axes, and ``radii`` (N,) their radii.
-        numbers: (P, 2) of the solids.
-        deep: (P,) the depth that counts, metres.
-        levers: (P, J) how far a joint moves one in the frame of the other at most, metres per radian or per metre.
     """
 
     solids: tuple[Solid, ...]
     ends: Array
     radii: Array
-    numbers: npt.NDArray[np.intp]
-    deep: Array
-    levers: Array
+    numbers: npt.NDArray[np.intp]  # (P, 2) of the solids
+    deep: Array  # (P,) the depth that counts, metres
+    levers: Array  # (P, J) how far a joint moves one in the frame of the other at most, metres per radian or per metre
 
 
 def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> SelfCollision | None:

@@ -42,25 +42,16 @@ class Detour(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Solids at samples, one after the other: R rows in all. Those of a single solid are its T samples.
+    """Solids at samples, one after the other: R rows in all. Those of a single solid are its T samples."""
 
-    Attributes:
-        rotations: (R, 3, 3), with ``positions`` (R, 3) the solid's frame. That of a ball does not turn.
-        middles: (R, 3) the middle of the bounding box along the solid's own axes.
-        low: (3, R), with ``high`` the bounding box at the sample and on the way to the next.
-        aside: (R,) how far it gets from the straight way to the next sample, metres, at most.
-        moved: (R,) the length of the way to the next sample, metres; the last is 0.
-        turned: (R,) the angle to the next sample, radians; the last is 0.
-    """
-
-    rotations: Array
+    rotations: Array  # (R, 3, 3), with ``positions`` (R, 3) the solid's frame. That of a ball does not turn
     positions: Array
-    middles: Array
-    low: Array
+    middles: Array  # (R, 3) the middle of the bounding box along the solid's own axes
+    low: Array  # (3, R), with ``high`` the bounding box at the sample and on the way to the next
     high: Array
-    aside: Array
-    moved: Array
-    turned: Array
+    aside: Array  # (R,) how far it gets from the straight way to the next sample, metres, at most
+    moved: Array  # (R,) the length of the way to the next sample, metres; the last is 0
+    turned: Array  # (R,) the angle to the next sample, radians; the last is 0
 
 
 _AXES = (0, 0, 0, 1, 1, 0, 0, 0)  # along which the rows are in each of them

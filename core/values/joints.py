@@ -181,19 +181,12 @@ class Placement(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlacedJoint:
-    """A joint in a layout: how its body was in its parent's frame at the start.
+    """A joint in a layout: how its body was in its parent's frame at the start."""
 
-    Attributes:
-        joint: the joint.
-        origin: (3,) the joint's origin in the parent's frame, at its start.
-        axis: (3,) its axis in the parent's frame.
-        turn: (4,) the body's quaternion in the parent's frame, at its start.
-    """
-
-    joint: Joint
-    origin: Array
-    axis: Array
-    turn: Array
+    joint: Joint  # the joint
+    origin: Array  # (3,) the joint's origin in the parent's frame, at its start
+    axis: Array  # (3,) its axis in the parent's frame
+    turn: Array  # (4,) the body's quaternion in the parent's frame, at its start
 
     @classmethod
     def of(cls, joint: Joint, body: Pose, parent: Pose) -> PlacedJoint:
