@@ -83,28 +83,6 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
     return kept
 
 
-def may_meet_along(pair: Pair, near: Indices, least: float, axis: Array, others_axis: Array) -> Indices:
-    """Return those samples of ``near`` from which on two solids may get as deep as ``least`` until the next.
-
-    As `may_meet`, but along an axis (3,) that is fixed in the first, and one in the second, and by their shapes.
-    """
-    one, other = pair.one, pair.other
-    samples, begin = with_next(near)
-    (rotations, positions), (others_rotations, others_positions) = one.frames(samples), other.frames(samples)
-    apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
-    turn, others_turn = one.turned[near], other.at_samples(other.turned, near)
-    moved = lengths(apart[begin + 1] - apart[begin])
-    far = lengths(apart[begin]) + moved
-    seen = _along(other, one, others_axis[:, None], turned, _turned(apart, others_rotations))
-    mine = _along(one, other, axis[:, None], turned.swapaxes(1, 2), -_turned(apart, rotations))
-    gaps = np.maximum(
-        np.minimum(seen[begin], seen[begin + 1]).max(axis=1) - _curved(far, moved, turn, others_turn, one.reach),
-        np.minimum(mine[begin], mine[begin + 1]).max(axis=1) - _curved(far, moved, others_turn, turn, other.reach),
-    )
-    kept: Indices = near[gaps - (one.aside[near] + other.at_samples(other.aside, near)) <= ROUNDING_M - least]
-    return kept
-
-
 def with_next(near: Indices) -> tuple[Indices, Indices]:
     """Return the rising samples ``near`` and their next ones, rising, and where in there each of ``near`` is."""
     begin = np.arange(len(near))
@@ -112,13 +90,6 @@ def with_next(near: Indices) -> tuple[Indices, Indices]:
     samples = np.empty(begin[-1] + 2 if len(near) else 0, dtype=np.intp)
     samples[begin], samples[begin + 1] = near, near + 1
     return samples, begin
-
-
-def _along(track: Track, other: Track, axes: Array, turned: Array, ahead: Array) -> Array:
-    """The gaps (N, 2 K) along axes (3, K) of ``track``, either way; the other is turned and ahead in its frame."""
-    (low, high), (others_low, others_high) = spans(track, axes[None]), spans(other, turned.swapaxes(1, 2) @ axes)
-    ahead = ahead @ axes
-    return np.concatenate([ahead + others_low - high, low - ahead - others_high], axis=1)
 
 
 def _along_axes(

@@ -18,7 +18,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.solids.bodies import ROBOT, Solids
-from core.solids.gap_bounds import gap_bounds, may_meet_along, spans, with_next
+from core.solids.gap_bounds import gap_bounds, spans, with_next
 from core.solids.tracks import SMOOTH, Indices, Pair, Track, Tracks, angles, lengths
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
@@ -33,7 +33,6 @@ SAME = 0.9  # cosine of two directions that are about the same
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
-_FEW = 24  # samples that are queried as fast as they are compared along an axis
 _COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
 
 Passage = tuple[float, str]  # the time when one got into the other, seconds, and a description
@@ -114,7 +113,6 @@ def find_passage(
     closer = near
     if isinstance(pair.one.shape, SMOOTH) and isinstance(pair.other.shape, SMOOTH):
         closer = _closer(pair, near, relative_ways(tracks, number, others_number, near), least - _COAL_M)
-    closer = _deep(pair, closer, least - _COAL_M)
     if not len(closer):
         return None
     travel = _travel(tracks, number, others_number, near).tolist()  # lists are faster one by one
@@ -258,14 +256,3 @@ def _closer(pair: Pair, near: Indices, ways: Array, least: float) -> Indices:
     gaps = gap_bounds(pair, samples)
     closer: Indices = near[(gaps[begin] + gaps[begin + 1] - ways) / 2 <= -least]
     return closer
-
-
-def _deep(pair: Pair, near: Indices, least: float) -> Indices:
-    """Return those samples of ``near`` from which on, until the next, two solids may get as deep as ``least``."""
-    while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
-        _, out, rotation, others_rotation = pair.query(int(near[0]), 0.0)
-        rest = may_meet_along(pair, near, least, out @ rotation, out @ others_rotation)
-        if len(near) - len(rest) < _FEW:
-            break
-        near = rest
-    return near

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
-from core.solids.gap_bounds import gap_bounds, may_meet, may_meet_along
+from core.solids.gap_bounds import gap_bounds, may_meet
 from core.solids.tracks import Pair, follow
 from tests.core.solids.test_penetration import body, recording, straight
 from tests.panda import PANDA
@@ -63,12 +63,6 @@ def test_hulls_have_none():
     assert gap_bounds(Pair(a, b), np.arange(1)).tolist() == [-np.inf]
 
 
-def along_the_way_out(pair, near, least):
-    """What is left of samples by the axis along which two solids are nearest at the first of them."""
-    _, out, rotation, others_rotation = pair.query(int(near[0]), 0.0)
-    return may_meet_along(pair, near, least, out @ rotation, out @ others_rotation)
-
-
 @given(one=st.sampled_from([*SHAPES, HULL]), other=st.sampled_from([*SHAPES, HULL]), seed=st.integers(0, 2**32 - 1))
 def test_solids_do_not_meet_where_they_may_not(one, other, seed):
     """At ten instants between samples, of motions of some 5 cm and 30 degrees from one to the next."""
@@ -85,10 +79,7 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
         turns[name] = Rotation.concatenate(turning[1:]).as_quat(scalar_first=True)
     both = tracks(one, other, turns, paths)
     *_, a, b = both
-    near = np.flatnonzero(may(both, least, count))
-    closely = along_the_way_out(Pair(a, b), near, least) if len(near) else near
-    assert set(closely) <= set(near)
-    for k in set(range(count - 1)) - set(closely.tolist()):
+    for k in np.flatnonzero(~may(both, least, count)).tolist():
         for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
             assert Pair(a, b).query(k, share)[0] <= least + 1e-6
 
@@ -98,25 +89,3 @@ def test_what_slides_along_a_surface_does_not_come_nearer():
     both = tracks(Box((0.1, 0.1, 0.02)), Box((1.0, 1.0, 0.02)), {}, paths)
     assert not may(both, 0.001, 8).any()
     assert may(both, 0.0, 8).all()
-
-
-@pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), HULL])
-@pytest.mark.parametrize(("above", "met"), [(0.001, False), (-0.001, True)])
-def test_the_shape_tells_what_the_box_around_it_does_not(shape, above, met):
-    """It slides along a tilted plate, a millimetre from it or in it."""
-    turn = Rotation.from_euler("xy", [0.6, 0.6])
-    plate, turns = Box((0.5, 0.5, 0.02)), {"other": np.tile(turn.as_quat(scalar_first=True), (4, 1))}
-    out, ahead = turn.apply([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-
-    def slide(height):
-        path = height * out + np.linspace(0.0, 0.01, 4)[:, None] * ahead
-        return tracks(shape, plate, turns, {"one": path, "other": np.zeros((4, 3))})
-
-    *_, a, b = slide(1.0)
-    both = slide(1.0 - Pair(a, b).gap(0) + above)
-    *_, a, b = both
-    near = may(both, 0.0, 4)
-    assert near.tolist() == [met or not isinstance(shape, Sphere)] * 3
-    if near.all():
-        closely = along_the_way_out(Pair(a, b), np.flatnonzero(near), 0.0)
-        assert closely.tolist() == ([0, 1, 2] if met else [])
