@@ -92,11 +92,7 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
 
 
 def overview(name: str, overrides: Sequence[str]) -> str:
-    """Describe the config groups with their choices, and the primary config ``name`` with command-line overrides.
-
-    Raises:
-        UserError: see `load`.
-    """
+    """Describe the config groups with their choices, and the primary config ``name`` with command-line overrides."""
     config = load(name, overrides)
     groups = "".join(
         f"{group}: {', '.join(sorted(names))}\n" for group, names in sorted(_groups().items()) if group != "command"
@@ -205,11 +201,7 @@ def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
 
 
 def robot_part(config: DictConfig) -> RobotPart:
-    """Return the robot that a config node names, with its settings and its base.
-
-    Raises:
-        UserError: see `part`.
-    """
+    """Return the robot that a config node names, with its settings and its base."""
     found = part(ROBOT, config)
     return RobotPart(found.kind, found.name, found.settings, base=tuple(config.get("base") or (0.0,) * 4))
 
@@ -266,11 +258,7 @@ def engines(
 
 
 def task_part(config: DictConfig) -> PluginPart[Task]:
-    """Return the task of a command's configuration, for the robot that it names, if it does.
-
-    Raises:
-        UserError: see `part`.
-    """
+    """Return the task of a command's configuration, for the robot that it names, if it does."""
     robot = config.get("robot")
     return replace(part(TASK, config.task), robot=robot_part(robot) if robot else None)
 

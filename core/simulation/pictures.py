@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -13,9 +13,8 @@ import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw
 
-from core.design import Candidate, Tool
-from core.errors import RAISED, NoPicture, UserError
-from core.interfaces import Image, Observation, Picture, Recording, RolloutSettings, Simulator, Task
+from core.design import Candidate
+from core.interfaces import Image, Observation, Recording, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
 from core.support.cli import say
 from core.support.text import clean
@@ -36,32 +35,6 @@ def png(picture: Image) -> bytes:
 def report_missing(what: str, error: BaseException) -> None:
     """Say on standard error, in one line, which picture is missing and why."""
     say(f"no {what}: {clean(str(error), 300) or type(error).__name__}", file=sys.stderr)
-
-
-def scene_pictures(
-    task: Task, simulator: Simulator, wanted: bool, seed: int, mounted: Sequence[Tool]
-) -> tuple[dict[bool, Picture], bool]:
-    """Draw the scene, if it is ``wanted``, without the gripper (False) and with it, as the tools ask.
-
-    Return the pictures, and whether anything can draw here. One that fails is left out, and standard error says why.
-
-    Raises:
-        UserError: the machine fails.
-    """
-    pictures: dict[bool, Picture] = {}
-    for number, tool in enumerate(mounted if wanted else ()):
-        try:
-            picture = png(simulator.render(task, seed=seed, tool=tool, width=SIZE[0], height=SIZE[1]))
-        except NoPicture as error:
-            report_missing("pictures", error)
-            return pictures, False
-        except OSError as error:
-            raise UserError(f"the scene can't be drawn: {error}") from error
-        except RAISED as error:
-            report_missing("picture of the scene", error)
-        else:
-            pictures[tool.gripper] = Picture(picture, "scene_gripper" if number else "scene")
-    return pictures, True
 
 
 def save_film(
