@@ -10,24 +10,26 @@ import numpy.typing as npt
 import trimesh
 
 from core.design import GRIPPER_MOUNTS, Tool
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Mesh, Pose
 from core.robot.kinematics import open_mounts
 from core.robot.meshes import as_held
+from core.scene import Body, Camera, Geom
+from core.simulation.views import nearness
 from core.values.robots import Robot
 
 Pixels = npt.NDArray[np.uint8]
 Color = tuple[float, float, float, float]
 
-AZIMUTH, ELEVATION = np.deg2rad(-55.0), np.deg2rad(25.0)  # of the eye: in front of the tool, to its right, above
+EYE = (0.52, -0.742, 0.423)  # in front of the tool, to its right, above
 ROBOT: Color = (0.62, 0.64, 0.68, 1.0)
 FINGER = Box((0.021, 0.012, 0.054))  # a finger, roughly
 
 _OVER = 2  # samples per pixel, along each side
 _MARGIN = 0.06  # of the picture's smaller side
+_AWAY_M = 10.0  # of the eye
 _LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
 _EDGE = 0.25  # of the colour, where a surface ends
-_SMOOTH = np.deg2rad(25.0)  # between two faces of one surface
-_BEHIND = 0.05  # pixels by which a face must be nearer to cover another: of two in one plane the first stays
+_BENT = 0.4  # change of the slope toward the eye from a sample to the next, from which an edge is drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,64 +54,43 @@ def painted(tool: Tool, robot: Robot) -> list[Painted]:
     return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool, robot))]
 
 
-def draw(solids: Sequence[Painted], width: int = 480, height: int = 360) -> Pixels:
-    """Draw a picture (height, width, 4) that the solids fill, on a transparent ground."""
-    toward = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
-    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
-    axes = np.stack([right, np.cross(toward, right), toward])  # right, up, toward the eye
-    corners = [np.asarray(each.solid.vertices) @ axes.T for each in solids]
-    low, high = np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)
-    fine = np.array([width, height]) * _OVER
-    room = fine - 2 * _MARGIN * fine.min()
-    scale = float((room / np.maximum(high - low, 1e-9)[:2]).min())
-    canvas = _Canvas(*fine[::-1])
-    surfaces = 0
-    for each, points in zip(solids, corners, strict=True):
-        mesh, points = each.solid, (points - (low + high) / 2) * scale
-        points[:, :2] += fine / 2
-        smooth = mesh.face_adjacency[mesh.face_adjacency_angles < _SMOOTH]
-        numbers = surfaces + trimesh.graph.connected_component_labels(smooth, node_count=len(mesh.faces))
-        surfaces = int(numbers.max()) + 1
-        light = 0.7 + 0.3 * np.asarray(mesh.face_normals) @ _LIGHT
-        for k in np.flatnonzero(np.asarray(mesh.face_normals) @ toward > 1e-6):
-            color = np.clip(light[k] * np.array(each.color[:3]), 0.0, 1.0)
-            canvas.triangle(points[mesh.faces[k]], color, numbers[k])
-    return canvas.picture()
+def draw(
+    solids: Sequence[Painted], width: int = 480, height: int = 360, eye: Sequence[float] = EYE, across_m: float = 0.0
+) -> Pixels:
+    """Draw a picture (height, width, 4) on a transparent ground, from the direction ``eye`` (3,).
+
+    The solids fill it, or it shows ``across_m`` metres from left to right, with their middle in its own.
+    """
+    corners = np.concatenate([each.solid.vertices for each in solids])
+    aside = Camera(tuple(_AWAY_M * np.asarray(eye)), (0.0, 0.0, 0.0)).axes
+    low, high = (corners @ aside.T).min(axis=0), (corners @ aside.T).max(axis=0)
+    middle, fine = (low + high) / 2 @ aside, (width * _OVER, height * _OVER)
+    room = np.array([width, height]) - 2 * _MARGIN * min(width, height)
+    per_m = width / across_m if across_m else float((room / np.maximum(high - low, 1e-9)[:2]).min())
+    camera = Camera(tuple(middle + _AWAY_M * np.asarray(eye)), tuple(middle), height_m=height / per_m)
+    near, front = np.full(fine[::-1], np.nan), np.full(fine[::-1], -1)
+    for number, each in enumerate(solids):
+        part = Geom(Mesh.from_trimesh(each.solid), Pose(), each.color)
+        depth = nearness([Body("", Pose(), 0.0, (part,), ())], camera, *fine)
+        front[~(depth <= near + 1e-6) & ~np.isnan(depth)] = number
+        near = np.fmax(near, depth)
+    return _shaded(near * per_m * _OVER, front, np.array([each.color[:3] for each in solids]), camera.axes)
 
 
-class _Canvas:
-    """The colour, depth and number of the surface in front, by pixel (height, width); row 0 is the lowest."""
-
-    def __init__(self, height: int, width: int) -> None:
-        self.color = np.zeros((height, width, 3))
-        self.depth = np.full((height, width), -np.inf)
-        self.surface = np.full((height, width), -1)
-
-    def triangle(self, corners: Array, color: Array, surface: int) -> None:
-        """Draw a triangle; corners (3, 3) are column, row, and depth toward the eye."""
-        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners.tolist()
-        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if abs(area) < 1e-9:
-            return
-        height, width = self.depth.shape
-        x0, x1 = max(0, int(min(ax, bx, cx))), min(width, int(max(ax, bx, cx)) + 2)
-        y0, y1 = max(0, int(min(ay, by, cy))), min(height, int(max(ay, by, cy)) + 2)
-        x, y = np.meshgrid(np.arange(x0, x1) + 0.5, np.arange(y0, y1) + 0.5)
-        b = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
-        c = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
-        depth = az + b * (bz - az) + c * (cz - az)
-        window = np.s_[y0:y1, x0:x1]
-        front = (b >= 0) & (c >= 0) & (b + c <= 1) & (depth > self.depth[window] + _BEHIND)
-        self.color[window][front], self.surface[window][front], self.depth[window][front] = color, surface, depth[front]
-
-    def picture(self) -> Pixels:
-        """The picture with edges, at its final size, row 0 on top."""
-        solid, edge = self.surface >= 0, np.zeros_like(self.surface, dtype=bool)
-        edge[:, :-1] |= self.surface[:, :-1] != self.surface[:, 1:]
-        edge[:-1] |= self.surface[:-1] != self.surface[1:]
-        color = np.where((edge & solid)[..., None], self.color * _EDGE, self.color)
-        height, width = solid.shape
-        blocks = (height // _OVER, _OVER, width // _OVER, _OVER)
-        cover = solid.reshape(blocks).mean(axis=(1, 3))
-        mixed = (color * solid[..., None]).reshape(*blocks, 3).mean(axis=(1, 3)) / np.maximum(cover, 1e-9)[..., None]
-        return (np.dstack([mixed, cover])[::-1] * 255 + 0.5).astype(np.uint8)
+def _shaded(near: Array, front: npt.NDArray[np.int_], colors: Array, axes: Array) -> Pixels:
+    """Colour samples by the slope of what is in front, draw where it bends or ends, and take the mean of each pixel."""
+    solid = front >= 0
+    slopes, edge = [], np.zeros_like(solid)
+    for axis in (1, 0):
+        before, after = np.diff(near, axis=axis, prepend=np.nan), np.diff(near, axis=axis, append=np.nan)
+        ends = (np.diff(front, axis=axis, append=-1) != 0) | (np.diff(front, axis=axis, prepend=-1) != 0)
+        slopes.append(np.where(np.abs(before) < np.abs(after), before, after))  # that of the surface, at its end
+        edge |= ends | (np.abs(after - before) > _BENT)
+    normals = np.stack([-slopes[0], slopes[1], np.ones_like(near)], axis=-1)
+    light = 0.7 + 0.3 * (normals @ (axes * [[1], [1], [-1]]) @ _LIGHT) / np.linalg.norm(normals, axis=-1)
+    color = np.clip(np.nan_to_num(light, nan=0.7)[..., None] * colors[front], 0.0, 1.0)
+    color = np.where((edge & solid)[..., None], color * _EDGE, color) * solid[..., None]
+    blocks = (len(near) // _OVER, _OVER, near.shape[1] // _OVER, _OVER)
+    cover = solid.reshape(blocks).mean(axis=(1, 3))
+    mixed = color.reshape(*blocks, 3).mean(axis=(1, 3)) / np.maximum(cover, 1e-9)[..., None]
+    return (np.dstack([mixed, cover]) * 255 + 0.5).astype(np.uint8)

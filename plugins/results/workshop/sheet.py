@@ -18,11 +18,11 @@ from core.designs.statics import flange_moment
 from core.geometry import Array
 from core.interfaces import Task
 from core.robot.meshes import as_held
-from core.scene import Scene
+from core.scene import Camera, Scene
 from core.support.cli import write_bytes
 from core.support.text import clean
 from core.values.robots import Robot
-from plugins.results.pages.drawing import draw, painted
+from plugins.results.pages.drawing import Painted, draw, painted
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure
 from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.printing import Check
@@ -40,15 +40,10 @@ A4_MM = (210.0, 297.0)
 RED, GREEN, SOFT = "#c62828", "#1b7f3b", "#57606a"
 SCALES = (0.2, 0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20)  # millimetres of the tool to one on paper
 ROWS, VERDICTS, NUMBERED = 14, 9, 26
-# Title; which axes go right, up, and toward the reader, and with which sign.
-VIEWS = (
-    ("from the side", np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
-    ("from the front", np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])),
-    ("from above", np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])),
-)
+VIEWS = {"from the side": (0.0, -1.0, 0.0), "from the front": (1.0, 0.0, 0.0), "from above": (0.0, 0.0, 1.0)}  # the eye
 _CELLS = ((12.0, 204.0), (106.0, 204.0), (12.0, 136.0), (106.0, 136.0))  # lower left corners of views and picture, mm
 _CELL, _ROOM = (92.0, 66.0), (24.0, 20.0)  # of a view on paper, and of it for dimensions and the title, mm
-_EDGE = np.deg2rad(20.0)  # between two faces, above which their edge is drawn
+_PIXELS = 920, 660
 
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
@@ -223,56 +218,46 @@ def _table(page: Axes, top: float, said: Mapping[str, Any]) -> None:
 
 def _views(figure: Figure, tool: Tool, robot: Robot, said: Mapping[str, Any]) -> None:
     """Draw three views to one scale and a picture, in four cells."""
+    from matplotlib.colors import to_rgb
+
     held = as_held(tool, robot)
-    solids = [(component.name, solid.apply_scale(1000.0)) for component, solid in held]
     numbers = {part["name"]: number for number, part in enumerate(said["parts"], start=1)}
-    points = np.concatenate([solid.vertices for _, solid in solids])
-    masses = [component.mass for component, _ in held]
-    center = np.average([solid.center_mass for _, solid in solids], axis=0, weights=masses)
+    colors = {name: 0.85 + 0.15 * np.array(to_rgb(COLORS[(n - 1) % len(COLORS)])) for name, n in numbers.items()}
+    pale = [Painted(solid, (*colors[component.name].tolist(), 1.0)) for component, solid in held]
+    places = [(numbers[component.name], 1000 * np.asarray(solid.bounds).mean(axis=0)) for component, solid in held]
+    points = 1000 * np.concatenate([solid.vertices for _, solid in held])
+    center = 1000 * np.average([s.center_mass for _, s in held], axis=0, weights=[c.mass for c, _ in held])
+    ways = [Camera(eye, (0.0, 0.0, 0.0)).axes[:2] for eye in VIEWS.values()]  # right and up (2, 3)
     room = np.subtract(_CELL, _ROOM)
-    wanted = max(float((np.ptp(points @ axes[:2].T, axis=0) / room).max()) for _, axes in VIEWS)
+    wanted = max(float((np.ptp(points @ way.T, axis=0) / room).max()) for way in ways)
     scale = next((scale for scale in SCALES if scale >= wanted), wanted)
-    titles = [title for title, _ in VIEWS]
-    titles.append(f"1 : {scale:.3g}, millimetres, as held at home; + flange, × centre of gravity")
+    titles = [*VIEWS, f"1 : {scale:.3g}, millimetres, as held at home; + flange, × centre of gravity"]
     cells = []
     for title, corner in zip(titles, _CELLS, strict=True):
         ax = figure.add_axes((*np.divide(corner, A4_MM), *np.divide(_CELL, A4_MM)))
         ax.text(0, 1, title, fontsize=7, color=SOFT, va="top", transform=ax.transAxes)
         ax.axis("off")
         cells.append(ax)
-    for (_, axes), ax in zip(VIEWS, cells, strict=False):
-        flat = points @ axes[:2].T
+    for eye, way, ax in zip(VIEWS.values(), ways, cells, strict=False):
+        flat, half = points @ way.T, scale * np.array(_CELL) / 2
         low, high = flat.min(axis=0), flat.max(axis=0)
-        middle, half = (low + high) / 2 + scale * np.array([2.0, -1.0]), scale * np.array(_CELL) / 2
-        (left, bottom), (right, top) = middle - half, middle + half
-        ax.set(xlim=(left, right), ylim=(bottom, top))
-        _view(ax, solids, axes, numbers)
+        (x, y), (left, up) = (low + high) / 2, np.array([2.0, -1.0]) * scale
+        shown = x - half[0], x + half[0], y - half[1], y + half[1]
+        ax.imshow(draw(pale, *_PIXELS, eye, 2 * half[0] / 1000), extent=shown, aspect="auto")
+        ax.set(xlim=(shown[0] + left, shown[1] + left), ylim=(shown[2] + up, shown[3] + up))
+        _number(ax, [(number, way @ place) for number, place in places] if len(places) <= NUMBERED else [])
         _dimensions(ax, low, high, scale)
         for mark, at in (("+", np.zeros(3)), ("x", center)):
-            ax.plot(*(axes[:2] @ at), mark, color=RED, ms=4, mew=0.7)
-    cells[-1].imshow(draw(painted(tool, robot), 736, 480))
+            ax.plot(*(way @ at), mark, color=RED, ms=4, mew=0.7)
+    cells[-1].imshow(draw(painted(tool, robot), *_PIXELS))
 
 
-def _view(ax: Axes, solids: Sequence[tuple[str, Any]], axes: Array, numbers: Mapping[str, int]) -> None:
-    """Draw solids in outline, the nearest last, and their numbers; those of solids at one place side by side."""
-    from matplotlib.collections import LineCollection, PolyCollection
-    from matplotlib.colors import to_rgb
-
-    for name, solid in sorted(solids, key=lambda of: float((of[1].vertices @ axes[2]).max())):
-        seen = np.asarray(solid.vertices) @ axes.T
-        front = np.asarray(solid.face_normals) @ axes[2] > 1e-6
-        sides = front[np.asarray(solid.face_adjacency)]
-        drawn = sides.any(axis=1) & ((np.asarray(solid.face_adjacency_angles) > _EDGE) | ~sides.all(axis=1))
-        color = 0.85 + 0.15 * np.array(to_rgb(COLORS[(numbers[name] - 1) % len(COLORS)]))
-        faces = seen[np.asarray(solid.faces)[front]][:, :, :2]
-        ax.add_collection(PolyCollection(list(faces), color=color, linewidths=0.1))
-        edges = seen[np.asarray(solid.face_adjacency_edges)[drawn]][:, :, :2]
-        ax.add_collection(LineCollection(list(edges), colors=INK, linewidths=0.5))
+def _number(ax: Axes, numbered: Sequence[tuple[int, Array]]) -> None:
+    """Write the numbers of components at their places (2,); those at one place side by side."""
     apart = 0.045 * float(np.ptp(ax.get_xlim()))
     places: dict[tuple[float, ...], list[tuple[int, Array]]] = {}
-    for name, solid in solids if len(solids) <= NUMBERED else ():
-        at = np.asarray(solid.bounds).mean(axis=0) @ axes[:2].T
-        places.setdefault(tuple(np.round(at / apart)), []).append((numbers[name], at))
+    for number, at in numbered:
+        places.setdefault(tuple(np.round(at / apart)), []).append((number, at))
     frame = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": INK, "lw": 0.4}
     for found in places.values():
         (x, y), text = found[0][1], ", ".join(str(number) for number in sorted(number for number, _ in found))
