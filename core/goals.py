@@ -229,8 +229,7 @@ class _Judge:
 
     def over_time(self, goal: Goal) -> Array:
         """Compute the progress of a goal at each instant of the trace, (..., T)."""
-        arrays = (array[..., None, :, :] for array in self.start.arrays)
-        start = State(self.start.names, *arrays, places=self.start.places, joints=self.start.joints)
+        start = self.start.each(lambda array: array[..., None, :, :])
         return progress(goal, start, self.film.states, self._hold)
 
     @property

@@ -52,6 +52,7 @@ class Simulator(ABC):
 
     batch: ClassVar[int] = 1  # the best size of a batch; above 1, jobs with different tools are stepped together
     feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
+    softens: ClassVar[bool] = False  # it has soft bodies (`core.scene.Soft`)
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod

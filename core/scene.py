@@ -6,6 +6,7 @@ World frame: x forward from the arm's base, y left, z up; metres, kilograms, rad
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypedDict
@@ -17,6 +18,7 @@ from core.geometry import Color as Color
 from core.goals import Goal, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.values.margins import Margin
+from core.values.softs import MOST_YOUNG, Cloth, Elastic, Filling, Form, Rope
 from core.values.states import State, Trace
 from core.values.tools import Tool
 
@@ -66,7 +68,7 @@ class Body:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
             raise ValueError(f"body {self.name!r}: the mass must be 0 (fixed) or positive, got {self.mass}")
-        if self.mass > 0 and not self.collisions:
+        if self.mass > 0 and not self.collisions and not isinstance(self, Soft):
             raise ValueError(f"body {self.name!r}: a body that can move needs collision parts")
         if not np.isfinite([*self.velocity, *self.spin]).all() or (self.fixed and self.launched):
             raise ValueError(f"body {self.name!r}: a velocity needs finite numbers, and a mass above 0")
@@ -127,6 +129,47 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Soft(Body):
+    """A rope, a cloth or a soft solid, elastic; make one with `make`. Few engines can have one.
+
+    It has no collision parts: its nodes and what is between them collide, but not with each other. As it is made,
+    nothing in it is strained. Nodes that are ``pinned`` stay where they are. A contact's friction coefficient is the
+    geometric mean of its own and the tool's, whatever it touches.
+
+    Raises:
+        ValueError: it is fixed or launched, has too many nodes, is too stiff, or has elements without a size.
+    """
+
+    form: Form = field(kw_only=True)
+    elastic: Elastic = field(kw_only=True)
+    pinned: tuple[int, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        where = f"soft body {self.name!r}"
+        if self.fixed or self.launched:
+            raise ValueError(f"{where}: it can't be fixed or have a velocity; pin nodes to hold it")
+        if self.elastic.young > (most := MOST_YOUNG[self.form.kind]):
+            raise ValueError(f"{where}: the Young's modulus of a {self.form.kind} can be {most:g} Pa at most")
+        if not set(self.pinned) < set(range(len(self.form.nodes))):
+            raise ValueError(f"{where}: pinned nodes have numbers from 0 to {len(self.form.nodes) - 1}, and not all")
+
+    @classmethod
+    def make(
+        cls, name: str, form: Form, elastic: Elastic, pose: Pose, *, color: Color, pinned: Sequence[int] = ()
+    ) -> Soft:
+        """Make one that weighs what its material does."""
+        drawn = (Geom(form.surface(form.nodes), color=color),)
+        mass, pins = elastic.density * form.volume, tuple(pinned)
+        return cls(name, pose, mass, drawn, (), elastic.friction, form=form, elastic=elastic, pinned=pins)
+
+    @property
+    def placed(self) -> Array:
+        """The nodes (N, 3) in the world at spawn."""
+        return self.pose.apply(self.form.nodes)
+
+
+@dataclass(frozen=True)
 class Scene:
     """All bodies in the world, without the robot, and the joints between them.
 
@@ -153,6 +196,8 @@ class Scene:
             for name in (joint.body, joint.parent):
                 if name is not None and name not in bodies:
                     raise ValueError(f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}")
+            if any(isinstance(bodies[name], Soft) for name in (joint.body, joint.parent) if name):
+                raise ValueError(f"{where}: a joint can't hold a soft body; pin nodes of it")
             if bodies[joint.body].fixed:
                 raise ValueError(f"{where}: its body {joint.body!r} is fixed; give it a mass")
             if bodies[joint.body].launched:
@@ -179,17 +224,27 @@ class Scene:
         """The bodies that can move, in the order of `State.names`."""
         return tuple(body for body in self.bodies if not body.fixed)
 
+    @property
+    def softs(self) -> tuple[Soft, ...]:
+        """The soft bodies, in order."""
+        return tuple(body for body in self.bodies if isinstance(body, Soft))
+
     def state(self) -> State:
         """The state of the free bodies at their initial poses, at rest."""
         free = self.free
         return State(
             tuple(body.name for body in free),
-            np.array([body.pose.position for body in free]).reshape(len(free), 3),
-            np.array([body.pose.quaternion for body in free]).reshape(len(free), 4),
+            np.array(
+                [body.form.weights @ body.placed if isinstance(body, Soft) else body.pose.position for body in free]
+            ).reshape(len(free), 3),
+            np.array([(Pose() if isinstance(body, Soft) else body.pose).quaternion for body in free]).reshape(
+                len(free), 4
+            ),
             np.zeros((len(free), 3)),
             np.zeros((len(free), 3)),
             places=self.places,
             joints=self.placed_joints,
+            soft={body.name: body.placed for body in self.softs},
         )
 
     @cached_property
@@ -298,7 +353,8 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
     return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
 
 
-__all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "State", "floor", "table"]
+__all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "Soft", "State", "floor", "table"]
 __all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.values.joints; State of core.values.states
+__all__ += ["Cloth", "Elastic", "Filling", "Form", "Rope"]  # of core.values.softs
 __all__ += ["Margin", "Trace", "goals_reward", "needs_trace"]  # of core.values.margins, its traces, and core.goals
 __all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera
+from core.scene import Body, Camera, Soft
 from core.support.text import table
 from core.values.observations import Moved
 
@@ -68,6 +68,7 @@ def bodies_table(task: Task, seed: int) -> str:
     jointed = {joint.body for joint in scene.joints}
     for body in scene.bodies:
         kind = "on a joint" if body.name in jointed else "free" if body.mass else "fixed" if body.collisions else "mark"
+        kind = f"soft {body.form.kind}, {body.elastic.in_words()}" if isinstance(body, Soft) else kind
         said = _ALIKE.sub("", body.name), kind, weight(body), _origin(body)
         groups.setdefault(said, []).append(body.name)
     names = (f"{own[0]} ... {own[-1]} ({len(own)})" if len(own) > 1 else own[0] for own in groups.values())
@@ -83,8 +84,14 @@ def weight(body: Body) -> str:
 
 def slip(body: Body) -> str:
     """Say in words how well things slide on a body."""
+    if not (body.collisions or body.mass):
+        return "-"
     limits = ((0.05, "as ice"), (0.25, "oiled"), (0.45, "smooth"), (0.8, "as wood"))
-    return next((word for most, word in limits if body.friction < most), "as rubber") if body.collisions else "-"
+    return (
+        next((word for most, word in limits if body.friction < most), "as rubber")
+        if body.collisions or body.mass
+        else "-"
+    )
 
 
 def _origin(body: Body) -> str:

@@ -22,7 +22,7 @@ from core.designs.sight import slip, weight
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
-from core.scene import Body, Geom
+from core.scene import Body, Geom, Soft
 from core.support.text import short_number, short_numbers, table
 from core.values.layouts import NONE
 
@@ -136,7 +136,8 @@ def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
 def _description(body: Body) -> tuple[object, ...]:
     """The properties that bodies of one row share."""
     parts = tuple((describe_shape(part.shape), part.pose) for part in _parts(body))
-    return bool(body.collisions), parts, body.mass, body.friction, body.rolling_friction, body.restitution
+    made = body.elastic if isinstance(body, Soft) else bool(body.collisions)
+    return made, parts, body.mass, body.friction, body.rolling_friction, body.restitution
 
 
 def _parts(body: Body) -> tuple[Geom, ...]:
@@ -156,7 +157,10 @@ def _placed(pose: Pose) -> str:
 
 
 def _shape(body: Body, *, alone: bool) -> str:
-    """Describe a body's collision shapes; ``alone``: it has its row to itself."""
+    """Describe a body's collision shapes, or a soft body; ``alone``: it has its row to itself."""
+    if isinstance(body, Soft):
+        size = short_numbers(np.ptp(body.form.nodes, axis=0), 3)
+        return f"soft {body.form.kind}, {size}, {body.form.thickness:g} thick; {body.elastic.in_words()}"
     if not body.collisions:
         return "a mark: nothing touches it"
     parts = body.collisions
@@ -247,7 +251,7 @@ def describe_shape(shape: Shape) -> str:
 
 
 def _friction(body: Body) -> str:
-    if not body.collisions:
+    if not (body.collisions or body.mass):
         return "-"
     rolling = f", rolling {body.rolling_friction:g}" if body.rolling_friction else ""
     bounce = f", restitution {body.restitution:g}" if body.restitution else ""

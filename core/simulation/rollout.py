@@ -217,7 +217,7 @@ class _Batch:
         if self._checks or self.settings.observe:
             hz = sample_hz(self.task.robot, job.tool, job.trajectory, thinnest(self.scene))
             check_work(job.tool, duration, hz)
-            job = replace(job, record_hz=hz)
+            job = replace(job, record_hz=hz, forces=bool(self.scene.softs))
         return motion, job
 
     def follow(self, attempt: _Attempt) -> None:

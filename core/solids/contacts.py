@@ -104,9 +104,14 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
             depths[key] = max(depth, depths.get(key, depth))
             if key[0] == "tool" and not scene[pair.other.owner].fixed:
                 met.append((int(touched.argmax()), pair))
+    softs, bodies = {soft.name for soft in scene.softs}, {body.name for body in scene.bodies}
+    for (one, other), force in taken.forces.items():  # of soft bodies engines alone know what they touch
+        if softs & {one, other}:
+            kind = "tool" if one == "tool" else "body" if one in bodies else "arm"
+            touching[kind, one, other], depths[kind, one, other] = force > 0, 0.0
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
-    missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
+    missed = bodies - {other for kind, _, other in touching if kind != "body"}
     clearances = _clearances(own, [track for track in tracks if track.owner in missed])
     return Contacts(taken, touching, resting, depths, clearances, _first_touch(robot, tool, taken, met))
 

@@ -14,7 +14,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import joint_frames, joint_values, place, robot_model
-from core.scene import Scene, State
+from core.scene import Scene
 from core.solids.bodies import own_solids, thickness
 from core.solids.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths
 
@@ -99,7 +99,7 @@ def refined_samples(samples: Indices, wanted: Array) -> Indices:
 
 def subset(recording: Recording, samples: Indices) -> Recording:
     """Return only these samples of a recording, and the mean force since the one before."""
-    states = State(recording.states.names, *(array[samples] for array in recording.states.arrays))
+    states = recording.states.each(lambda array: array[samples])
     forces = {pair: _means(recording.times, values, samples) for pair, values in recording.forces.items()}
     return Recording(recording.times[samples], recording.arm[samples], recording.fingers[samples], states, forces)
 

@@ -5,12 +5,13 @@ Plugins import both from `core.scene`. Covered by `tests/core/test_scene.py` and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Pose
 from core.values.joints import JointState, PlacedJoint, Placement, rotate
@@ -22,7 +23,8 @@ class State:
 
     Positions (..., B, 3) and quaternions (..., B, 4) of the bodies' frames in the world, velocities (..., B, 3) in m/s
     and rad/s, world axes. Leading axes, if any, are worlds or times. ``places`` has the poses of fixed bodies and marks
-    by name, and ``joints`` the scene's joints; they are empty in what engines return, and rewards have them.
+    by name, and ``joints`` the scene's joints; they are empty in what engines return, and rewards have them. ``soft``
+    has the nodes (..., N, 3) of each soft body by name; its position is its centre of mass, and it is never turned.
     """
 
     names: tuple[str, ...]
@@ -32,6 +34,7 @@ class State:
     angular_velocities: Array
     places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
     joints: Mapping[str, PlacedJoint] = field(default_factory=dict, kw_only=True)
+    soft: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
 
     def _number(self, name: str) -> int:
         if name not in self.names:
@@ -81,6 +84,30 @@ class State:
         """The pose of one body in one world."""
         return Pose(self.position(name), self.quaternion(name))
 
+    def nodes(self, name: str) -> Array:
+        """The nodes of a soft body, (..., N, 3); a rope's in order, a cloth's and a solid's as `core.values.softs`."""
+        if name not in self.soft:
+            raise KeyError(f"no soft body {name!r} in the state; there are: {', '.join(self.soft) or 'none'}")
+        return self.soft[name]
+
+    def extent(self, name: str) -> Array:
+        """The size of the box along the world's axes around a soft body's nodes, (..., 3)."""
+        extent: Array = np.ptp(self.nodes(name), axis=-2)
+        return extent
+
+    def length(self, name: str, first: int = 0, last: int = -1) -> Array:
+        """The length of the way through a soft body's nodes from one number to another, (...)."""
+        count = self.nodes(name).shape[-2]
+        way = self.nodes(name)[..., first % count : last % count + 1, :]
+        length: Array = np.linalg.norm(np.diff(way, axis=-2), axis=-1).sum(axis=-1)
+        return length
+
+    def covered_area(self, name: str) -> Array:
+        """The area of the convex hull of a soft body's nodes as seen from above, m^2, (...)."""
+        nodes = self.nodes(name)[..., :2]
+        areas = [ConvexHull(one, qhull_options="QJ").volume for one in nodes.reshape(-1, *nodes.shape[-2:])]
+        return np.reshape(np.array(areas), nodes.shape[:-2])
+
     @property
     def arrays(self) -> tuple[Array, Array, Array, Array]:
         """Positions, quaternions, linear and angular velocities."""
@@ -88,7 +115,20 @@ class State:
 
     def __getitem__(self, index: int) -> State:
         """One world (or time) of many."""
-        return State(self.names, *(array[index] for array in self.arrays), places=self.places, joints=self.joints)
+        return self.each(lambda array: array[index])
+
+    def each(self, change: Callable[[Array], Array]) -> State:
+        """Change all arrays alike: those of bodies, and the nodes of soft ones."""
+        soft = {name: change(nodes) for name, nodes in self.soft.items()}
+        return State(self.names, *map(change, self.arrays), places=self.places, joints=self.joints, soft=soft)
+
+    @staticmethod
+    def merged(states: Sequence[State], how: Callable[[Sequence[Array]], Array]) -> State:
+        """Merge the arrays of states of one layout with a function such as `numpy.stack`."""
+        first = states[0]
+        soft = {name: how([state.soft[name] for state in states]) for name in first.soft}
+        arrays = map(how, zip(*(state.arrays for state in states), strict=True))
+        return State(first.names, *arrays, places=first.places, joints=first.joints, soft=soft)
 
     @staticmethod
     def stack(states: Sequence[State]) -> State:
@@ -99,8 +139,7 @@ class State:
         """
         if not states or any(state.names != states[0].names for state in states):
             raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
-        arrays = map(np.stack, zip(*(state.arrays for state in states), strict=True))
-        return State(states[0].names, *arrays, places=states[0].places, joints=states[0].joints)
+        return State.merged(states, np.stack)
 
 
 TRACE_HZ = 25.0
@@ -259,9 +298,7 @@ class Trace:
     @classmethod
     def of(cls, *states: State, **given: Any) -> Trace:
         """Make a trace of states, each (..., B, 3), at successive instants; ``given`` are further attributes."""
-        arrays = (np.stack(values, axis=-3) for values in zip(*(state.arrays for state in states), strict=True))
-        first = states[0]
-        stacked = State(first.names, *arrays, places=first.places, joints=first.joints)
+        stacked = State.merged(states, lambda arrays: np.stack(arrays, axis=-3))
         return cls(np.arange(len(states)) / TRACE_HZ, stacked, **given)
 
     def _check(self, body: str) -> None:

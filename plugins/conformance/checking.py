@@ -117,14 +117,18 @@ def some_task() -> Task:
     raise UserError("no task is installed; a check needs one")
 
 
-@lru_cache(maxsize=1)
-def some_simulator() -> tuple[str, Simulator]:
-    """The first engine that can be made, and its name; the built-in ones come first.
+@lru_cache(maxsize=2)
+def some_simulator(*, soft: bool = False) -> tuple[str, Simulator]:
+    """The first engine that can be made, and its name; the built-in ones come first. ``soft``: it has soft bodies.
 
     Raises:
         UserError: there is none.
+        LeftOut: none of them has soft bodies.
     """
-    return next(simulators())
+    for name, simulator in simulators():
+        if simulator.softens or not soft:
+            return name, simulator
+    raise LeftOut("no engine that can be made here has soft bodies")
 
 
 def simulators() -> Iterator[tuple[str, Simulator]]:

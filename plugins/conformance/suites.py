@@ -26,6 +26,7 @@ from plugins.conformance import (
     robot,
     robots,
     shapes,
+    softs,
     task,
     tool,
     vlm,
@@ -43,7 +44,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(output, robot, bodies, shapes, joints, impacts, guards),
+    "sim": _checks(output, robot, bodies, shapes, joints, impacts, guards, softs),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),

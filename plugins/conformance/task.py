@@ -115,12 +115,12 @@ def check_variations_draw_layouts(task: Task) -> str:
 
 def idle(task: Task) -> tuple[str, Outcome]:
     """Hold the arm at home without a tool for `REST_S`; the engine's name and the outcome."""
-    name, simulator = some_simulator()
     try:
         still = at_home(task)
     except UserError as error:  # reported by the check of home
         raise LeftOut("the arm does not reach home") from error
     job = Rollout(Tool(), still, SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ, forces=task.reads_trace)
+    name, simulator = some_simulator(soft=bool(task.scene(SEEDS[0]).softs))
     outcome, again = simulator.rollout(task, [job, job])
     expect(outcome.error is None, f"in {name} the scene breaks by itself: {outcome.error}")
     same = np.array_equal(start(outcome).positions, start(again).positions)

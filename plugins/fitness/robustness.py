@@ -97,7 +97,7 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
     for placed in scene.ordered_joints:
         if placed.joint.parent in anchored:
             anchored.add(placed.joint.body)
-    loose = [body for body in scene.free if body.name not in anchored]
+    loose = [body for body in scene.free if body.name not in anchored and body.collisions]
     for group in together(loose, solids, scene.joined):
         members = {body.name for body in group}
         others = Obstacles(solid for name, own in solids.items() if name not in members for solid in own)

@@ -26,7 +26,7 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
 # The share of an unwanted acceleration that a contact cancels, at the surface and from a penetration of 1 mm on.
-_IMPEDANCE = [0.95, 0.99, 0.001, 0.5, 2.0]
+IMPEDANCE = [0.95, 0.99, 0.001, 0.5, 2.0]
 _REBOUND_STEPS = 10  # time steps of a contact that bounces; with fewer, the rebound is wrong by a tenth
 _MOST_DAMPED = 0.99  # largest damping ratio of such a contact; at 1 it still returns 0.135 of the speed
 _ROLLING_SHARE = 0.25  # of the slip rate, where there is rolling friction
@@ -78,7 +78,7 @@ def set_contacts(
     Each pair costs time in every step, so there are none of fixed geoms with the tool. Instead a fixed geom carries the
     mean of its own friction and the tool's, and has priority.
     """
-    tools = next((one.surface.friction for one in colliders if one.role is Role.TOOL), LINK_FRICTION)
+    tools = tools_friction(colliders)
     partners = [tools if one.role is Role.SCENE else one.surface.friction for one in colliders]  # equal: no pair needed
     reference = [2 * spec.option.timestep, 1.3]  # as stiff as the time step allows, and damped so that nothing rebounds
     for number, one in enumerate(colliders):
@@ -87,10 +87,10 @@ def set_contacts(
         geom.contype, geom.conaffinity = one.role.value
         friction = one.surface.friction
         if one.role is Role.SCENE and not one.free:
-            friction, geom.priority = _mean(friction, tools), 1
+            friction, geom.priority = mean_friction(friction, tools), 1
         geom.friction = [friction, 0.0, one.surface.rolling]
         geom.condim = _dimensions(one.surface.rolling)
-        geom.solref, geom.solimp = reference, _IMPEDANCE
+        geom.solref, geom.solimp = reference, IMPEDANCE
     covered = set()
     for (one, partner), (other, others_partner) in combinations(zip(colliders, partners, strict=True), 2):
         (type_1, affinity_1), (type_2, affinity_2) = one.role.value, other.role.value
@@ -104,7 +104,7 @@ def set_contacts(
             spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
         if one.role is other.role is Role.SCENE and frozenset((one.owner, other.owner)) in joined:
             continue
-        friction = _mean(one.surface.friction, other.surface.friction)
+        friction = mean_friction(one.surface.friction, other.surface.friction)
         rolling = max(one.surface.rolling, other.surface.rolling)
         spec.add_pair(
             geomname1=one.geom.name,
@@ -114,11 +114,16 @@ def set_contacts(
             solref=_rebound(spec, one.surface.restitution * other.surface.restitution) or reference,
             # Stiffness, which friction has none of, and damping.
             solreffriction=[-1.0, -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0)],
-            solimp=_IMPEDANCE,
+            solimp=IMPEDANCE,
         )
 
 
-def _mean(one: float, other: float) -> float:
+def tools_friction(colliders: Sequence[Collider]) -> float:
+    """The friction coefficient of the tool, or without one of the links."""
+    return next((one.surface.friction for one in colliders if one.role is Role.TOOL), LINK_FRICTION)
+
+
+def mean_friction(one: float, other: float) -> float:
     return float(np.sqrt(one * other))
 
 

@@ -27,7 +27,8 @@ class Feeler:
 
     def __init__(self, model: Element, links: Collection[str]) -> None:
         named = np.array([model.body(body).name in links for body in range(model.nbody)])
-        self._model, self._own = model, named[model.geom_bodyid] & (model.geom_contype != Role.SCENE.value[0])
+        own = named[model.geom_bodyid] & (model.geom_contype != Role.SCENE.value[0])
+        self._model, self._own = model, np.append(own, False)  # the last is for flexes, which are geom -1
 
     def pushes(self, data: Element) -> tuple[Array, Array]:
         """Return what did in the last step: points (C, 3) and forces (C, 3)."""
@@ -80,10 +81,14 @@ class Meter:
                 for owner, own in zip(owners, robot, strict=True)
             ]
         )
+        self._flexes = np.array([len(links) + bodies.index(soft.name) for soft in scene.softs], dtype=np.int64)
         self._packed: list[Measured] = []
         self._steps: list[tuple[npt.NDArray[Any], ...]] = []  # not packed yet
         self._bodies = np.full(len(self._names), -1)  # the model's, of bodies in the scene
         self._bodies[self._owners[~robot]] = model.geom_bodyid[~robot]
+        for number, owner in enumerate(self._flexes):
+            bearers = model.flex_vertbodyid[model.flex_vertadr[number] :][: model.flex_vertnum[number]]
+            self._bodies[owner] = bearers[bearers > 0][0]
 
     def begin(self, packed: Sequence[Measured]) -> None:
         """Begin anew, after steps that were measured before."""
@@ -92,7 +97,8 @@ class Meter:
     def measure(self, data: Element) -> None:
         """Copy the contacts of the last step."""
         contact = data.contact
-        arrays = contact.geom, contact.efc_address, contact.dim, contact.frame, contact.pos, data.efc_force
+        geoms = contact.geom if not len(self._flexes) else np.where(contact.geom < 0, -1 - contact.flex, contact.geom)
+        arrays = geoms, contact.efc_address, contact.dim, contact.frame, contact.pos, data.efc_force
         self._steps.append((*(array.copy() for array in arrays), data.body_awake.copy()))
         if len(self._steps) == PACKED:
             self.packed()
@@ -112,7 +118,7 @@ class Meter:
         steps = np.repeat(np.arange(len(counts)), counts)
         first = addresses + np.repeat(np.cumsum(rows) - rows, counts)  # of an elliptic cone this row is the normal
         acts = addresses >= 0
-        owners = self._owners[geoms]
+        owners = np.append(self._owners, self._flexes[::-1])[geoms]  # a flex has -1 minus its number
         pairs = np.sort(owners, axis=1)
         asleep = np.array([step[-1] for step in self._steps])[:, self._bodies] != _AWAKE
         asleep[:, self._bodies < 0] = False

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
-from core.scene import Inertia, Scene, State
+from core.scene import Body, Inertia, Scene, Soft, State
 from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element, add_body
+from plugins.simulators.mujoco.softs import Softs
 
 _KINDS = {
     "hinge": mujoco.mjtJoint.mjJNT_HINGE,
@@ -28,7 +29,8 @@ def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dic
     bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
     tops: dict[str | None, Element] = {}  # of what hangs together
     hung = {placed.joint.body: placed.joint for placed in scene.ordered_joints}
-    for body in (*(body for body in scene.free if body.name not in hung), *(scene[name] for name in hung)):
+    loose = (body for body in _rigid(scene) if body.name not in hung)
+    for body in (*loose, *(scene[name] for name in hung)):
         name, joint = _name(scene, body.name), hung.get(body.name)
         above = joint.parent if joint else None
         bearer = spec.worldbody if above is None else bearers[above]
@@ -44,6 +46,10 @@ def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dic
         if body.launched or (joint and (joint.drive or joint.latches)):
             tops[body.name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     return bearers
+
+
+def _rigid(scene: Scene) -> list[Body]:
+    return [body for body in scene.free if not isinstance(body, Soft)]
 
 
 def _name(scene: Scene, body: str) -> str:
@@ -83,7 +89,8 @@ class Moving:
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
-        self._scene, self._names = scene, tuple(body.name for body in scene.free)
+        self._scene, self._names = scene, tuple(body.name for body in _rigid(scene))
+        self._softs = Softs(scene, model)
         self._first = model.nq - 7 * len(self._names), model.nv - 6 * len(self._names)
         self._places: dict[str, _Place] = {}
         for name in self._names:
@@ -97,6 +104,9 @@ class Moving:
 
     def state(self, qpos: Array, qvel: Array) -> State:
         """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
+        return self._softs.joined(self._rigid_state(qpos, qvel), qpos, qvel)
+
+    def _rigid_state(self, qpos: Array, qvel: Array) -> State:
         if not self._scene.joints:
             return state(self._names, qpos[..., self._first[0] :], qvel[..., self._first[1] :])
         hung = {placed.joint.body for placed in self._scene.ordered_joints}

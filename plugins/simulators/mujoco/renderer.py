@@ -67,6 +67,7 @@ class MuJoCoRenderer(Renderer):
             element.quat = body.pose.quaternion
             for part in body.visuals:
                 _show(spec, element, part.shape, part.pose, part.color)
+        self._softs = task.scene(seed).softs
         _light(spec)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
@@ -84,7 +85,26 @@ class MuJoCoRenderer(Renderer):
             number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]
             self._data.mocap_pos[number], self._data.mocap_quat[number] = state.position(name), state.quaternion(name)
         mujoco.mj_kinematics(self._model, self._data)
+        for soft in self._softs:
+            self._bend(soft.name, soft.form.surface(state.nodes(soft.name)))
         mujoco.mj_camlight(self._model, self._data)
+
+    def _bend(self, name: str, surface: Mesh) -> None:
+        """Give a soft body's mesh other vertices and smooth normals, in the frame of its geom."""
+        model, geom = self._model, int(self._model.body(f"scene/{name}").geomadr[0])
+        number, turn = int(model.geom_dataid[geom]), self._data.geom_xmat[geom].reshape(3, 3)
+        corners, normals = surface.vertices[surface.faces], np.zeros_like(surface.vertices)
+        np.add.at(
+            normals, surface.faces, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None]
+        )
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        at, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
+        model.mesh_vert[at : at + count] = (surface.vertices - self._data.geom_xpos[geom]) @ turn
+        at, faces = model.mesh_normaladr[number], slice(*(model.mesh_faceadr[number] + [0, model.mesh_facenum[number]]))
+        of_face = model.mesh_facenormal[faces].ravel()
+        model.mesh_normal[at + of_face] = (normals @ turn)[model.mesh_face[faces].ravel()]
+        with self._opengl.as_current():
+            mujoco.mjr_uploadMesh(model, self._context, number)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
         self._model.vis.global_.fovy = camera.fov_deg if camera.height_m is None else camera.height_m

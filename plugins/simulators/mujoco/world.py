@@ -11,7 +11,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout, Task
 from core.robot.description import beyond, joint_name
-from core.scene import Inertia, Scene, State
+from core.scene import Inertia, Scene, Soft, State
 from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
@@ -20,6 +20,7 @@ from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
 from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
+from plugins.simulators.mujoco.softs import add_softs
 
 GRAVITY = 9.81
 _READINGS = 4  # of what the arm feels, without a touch before and after
@@ -31,7 +32,7 @@ _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their s
 def weighed(task: Task, seed: int) -> tuple[Scene, dict[str, Inertia]]:
     """Make a scene, and the inertias of its free bodies; consecutive jobs mostly share them."""
     scene = task.scene(seed)
-    return scene, {body.name: body.inertia() for body in scene.free}
+    return scene, {body.name: body.inertia() for body in scene.free if not isinstance(body, Soft)}
 
 
 def compiled(
@@ -50,7 +51,7 @@ def compiled(
     if any(joint.parent is not None and not scene[joint.parent].fixed for joint in scene.joints):
         time_step /= 2
     spec = described(robot, scene, inertias, tool, time_step, slip_rate)
-    if len(scene.free) <= 1:  # equal but for rounding, up to a tenth faster; not measured on a GPU
+    if len(scene.free) <= 1 and not scene.softs:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()
     set_gains(model, robot, tracking_rate)
@@ -74,8 +75,11 @@ def described(
     surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
     add_servos(spec, robot, tool)
+    add_softs(spec, scene, contacts.tools_friction(colliders))
     bearers = add_bodies(spec, scene, inertias)
     for body, surface in zip(scene.bodies, surfaces, strict=True):
+        if isinstance(body, Soft):
+            continue
         bearer, frame = bearers[body.name], body.pose if body.fixed else None
         for part in body.collisions:
             geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)

@@ -38,8 +38,9 @@ class PyBulletRenderer(Renderer):
         self._arm, self._tool, self._numbers = robot, shown, numbers
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
+        self._softs = {soft.name: (soft, 0) for soft in task.scene(seed).softs}
         for body in task.scene(seed).bodies:
-            for part in body.visuals:
+            for part in body.visuals if body.name not in self._softs else ():
                 number = self._add(part)
                 self._parts.append((body.name, part.pose, number))
                 self._place(number, body.pose @ part.pose)
@@ -66,6 +67,10 @@ class PyBulletRenderer(Renderer):
         for name, offset, number in self._parts:
             if name in state.names:
                 self._place(number, state.pose(name) @ offset)
+        for name, (soft, number) in self._softs.items():
+            if number:
+                p.removeBody(number, physicsClientId=self._client)
+            self._softs[name] = soft, self._add(Geom(soft.form.surface(state.nodes(name)), color=soft.visuals[0].color))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
         # The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended

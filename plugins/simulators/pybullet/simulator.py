@@ -17,6 +17,7 @@ from core.support.scratch import intact, temporary_folder
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.world import PreparedScene, Settings, World, robot_file
+from plugins.simulators.rigid import only_rigid
 
 MAX_TIME_STEP = 0.02
 
@@ -83,7 +84,7 @@ class PyBulletSimulator(Simulator):
     def _built(self, task: Task, job: Rollout) -> World:
         folder = Path(self._folder.name)
         if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
-            self._scene = task, job.seed, PreparedScene(task.scene(job.seed), folder)
+            self._scene = task, job.seed, PreparedScene(only_rigid(task.scene(job.seed), task.name, "pybullet"), folder)
         robot = task.robot
         if self._robot is None or self._robot[0] != robot or self._robot[1] is not job.tool:
             self._robot = robot, job.tool, robot_file(folder, robot, job.tool, visuals=False)

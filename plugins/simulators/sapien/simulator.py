@@ -13,6 +13,7 @@ from core.robot.trajectory import at_home
 from core.simulation.playback import play
 from core.support.scratch import intact, temporary_folder
 from plugins.simulators.rendering import DrawingSimulator
+from plugins.simulators.rigid import only_rigid
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
 
@@ -56,7 +57,7 @@ class SapienSimulator(DrawingSimulator):
 
     def _world(self, task: Task, job: Rollout) -> World:
         if self._placed is None or self._placed[0] is not task or self._placed[1] != job.seed:
-            self._placed = (task, job.seed, Weighed(task.scene(job.seed)))
+            self._placed = (task, job.seed, Weighed(only_rigid(task.scene(job.seed), task.name, "sapien")))
         try:
             return self._built(task.robot, self._placed[2], job)
         except FileNotFoundError:  # something cleans the temporary folder

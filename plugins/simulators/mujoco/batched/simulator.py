@@ -16,6 +16,7 @@ from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.mujoco.world import Joints, weighed
 from plugins.simulators.rendering import DrawingSimulator
+from plugins.simulators.rigid import only_rigid
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -85,7 +86,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _of(self, task: Task, job: Rollout) -> ModelFigures:
         key = (task, job.seed, job.tool.content)
         if key not in self._figures:
-            scene = weighed(task, job.seed)[0]
+            scene = only_rigid(weighed(task, job.seed)[0], task.name, "mujoco_warp")
             if scene.joints or any(body.launched for body in scene.free):
                 raise UserError(
                     f"{task.name}: sim=mujoco_warp can't have joints or launched bodies in a scene; use sim=mujoco"

@@ -1,0 +1,238 @@
+"""Divide ropes, cloths and soft solids into nodes and elements, weigh them and draw them; see `core.scene.Soft`.
+
+Covered by `tests/core/values/test_softs.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import permutations
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from core.geometry import Array, Mesh, Shape, Vector, frozen_array
+
+Elements = npt.NDArray[np.int64]
+
+MAX_NODES = 150  # the time of a step grows with them
+MOST_YOUNG = {"rope": 1e8, "cloth": 3e7, "solid": 3e5}  # Pa; above, an engine's step does not converge
+SKIN_M = 0.002  # the thickness of a solid's skin, which collides; others are at least as thick
+_CORNERS = 8  # of a rope's cross-section, as it is drawn
+_STIFF = ((2e4, "very soft, as dough"), (2e5, "soft, as a sponge"), (2e6, "as soft rubber"), (2e7, "as rubber"))
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """What a soft body is made of: it springs back from any strain.
+
+    Attributes:
+        density: kg/m^3.
+        young: Young's modulus, Pa.
+        poisson: Poisson's ratio.
+        damping: the time in which viscosity acts, s.
+        friction: the coefficient, as a body's.
+
+    Raises:
+        ValueError: a number is out of its range.
+    """
+
+    density: float
+    young: float
+    poisson: float = 0.3
+    damping: float = 0.02
+    friction: float = 0.5
+
+    def __post_init__(self) -> None:
+        limits = {"density": (1, 1e4), "young": (1e3, max(MOST_YOUNG.values())), "poisson": (0, 0.45)}
+        for name, (low, high) in {**limits, "damping": (0, 1), "friction": (0, 10)}.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} must be from {low:g} to {high:g}, got {getattr(self, name)}")
+
+    def in_words(self) -> str:
+        """Say how stiff it is."""
+        return next((words for most, words in _STIFF if self.young < most), "stiff, as plastic")
+
+
+@dataclass(frozen=True)
+class _Divided:
+    """A shape that is divided into ``nodes`` (N, 3), in the body's frame, and ``elements`` (E, D + 1) of their numbers.
+
+    Raises:
+        ValueError: there are too many nodes, it is too thin, or an element has no size.
+    """
+
+    kind: ClassVar[str]
+    nodes: Array = field(init=False, repr=False, compare=False)
+    elements: Elements = field(init=False, repr=False, compare=False)
+    thickness: float = field(default=SKIN_M, kw_only=True)
+
+    def _divide(self, counts: Sequence[int], place: Callable[[Sequence[int]], Array]) -> None:
+        if min(counts) < 2 or math.prod(counts) > MAX_NODES:
+            raise ValueError(f"a {self.kind} needs 2 nodes or more along each axis, and at most {MAX_NODES} in all")
+        if not self.thickness >= SKIN_M:
+            raise ValueError(f"a {self.kind} must be {SKIN_M} m thick or more; use a lighter, softer material instead")
+        nodes = frozen_array(place(counts))
+        object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "elements", facing(nodes, simplices(counts)))
+        if not sizes(nodes, self.elements).min() > 1e-12:
+            raise ValueError(f"a {self.kind} needs a size: two of its nodes are in one place")
+
+    @property
+    def section(self) -> float:
+        """What the sizes of elements are multiplied by for their volumes: 1, m or m^2."""
+        return 1.0
+
+    @property
+    def volume(self) -> float:
+        return self.section * float(sizes(self.nodes, self.elements).sum())
+
+    @cached_property
+    def weights(self) -> Array:
+        """The share (N,) of the mass that each node has."""
+        found, size = np.zeros(len(self.nodes)), sizes(self.nodes, self.elements)
+        np.add.at(found, self.elements, (size / size.sum() / self.elements.shape[1])[:, None])
+        return found
+
+    def surface(self, nodes: Array) -> Mesh:
+        """Make the surface that is drawn with nodes (N, 3) at these places: the faces of a solid."""
+        faces = self.elements[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
+        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+        return Mesh(nodes, faces[first[count == 1]])
+
+
+@dataclass(frozen=True)
+class Rope(_Divided):
+    """A rope along straight pieces between points, m. It bends as a rod of this thickness, and does not stretch."""
+
+    kind = "rope"
+    path: tuple[Vector, ...]
+    count: int = 20
+
+    def __post_init__(self) -> None:
+        self._divide((self.count,), self._along)
+
+    def _along(self, counts: Sequence[int]) -> Array:
+        points = np.array(self.path, dtype=np.float64).reshape(-1, 3)
+        ways = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+        return np.stack([np.interp(np.linspace(0, ways[-1], counts[0]), ways, axis) for axis in points.T], axis=1)
+
+    @property
+    def section(self) -> float:
+        return math.pi * self.thickness**2 / 4
+
+    def surface(self, nodes: Array) -> Mesh:
+        """Make a tube with closed ends."""
+        along = np.gradient(nodes, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+        aside = np.eye(3)[np.abs(along).max(axis=0).argmin()]  # the axis that the rope follows least
+        across = np.cross(along, aside)
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+        angles = np.arange(_CORNERS)[:, None] * 2 * np.pi / _CORNERS
+        wheel = np.cos(angles) * across[:, None] + np.sin(angles) * np.cross(along, across)[:, None]
+        wide = np.concatenate([[0.0], np.ones(len(nodes)), [0.0]])[:, None, None] * self.thickness / 2
+        order = [0, *range(len(nodes)), -1]
+        at = np.arange(_CORNERS * (len(nodes) + 1)).reshape(-1, _CORNERS)
+        beside = np.roll(at, -1, axis=1)
+        faces = np.stack([at, beside, beside + _CORNERS, at, beside + _CORNERS, at + _CORNERS], axis=-1)
+        return Mesh((nodes[order, None] + wide * wheel[order]).reshape(-1, 3), faces.reshape(-1, 3))
+
+
+@dataclass(frozen=True)
+class Cloth(_Divided):
+    """A flat sheet with sides along x and y, m, around the middle of its frame."""
+
+    kind = "cloth"
+    size: tuple[float, float]
+    counts: tuple[int, int] = (9, 9)
+
+    def __post_init__(self) -> None:
+        self._divide(self.counts, lambda counts: lattice(counts) * [self.size[0] / 2, self.size[1] / 2, 0.0])
+
+    @property
+    def section(self) -> float:
+        return self.thickness
+
+    def surface(self, nodes: Array) -> Mesh:
+        """Make both sides."""
+        outward, corners = np.zeros_like(nodes), nodes[self.elements]
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        np.add.at(outward, self.elements, crossed[:, None])
+        outward *= self.thickness / 2 / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+        below = self.elements[:, ::-1] + len(nodes)
+        return Mesh(np.concatenate([nodes + outward, nodes - outward]), np.concatenate([self.elements, below]))
+
+
+@dataclass(frozen=True)
+class Filling(_Divided):
+    """A soft solid that fills the convex hull of a shape."""
+
+    kind = "solid"
+    shape: Shape
+    counts: tuple[int, int, int] = (3, 3, 3)
+
+    def __post_init__(self) -> None:
+        self._divide(self.counts, self._within)
+
+    def _within(self, counts: Sequence[int]) -> Array:
+        """Place nodes evenly, the outer ones on the surface."""
+        hull, unit = self.shape.to_trimesh().convex_hull, lattice(counts)
+        middle, ways = hull.bounds.mean(axis=0), unit * np.ptp(hull.bounds, axis=0) / 2
+        out = np.abs(unit).max(axis=1, keepdims=True)  # 1: on the surface
+        toward = ways / np.where(out > 0, out, 1.0) @ hull.face_normals.T
+        far = ((hull.triangles[:, 0] - middle) * hull.face_normals).sum(axis=1)
+        reach = np.divide(far, toward, out=np.full_like(toward, np.inf), where=toward > 1e-9).min(axis=1, keepdims=True)
+        nodes: Array = middle + ways * np.where(out > 0, reach, 0.0)
+        return nodes
+
+
+Form = Rope | Cloth | Filling
+
+
+def _three(counts: Sequence[int]) -> tuple[int, ...]:
+    return (*counts, 1, 1)[:3]
+
+
+def lattice(counts: Sequence[int]) -> Array:
+    """Place nodes (N, 3) evenly in the cube from -1 to 1, or in a square or line of it."""
+    axes = [np.linspace(-1, 1, count) if count > 1 else np.zeros(1) for count in _three(counts)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def simplices(counts: Sequence[int]) -> Elements:
+    """Divide the cells of a `lattice` into segments, triangles or tetrahedra (E, D + 1)."""
+    counts = _three(counts)
+    numbers = np.arange(math.prod(counts)).reshape(counts)
+    cells = np.stack(np.meshgrid(*(np.arange(max(n - 1, 1)) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    mirrored, found = cells % 2, []  # every second cell, so that both sides of a body are alike
+    for axes in permutations([axis for axis, count in enumerate(counts) if count > 1]):
+        corner = cells + mirrored
+        element = [numbers[tuple(corner.T)]]
+        for axis in axes:
+            corner = corner.copy()
+            corner[:, axis] += 1 - 2 * mirrored[:, axis]
+            element.append(numbers[tuple(corner.T)])
+        found.append(np.stack(element, axis=-1))
+    return np.concatenate(found)
+
+
+def sizes(nodes: Array, elements: Elements) -> Array:
+    """Measure the length of segments, the area of triangles or the volume of tetrahedra, (E,)."""
+    edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
+    squares = np.linalg.det(edges @ edges.swapaxes(1, 2))
+    found: Array = np.sqrt(np.maximum(squares, 0.0)) / math.factorial(edges.shape[1])
+    return found
+
+
+def facing(nodes: Array, elements: Elements) -> Elements:
+    """Order the nodes of triangles so that they face up, and of tetrahedra so that their volumes are positive."""
+    edges, corners = nodes[elements[:, 1:]] - nodes[elements[:, :1]], elements.shape[1]
+    if corners == 2:
+        return elements
+    signs = np.linalg.det(edges) if corners == 4 else np.cross(edges[:, 0], edges[:, 1])[:, 2]
+    ordered: Elements = np.where((signs < 0)[:, None], elements[:, [0, 2, 1, 3][:corners]], elements)
+    return ordered

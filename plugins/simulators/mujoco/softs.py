@@ -1,0 +1,82 @@
+"""Add soft bodies to a MuJoCo spec as flexes, and read their nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.geometry import Array
+from core.scene import Scene, State
+from plugins.simulators.mujoco.contacts import IMPEDANCE, Role, mean_friction
+from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.robot import HOLDS
+from plugins.simulators.mujoco.shapes import Element
+
+ITERATIONS = 500  # of the step's solver: stiff flexes need more than the usual 100
+_BOTH = 3  # a cloth resists bending and stretching
+
+
+def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
+    """Add each node that is not pinned as a body that slides along the world's axes, and the flexes."""
+    if scene.softs:
+        spec.option.iterations = ITERATIONS
+    reference = [2 * spec.option.timestep, 1.0]
+    for number, soft in enumerate(scene.softs):
+        names, vertices = [], []
+        for node, (place, share) in enumerate(zip(soft.placed, soft.form.weights, strict=True)):
+            pinned = node in soft.pinned
+            names.append("world" if pinned else _name(number, node))
+            vertices.append(place if pinned else np.zeros(3))
+            if not pinned:
+                mass = soft.mass * share
+                body = spec.worldbody.add_body(name=names[-1], pos=place, mass=mass, inertia=[1e-4 * mass] * 3)
+                body.explicitinertial = True
+                for axis, way in enumerate(np.eye(3)):
+                    body.add_joint(name=f"{names[-1]}/{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=way)
+        flex = spec.add_flex(name=f"soft/{soft.name}", dim=soft.form.elements.shape[1] - 1)
+        flex.vertbody, flex.vert, flex.elem = names, np.ravel(vertices), np.ravel(soft.form.elements).astype(np.int32)
+        flex.radius = soft.form.thickness / 2
+        flex.young, flex.poisson, flex.damping = soft.elastic.young, soft.elastic.poisson, soft.elastic.damping
+        flex.contype, flex.conaffinity = Role.SCENE.value
+        flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
+        flex.condim, flex.priority = 3, 2  # above that of fixed geoms
+        flex.friction = [mean_friction(soft.friction, tools_friction), 0.0, 0.0]
+        flex.solref, flex.solimp = [reference[0], 1.3], IMPEDANCE
+        if soft.form.kind == "cloth":
+            flex.thickness, flex.elastic2d = soft.form.thickness, _BOTH
+        if soft.form.kind == "rope":
+            length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
+            length.solref, length.solimp = reference, HOLDS
+
+
+def _name(number: int, node: int) -> str:
+    return f"soft_{number}/{node}"
+
+
+class Softs:
+    """Where soft bodies' nodes are among a model's positions and speeds."""
+
+    def __init__(self, scene: Scene, model: Element) -> None:
+        self._scene, self._places = scene, list[tuple[list[int], list[int], list[int]]]()
+        for number, soft in enumerate(scene.softs):
+            free = [node for node in range(len(soft.form.nodes)) if node not in soft.pinned]
+            joints = [model.joint(f"{_name(number, node)}/{axis}") for node in free for axis in range(3)]
+            addresses = [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
+            self._places.append((free, *addresses))
+
+    def joined(self, rigid: State, qpos: Array, qvel: Array) -> State:
+        """Put the soft bodies, from positions (..., Q) and speeds (..., V), among a state of the rigid ones."""
+        if not self._scene.softs:
+            return rigid
+        shape, nodes = qpos.shape[:-1], {}
+        found = {name: [array[..., k, :] for array in rigid.arrays] for k, name in enumerate(rigid.names)}
+        for soft, (free, at, speeds) in zip(self._scene.softs, self._places, strict=True):
+            moved, moving = np.zeros((2, *shape, len(soft.form.nodes), 3))
+            moved[..., free, :] = qpos[..., at].reshape(*shape, -1, 3)
+            moving[..., free, :] = qvel[..., speeds].reshape(*shape, -1, 3)
+            nodes[soft.name] = soft.placed + moved
+            middle, speed = soft.form.weights @ nodes[soft.name], soft.form.weights @ moving
+            upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*shape, 4))
+            found[soft.name] = [middle, upright, speed, np.zeros_like(speed)]
+        names = tuple(body.name for body in self._scene.free)
+        arrays = (np.stack(parts, axis=-2) for parts in zip(*(found[name] for name in names), strict=True))
+        return State(names, *arrays, soft=nodes)

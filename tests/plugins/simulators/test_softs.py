@@ -1,0 +1,82 @@
+"""Requirements for soft bodies in engines: MuJoCo plays and draws them, the others refuse them in a line."""
+
+import numpy as np
+import pytest
+
+from core.errors import UserError
+from core.interfaces import Rollout
+from core.plugins import installed
+from core.scene import Body, Box, Camera, Cloth, Cylinder, Elastic, Filling, Sphere
+from core.solids.contacts import find_contacts, make_trace
+from plugins.conformance.softs import cloth_sag, cube_squeeze, rod_bend, rope_sag, soft
+from plugins.conformance.worlds import BARE, FAR, GREY, Bodies, cube, end, film, still
+from plugins.simulators.mujoco.simulator import MuJoCoSimulator
+
+X, Y, _ = FAR
+BAR = Body.of("bar", Cylinder(0.015, 0.4), (X, Y, 0.3), mass=0.0, color=GREY, rpy=(np.pi / 2, 0.0, 0.0))
+TOWEL = soft(Cloth((0.3, 0.2), (11, 8)), Elastic(300, 1e5), 0.33)
+LOAD = cube("load", (X + 1.0, Y, 0.05), 0.1, 1.0)
+
+
+def played(task, seconds=2.0):
+    (outcome,) = MuJoCoSimulator().rollout(task, [Rollout(BARE, still(), 0, 0.0, seconds, 25.0, forces=True)])
+    assert outcome.error is None
+    return outcome
+
+
+@pytest.mark.parametrize("measured", [rope_sag, cloth_sag, rod_bend, cube_squeeze])
+def test_half_the_time_step_gives_the_same(measured):
+    whole, half = (measured(MuJoCoSimulator(time_step=step))[0] for step in (0.0025, 0.00125))
+    assert half == pytest.approx(whole, rel=0.05)
+
+
+def test_a_cloth_hangs_over_a_bar_at_rest_and_presses_it():
+    task = Bodies(BAR, TOWEL, LOAD)
+    outcome = played(task)
+    state, weight = end(outcome), 9.81 * TOWEL.mass
+    assert state.extent("soft")[2] > 0.12
+    assert state.nodes("soft")[:, 2].max() > 0.31
+    assert np.abs(state.linear_velocity("soft")).max() < 0.02
+    assert weight < film(outcome).forces["bar", "soft"][-10:].mean() < 1.6 * weight  # around half of the bar: pi / 2
+    trace = make_trace(task.scene(0), [find_contacts(task.scene(0), task.robot, BARE, film(outcome))])[0]
+    assert trace.touching_at_end("soft", "bar")
+    assert not trace.touched("soft", "robot")
+    assert trace.states.nodes("soft").shape == (len(trace.times), 88, 3)
+    assert not trace.touched("load", "soft")
+
+
+def test_a_soft_body_at_rest_stays_where_it_is():
+    slab = soft(Filling(Box((0.12, 0.12, 0.04)), (5, 5, 3)), Elastic(300, 2e4), 0.021)
+    ground = Body.of("ground", Box((1.0, 1.0, 0.1)), (X, Y, -0.05), mass=0.0, color=GREY)
+    outcome = played(Bodies(ground, slab))
+    assert film(outcome).forces["ground", "soft"][-10:].mean() == pytest.approx(9.81 * slab.mass, rel=0.02)
+    assert np.abs(end(outcome).position("soft") - outcome.start.position("soft")).max() < 0.002
+
+
+def test_rollouts_repeat_bit_for_bit():
+    first, again = (end(played(Bodies(BAR, TOWEL), 0.5)).nodes("soft") for _ in range(2))
+    assert np.array_equal(first, again)
+
+
+@pytest.mark.parametrize("name", ["pybullet", "mujoco"])
+def test_pictures_follow_the_nodes(name):
+    ball = soft(Filling(Sphere(0.06), (4, 4, 4)), Elastic(300, 2e4), 0.2)
+    task, camera = Bodies(ball), Camera((X, Y - 0.6, 0.3), (X, Y, 0.2))
+    start, simulator = task.scene(0).state(), installed().create("sim", name)
+    moved = start.each(lambda array: array + np.array([0.1, 0.0, 0.0]) if array.shape[-1] == 3 else array)
+    before, after = (
+        simulator.render(task, state=state, camera=camera, width=160, height=120).astype(int)
+        for state in (start, moved)
+    )
+    shown = [np.argwhere(np.abs(picture - picture[0, 0]).max(axis=-1) > 40)[:, 1].mean() for picture in (before, after)]
+    assert shown[1] - shown[0] == pytest.approx(0.1 / 0.6 * 60 / np.tan(np.radians(30)), rel=0.2)
+
+
+@pytest.mark.parametrize("name", ["pybullet", "sapien", "mujoco_warp"])
+def test_other_engines_refuse_them_and_name_the_mend(name):
+    try:
+        simulator = installed().create("sim", name)
+    except UserError:
+        pytest.skip(f"{name} is not installed")
+    with pytest.raises(UserError, match=rf"sim={name} can't have soft bodies \(soft\) in a scene; use sim=mujoco"):
+        simulator.rollout(Bodies(TOWEL), [Rollout(BARE, still(), 0)])
