@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, TypeVar
 
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A tool and one action plan, which are tried in one rollout.
+    """A tool and one action plan, which are tried in one rollout; or a plan for each of several tasks (`TaskPlans`).
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
@@ -71,6 +71,13 @@ class Candidate:
         """A hash of what is tried: equal where tools and plans are equal to the last bit, in every process."""
         return digest((self.tool and self.tool.content, self.plan.content))
 
+    def of(self, task: str) -> Candidate:
+        """Return the candidate with its plan for a task alone; without one, that is its problem."""
+        plan = self.plan.of(task)
+        if plan is self.plan:
+            return self
+        return replace(self, problem=self.problem or plan) if isinstance(plan, str) else replace(self, plan=plan)
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -89,6 +96,8 @@ class Trial:
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
         motion_s: the time of the motion, s; None: nothing was played to its end.
         goals: where several goals count, how far each was fulfilled, 0..1, by name.
+        task: its name, where a candidate has several; else empty.
+        tried_as: the id of the candidate whose trial it was, where another one has the same plan for the task.
     """
 
     engine: str = ""
@@ -103,6 +112,8 @@ class Trial:
     margins: tuple[Margin, ...] = ()
     motion_s: float | None = None
     goals: tuple[tuple[str, float], ...] = ()
+    task: str = ""
+    tried_as: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +201,7 @@ def count_rollouts(status: str, trials: Sequence[Trial], same_as: str | None) ->
     """Count the rollouts of an `Evaluation`; none of what was not tried."""
     if same_as is not None or status == "rejected":
         return 0
-    return sum(trial.status != "rejected" for trial in trials) if trials else 1
+    return sum(trial.status != "rejected" and not trial.tried_as for trial in trials) if trials else 1
 
 
 @dataclass(frozen=True)

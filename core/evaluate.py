@@ -19,10 +19,10 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, Task
-from core.plugins import EXECUTOR, FITNESS, SIMULATOR
+from core.plugins import EXECUTOR, SIMULATOR
 from core.plugins.blame import refuse_exit
 from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator
+from core.simulation.together import make_fitness
 from core.support.cli import arguments, command, print_table, say, write_bytes
 from core.support.text import clean
 
@@ -41,8 +41,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     document = load_designs(Path(cfg.designs))
     part(SIMULATOR, cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
     spawn = SpawnRules(task_part(cfg).create(), cfg.seed)
-    evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), cfg.seed, node(cfg.rollout, RolloutSettings))
-    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
+    fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
     evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), spawn), fitness)
     return sorted(evaluations, key=lambda e: e.candidate.key)
 

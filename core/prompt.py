@@ -126,6 +126,9 @@ def main(words: list[str]) -> None:
     model, estimate = reckon(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
+    if not request.brief.n_action:
+        each = f"{request.brief.n_tool} tools and {len(request.brief.task.parts)} tasks"
+        say(f"then come requests for plans, at most {request.brief.n_tool * len(request.brief.task.parts)}: for {each}")
     if cfg.prompt.critic:
         say(f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first")
     say(str(Path(cfg.output)))

@@ -42,6 +42,8 @@ class Task(ABC):
     success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
     variations: ClassVar[Mapping[str, Ranges]] = {}  # by name: what `draw` draws at random, and from which range
     variation: str = NONE
+    tool_kinds: Sequence[str] = ()  # that a tool for it may have, where its configuration names none
+    combine: str = "mean"  # of the rewards of its parts: mean or worst
     language: ClassVar[str] = "python"  # of the source that a model is shown
     robot: Robot  # the arm that performs the task; the program makes a task for one
 
@@ -49,6 +51,11 @@ class Task(ABC):
         if variation not in (NONE, *self.variations):
             raise choices("variation", variation, (NONE, *self.variations), f"the task {self.name}")
         self.variation = variation
+
+    @property
+    def parts(self) -> tuple[Task, ...]:
+        """The tasks that one tool must do: this one. A task of several parts names them in its setting ``of``."""
+        return (self,)
 
     @property
     def ranges(self) -> Ranges:

@@ -263,6 +263,19 @@ def task_part(config: DictConfig) -> PluginPart[Task]:
     return replace(part(TASK, config.task), robot=robot_part(robot) if robot else None)
 
 
+def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
+    """Return the tasks that a tool must do: that of the configuration, or its parts if it has several.
+
+    Raises:
+        UserError: see `part` and `listed`.
+    """
+    whole = task_part(config)
+    if len(whole.create().parts) == 1:
+        return [whole]
+    each = listed("task", "task", config.task.of).values()
+    return [replace(part(TASK, one), robot=whole.robot) for one in each]
+
+
 def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
     """Return the tool representation of a configuration, for the robot and the material (else ``paper``) it names.
 

@@ -19,6 +19,17 @@ CRITIQUES = "critiques"  # the part that is left out without a critic
 INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolution_rules", *_RULES)
 GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
+TOOLS = (
+    "mission_tools",
+    "tasks",
+    "elites",
+    LAST,
+    CRITIQUES,
+    "evolution_rules",
+    "tool_rules",
+    "spawn_rules",
+    *_REPLY[:3],
+)
 FEEDBACK = ("paper", "numbers", "full")
 TOLD = ("source", "words", "pictures", "photos")
 PHOTOGRAPHS = ("beside", "alone", "none")
@@ -50,6 +61,7 @@ class PromptSettings:
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
         given: the templates of a request for action plans only, for a given tool.
+        tools: the templates of a request for tools only, for several tasks.
     """
 
     name: str = MISSING
@@ -67,6 +79,7 @@ class PromptSettings:
     initial: list[str] = field(default_factory=lambda: list(INITIAL))
     evolution: list[str] = field(default_factory=lambda: list(EVOLUTION))
     given: list[str] = field(default_factory=lambda: list(GIVEN))
+    tools: list[str] = field(default_factory=lambda: list(TOOLS))
 
 
 @dataclass

@@ -25,21 +25,17 @@ from core.designs.arm_sheet import describe_arm
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
-from core.designs.sight import Sight, bodies_table
-from core.designs.task_text import class_source, function_source, helpers, layout_table, task_source
+from core.designs.sight import Sight
+from core.designs.task_text import function_source, scene_values
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.robot.extents import outline
 from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
-from core.scene import Body
 from core.support.files import read_text
 from core.support.text import clean, short_numbers
 
 SUFFIX = ".md.j2"
 REPAIR, CRITIC = "repair", "critic"
-TASK = ("home", "success_reward", "scene", "reward")  # the members that are shown
-BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
-
 MAX_IDEA = 50_000  # characters
 _LONGEST = 240  # characters of an elite's description
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
@@ -79,10 +75,13 @@ class PromptComposer:
         if settings.photographs not in PHOTOGRAPHS:
             raise choices("value", settings.photographs, PHOTOGRAPHS, "prompt.photographs")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
-        parts -= {LAST} if settings.feedback == "paper" else set()
-        parts -= {CRITIQUES} if not settings.critic else set()
+        left_out = {LAST} if settings.feedback == "paper" else set()
+        left_out |= {CRITIQUES} if not settings.critic else set()
+        parts -= left_out
         parts |= {CRITIC} if settings.critic else set()  # a folder of older templates has none
-        self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
+        self._templates, names = _load(
+            Path(settings.dir) if settings.dir else None, parts, {*settings.tools} - left_out
+        )
         self._idea = _read_idea(settings.file, wanted="idea" in names)
 
     def compose(
@@ -108,11 +107,18 @@ class PromptComposer:
         values = self._values(brief, pictures, schema)
         values |= {"pictured": list(pictured)}
         parts = self.settings.evolution if brief.elites else self.settings.initial
-        parts = self.settings.given if values["given"] is not None else parts
+        parts = (
+            self.settings.given if values["given"] is not None else self.settings.tools if values["several"] else parts
+        )
         if not parts:
             raise UserError(
                 "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
+            )
+        if values["several"] and (lacks := {*parts} - {LAST, CRITIQUES, *self._templates}):
+            names = ", ".join(f"{part}{SUFFIX}" for part in sorted(lacks))
+            raise UserError(
+                f"prompt.dir={self.settings.dir} has no {names}, which requests for tools for several tasks need"
             )
         parts = [part for part in parts if part in self._templates]
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
@@ -175,7 +181,7 @@ class PromptComposer:
             "instructed": self._idea is not None,
             "feedback": self.settings.feedback,
             "picture": bool(pictures),
-            **_scene_values(task, brief.scene_seed, told),
+            **scene_values(task, brief.scene_seed, told),
             "robot": robot,
             "friction": {
                 "arm": robot.friction,
@@ -215,23 +221,6 @@ class PromptComposer:
                 f"prompt template {part}{SUFFIX}: {_one_line(error)}; a template may use: {', '.join(sorted(values))}"
             ) from error
         return Text(text.strip() + "\n\n")  # a blank line, however a client joins the texts
-
-
-def _scene_values(task: Task, seed: int, told: str) -> dict[str, Any]:
-    """What templates may say of a task and its scene, at a level of `PromptSettings.told`."""
-    if told != "source":
-        table = bodies_table(task, seed) if told in UNSEEN else layout_table(task, seed, worded=True)
-        nothing = dict.fromkeys(("task_source", "goals", "vocabulary", "helpers"), "")
-        return {"told": told, "description": task.in_words, "layout": table, **nothing}
-    return {
-        "told": told,
-        "description": task.description,
-        "layout": layout_table(task, seed),
-        "task_source": task_source(task).rstrip("\n"),
-        "goals": task.reward_in_words(),
-        "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
-        "helpers": helpers(task),
-    }
 
 
 def as_markdown(message: Message) -> str:
@@ -319,6 +308,8 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
         ids = [elite.candidate.id for elite in brief.elites]
         strategy = {"parents": _list({"type": "string", "enum": ids}, 1, min(2, len(ids))), **strategy}
     strategies = _list(_object(strategy), brief.n_tool, brief.n_tool)
+    if not brief.n_action:
+        strategy = {key: of for key, of in strategy.items() if not key.startswith("action_")}
     return _object({"scene_analysis": {"type": "string"}, "strategies": strategies})
 
 
@@ -331,14 +322,14 @@ def _list(items: dict[str, Any], least: int, most: int | None = None) -> dict[st
     return {"type": "array", "items": items, **limits}
 
 
-def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Template], set[str]]:
-    """Load the templates of ``parts``; return them and the names that they use."""
+def _load(folder: Path | None, parts: set[str], more: set[str]) -> tuple[dict[str, jinja2.Template], set[str]]:
+    """Load the templates of ``parts``, and of ``more`` that are there; return them and the names that they use."""
     root = importlib.resources.files("prompts") if folder is None else folder
     if not root.is_dir():
         raise UserError(f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out")
     there = {file.name: file for file in root.iterdir() if file.name.endswith(SUFFIX)}
     templates, names = {}, set()
-    for part in sorted(parts):
+    for part in sorted(parts | {part for part in more if part + SUFFIX in there}):
         name = part + SUFFIX
         if name not in there:
             raise choices("prompt template", name, there, str(root))

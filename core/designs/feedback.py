@@ -130,7 +130,7 @@ def poor_layouts(evaluation: Evaluation, task: Task, *, drawn: bool = True) -> l
 
     Without ``drawn`` they have no numbers.
     """
-    if not evaluation.combined or evaluation.status == "rejected":
+    if not evaluation.combined or evaluation.status == "rejected" or len(task.parts) > 1:
         return []
     engines = len(evaluation.by_engine)
     poor = [t for t in evaluation.trials if t.change is None and t.reward < task.success_reward]
@@ -226,7 +226,7 @@ def _wheres(trials: Sequence[Trial], among: Sequence[Trial]) -> str:
         return f"all {len(trials)} trials"
     many, changed = len({trial.engine for trial in among}) > 1, any(trial.change is not None for trial in among)
     names = [
-        " ".join(filter(None, (f"{t.layout}{f'/{t.change}' if changed else ''}", t.engine if many else "")))
+        " ".join(filter(None, (f"{t.layout}{f'/{t.change}' if changed else ''}", t.engine if many else "", t.task)))
         for t in trials
     ]
     return f"layout{'s' * (len(names) > 1)} {', '.join(names)}"
@@ -237,9 +237,9 @@ def _margin(trial: Trial) -> str:
 
 
 def _where(trial: Trial) -> str:
-    """Name a trial: the engine, the layout's number, and that of a perturbation."""
+    """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
     change = "" if trial.change is None else f", change {trial.change}"
-    return f"engine {trial.engine}, layout {trial.layout}{change}"
+    return f"{trial.task and f'task {trial.task}, '}engine {trial.engine}, layout {trial.layout}{change}"
 
 
 def _result(seen: Observation) -> str:

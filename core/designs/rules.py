@@ -266,6 +266,9 @@ class SpawnRules:
 
     def __init__(self, task: Task, seed: int) -> None:
         self.task, self.robot = task, task.robot
+        self._parts = [SpawnRules(part, seed) for part in task.parts if part is not task]
+        if self._parts:
+            return
         self._joints = arm_of(task.robot).home_for(task.home)
         self._scene = Obstacles(solid for body in task.scene(seed).bodies for solid in body_solids(body))
         self._robots: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
@@ -274,8 +277,15 @@ class SpawnRules:
         """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
 
         Raises:
-            DesignError: names the component, what it overlaps, and the depth.
+            DesignError: names the component, what it overlaps, and the depth; of several tasks which.
         """
+        for rules in self._parts:
+            try:
+                rules.check(tool)
+            except DesignError as error:
+                raise DesignError(f"in {rules.task.name}, {error}") from error
+        if self._parts:
+            return
         robot, frames = self._robot(tool.gripper)
         placed, solids, mounts = tool.placed(), list[Solid](), list[str]()
         for component in tool.components:

@@ -12,6 +12,7 @@ from core.design import Evaluation
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
 from core.interfaces import Brief, Picture, Reply, Request
+from core.simulation.together import weakest
 from core.support.text import clean
 
 MAX_CRITIQUE = 2000  # characters
@@ -46,10 +47,12 @@ class Critic:
 
     def _request(self, brief: Brief, number: int, shown: Evaluation) -> Request:
         self._asked[shown.candidate.id] = brief.generation
-        tool = shown.candidate.tool
+        tool, (task, worst) = shown.candidate.tool, weakest(brief.task, shown)
         seed = int(np.random.default_rng([brief.seed, _CRITIC + number]).integers(2**31))
         gripper = tool is not None and tool.gripper
-        alone = replace(brief, agent=number, elites=(shown,), gripper=gripper, n_tool=1, n_action=1, seed=seed)
+        alone = replace(
+            brief, task=task, agent=number, elites=(worst,), gripper=gripper, n_tool=1, n_action=1, seed=seed
+        )
         strip = self.film(shown) if self.film is not None else None
         messages = self.prompts.critique(alone, {STRIP: strip} if strip is not None else {})
         return Request(f"g{brief.generation}-critic{number}", alone, messages, {}, self.temperature, critique=True)

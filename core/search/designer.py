@@ -6,7 +6,9 @@ import queue
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import partial
+from itertools import chain
+from types import MappingProxyType
 
 import numpy as np
 import pluggy
@@ -15,10 +17,10 @@ from core.config.schemas import UNSEEN, Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
-from core.designs.planning import NO_PLAN, guarded
+from core.designs.planning import NO_PLAN, TaskActions, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import RAISED, UsageError, UserError, choices
+from core.errors import UsageError, UserError, choices
 from core.events import Generation
 from core.geometry import Array
 from core.hooks import hookimpl
@@ -39,8 +41,8 @@ from core.interfaces import (
 from core.plugins import describe_part
 from core.search.agent_groups import Team
 from core.search.critic import Critic
-from core.search.prompt_pictures import prompt_pictures
-from core.simulation.pictures import draw_strip, png, report_missing
+from core.search.prompt_pictures import pictures_by_task, strips
+from core.search.several import REPAIRED, TaskPlanner, without_plans
 from core.support.cli import say
 from core.support.text import shorten
 from core.support.threads import run_in_thread
@@ -80,7 +82,8 @@ class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
 
     Attributes:
-        pictures: those of the scene, without the gripper (False) and with it.
+        pictures: those of each task's scene, without the gripper (False) and with it.
+        planner: asks for plans for tools that must do several tasks; None: there is one task.
         show: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
             for the most instructive failure of the last generation.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
@@ -91,16 +94,18 @@ class ModelDesigner:
     prompts: PromptComposer  # composes the requests
     sampling: Sampling  # the temperatures
     events: pluggy.PluginManager  # receives requests and replies
-    pictures: Mapping[bool, tuple[Picture, ...]] = field(default_factory=dict)
+    pictures: Mapping[str, Mapping[bool, tuple[Picture, ...]]] = field(default_factory=dict)
+    planner: TaskPlanner | None = None
     show: Callable[[Evaluation], Picture | None] | None = None
     critic: Critic | None = None  # has candidates criticised before each generation; None: nothing is
     tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         asked = self.assignment
-        self.task, self.representation, self.actions = asked.task, asked.representation, asked.actions
+        self.task, self.representation = asked.task, asked.representation
+        self.actions = asked.actions if self.planner is None else TaskActions()
         self.budget, self.seed = asked.budget, asked.seed
-        self._spawn = SpawnRules(self.task, self.seed)
+        self._spawns = {task.name: SpawnRules(task, self.seed) for task in (self.task, *self.task.parts)}
         self._given = self.representation.given(self.task)
 
     def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
@@ -115,9 +120,17 @@ class ModelDesigner:
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """See `core.search.agent_groups.AsksTeams`, and `design`."""
         self._criticise(generation, [elite for team in teams for elite in team.elites])
+        most, failures = self.budget.n_tool, list[Reply | None]()
+        kept = self.planner.kept(generation, teams, self._given, most) if self.planner is not None else {}
         requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
-        failures: list[Reply | None] = []
-        yield from self._candidates(requests, failures, repair=self.prompts.settings.repair)
+        requests = [request for request in requests if request.brief.agent not in kept]
+        answered = partial(self._answered, failures=failures, repair=self.prompts.settings.repair)
+        designed: Iterator[Candidate] = chain(
+            chain(*kept.values()), (c for _, found, _ in answered(requests) for c in found)
+        )
+        if self.planner is not None:
+            designed = self.planner.candidates(designed, teams, self.tried, self._brief, answered)
+        yield from designed
         unanswered = [reply for reply in failures if reply is not None and reply.unanswered]
         if unanswered and None not in failures:
             raise UserError(
@@ -168,7 +181,7 @@ class ModelDesigner:
             with guarded(self.actions, "with_parameters"):
                 plan = self.actions.with_parameters(candidate.plan, values[count:])
             document = {"strategies": [dump_design(replace(candidate, tool=tool, plan=plan), self.representation)]}
-            (read,) = read_designs(document, self.representation, self._spawn, actions=self.actions)
+            (read,) = read_designs(document, self.representation, self._spawns[self.task.name], actions=self.actions)
         except DesignError as error:
             return replace(varied, problem=str(error))
         return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
@@ -183,12 +196,13 @@ class ModelDesigner:
         plan = self.actions.toward(candidate.plan, other.plan) if same else None
         return None if tool is None or plan is None else np.concatenate([tool, plan])
 
-    def _candidates(
+    def _answered(
         self, requests: Sequence[Request], failures: list[Reply | None], *, repair: bool
-    ) -> Iterator[Candidate]:
-        """Yield the candidates of all replies; with ``repair`` ask once more where a reply can't be read.
+    ) -> Iterator[tuple[Request, list[Candidate], bool]]:
+        """Yield the candidates of each reply, and whether none came for a reason that may pass.
 
-        Each reply with an error is appended to ``failures``, and None for each other one.
+        With ``repair`` ask once more where a reply can't be read. Each reply with an error is appended to ``failures``,
+        and None for each other one.
         """
         again: list[Request] = []
         missing = {request.id: request for request in requests}
@@ -196,20 +210,21 @@ class ModelDesigner:
             request = missing.pop(reply.request_id)
             failures.append(reply if reply.error is not None else None)
             if reply.error is not None:
-                yield _lost(request.brief, f"the model gave no answer: {reply.error}")
+                lost = _lost(request.brief, f"the model gave no answer: {reply.error}")
+                yield request, [lost], reply.unanswered
                 continue
             try:
-                yield from self._read(request.brief, reply)
+                yield request, self._read(request.brief, reply), False
             except DesignError as error:
                 if repair:
                     messages = self.prompts.repair(request, reply, str(error))
-                    again.append(replace(request, id=f"{request.id}-repair", messages=messages))
+                    again.append(replace(request, id=f"{request.id}{REPAIRED}", messages=messages))
                 else:
-                    yield _lost(request.brief, f"the reply can't be read: {error}")
+                    yield request, [_lost(request.brief, f"the reply can't be read: {error}")], False
         for request in missing.values():
-            yield _lost(request.brief, "no reply came")
+            yield request, [_lost(request.brief, "no reply came")], False
         if again:
-            yield from self._candidates(again, failures, repair=False)
+            yield from self._answered(again, failures, repair=False)
 
     def _replies(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """Yield replies as they arrive.
@@ -254,7 +269,7 @@ class ModelDesigner:
             actions=self.actions,
             gripper=gripper,
             n_tool=self.budget.n_tool if self._given is None else 1,
-            n_action=self.budget.n_action,
+            n_action=self.budget.n_action if self.planner is None else 0,
             generation=generation,
             agent=agent,
             seed=int(rng.integers(2**31)),
@@ -274,7 +289,7 @@ class ModelDesigner:
         pictures: Mapping[str, Picture],
     ) -> Request:
         brief, temperature = self._brief(generation, agent, team, tried)
-        scene = self.pictures.get(brief.gripper, ())
+        scene = tuple(p for of in self.pictures.values() for p in of.get(brief.gripper, ()))
         messages = self.prompts.compose(brief, scene, pictures, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
@@ -285,14 +300,15 @@ class ModelDesigner:
         Raises:
             DesignError: the reply can't be read.
         """
+        document = parse_reply(reply.text)
         return read_designs(
-            parse_reply(reply.text),
-            self.representation,
-            self._spawn,
+            document if brief.n_action else without_plans(document),
+            brief.representation,
+            self._spawns[brief.task.name],
             generation=brief.generation,
             agent=brief.agent,
             elites=tuple(elite.candidate.id for elite in brief.elites),
-            most=(brief.n_tool, brief.n_action),
+            most=(brief.n_tool, brief.n_action or None),
             actions=brief.actions,
         )
 
@@ -331,8 +347,11 @@ def make_designer(
     prompts: PromptComposer,
     sampling: Sampling,
     events: pluggy.PluginManager,
+    prompts_of: Mapping[str, PromptComposer] = MappingProxyType({}),
 ) -> ModelDesigner:
     """Make a designer that shows the model pictures of the scene and of rollouts, drawn by what ``create`` makes.
+
+    ``prompts_of`` composes the requests for plans for each of several tasks.
 
     One with a loaded scene holds 100 MB: the scene's is let go, and rollouts have another from the first one on. Where
     nothing can draw, standard error says why, and the model gets text alone.
@@ -349,31 +368,23 @@ def make_designer(
         raise UsageError(
             f"{assignment.task.name} has no text without numbers for prompt.told={told}: give it `in_words`"
         )
-    task, seed, simulator = assignment.task, assignment.seed, cache(create)
+    task, seed = assignment.task, assignment.seed
+    if told in UNSEEN and len(task.parts) > 1:
+        raise UsageError(f"prompt.told={told} shows one scene, and {task.name} has several: use words or source")
     given = given_tool(assignment.representation, task, seed)
     if given is None:
         assignment = replace(assignment, tool_kinds=borne_kinds(assignment.tool_kinds, task.robot))
     bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(assignment.tool_kinds)]
-
-    def show(evaluation: Evaluation) -> Picture | None:
-        candidate, shown = evaluation.candidate, evaluation.shown
-        layout = seed if shown is None else shown.layout
-        seen = None if evaluation.combined else evaluation.observation  # else of another engine or perturbed
-        try:
-            strip = draw_strip(task, simulator(), candidate, layout, prompts.rollout, seen)
-        except OSError:  # the machine fails: a request without the picture would be paid for all the same
-            raise
-        except RAISED as error:  # else a picture that fails costs the picture, never the run
-            report_missing(f"film strip of {candidate.id}", error)
-            return None
-        return Picture(png(strip), f"strip_{candidate.id}")
-
     mounted = bare if given is None else [given]
-    pictures, drawable = prompt_pictures(task, create(), prompts.settings, seed, mounted)
-    film = show if drawable else None
+    pictures, drawable = pictures_by_task(task, create, prompts.settings, seed, mounted)
+    film = strips(task, create, seed, prompts.rollout) if drawable else None
     count, critic = prompts.settings.critic, None
     if count and not vlm.criticises:
         say(f"prompt.critic={count}: {vlm.model} writes no critiques; there are none", file=sys.stderr)
     elif count:
         critic = Critic(prompts, sampling.temperature, film)
-    return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, film, critic)
+    planner = None
+    if len(task.parts) > 1:
+        forms, count = (assignment.representation, assignment.actions), assignment.budget.n_action
+        planner = TaskPlanner(task, *forms, count, prompts_of, pictures, vlm.takes_schema)
+    return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, planner, film, critic)

@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import pluggy
 
@@ -20,8 +21,10 @@ from core.interfaces import CHUNK, Budget, EvolutionStrategy, Executor, Robot
 from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
 from core.search.duplicates import NearDuplicates
+from core.simulation.together import Together
 from core.support.text import shorten
 from core.support.threads import run_in_thread
+from core.values.plans import digest
 
 LINGER_S = 0.2  # how long a chunk waits for one more candidate, for an engine with large batches
 
@@ -61,6 +64,9 @@ def evolve(
                 arrived[-1].append(evaluation)
             if candidates.limit is not None:
                 break
+            for evaluation in _joined(evaluate, arrived):
+                events.hook.candidate_evaluated(evaluation=evaluation)
+                arrived[-1].append(evaluation)
             generation = _generation(index, arrived[-1], strategy.tie)
             strategy.tell(generation.evaluations)
             generations.append(generation)
@@ -75,6 +81,23 @@ def evolve(
         if arrived[index]:
             generations.append(_generation(index, arrived[index], strategy.tie))
     return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
+
+
+def _joined(evaluate: Evaluate, arrived: Sequence[Sequence[Evaluation]]) -> Iterator[Evaluation]:
+    """Yield for each tool of the last generation the best of all its plans for several tasks, if that is new."""
+    if not isinstance(evaluate, Together):
+        return
+    tools: dict[str, list[Evaluation]] = {}
+    for evaluation in sorted(chain.from_iterable(arrived), key=lambda e: e.candidate.key):
+        if evaluation.status == "ok" and evaluation.candidate.tool is not None:
+            tools.setdefault(digest(evaluation.candidate.tool.content), []).append(evaluation)
+    for own in tools.values():
+        now = [e.candidate.key for e in own if e.candidate.generation == len(arrived) - 1]
+        if now:
+            first = now[0][:3]
+            action = 1 + max(key[3] for key in now if key[:3] == first)
+            made = evaluate.joined(own, (*first, action))
+            yield from [made] if made is not None else []
 
 
 def _generation(index: int, evaluations: Iterable[Evaluation], tie: float) -> Generation:

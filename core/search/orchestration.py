@@ -28,7 +28,7 @@ from core.designs.planning import resolve
 from core.errors import RAISED, UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import VLM, Budget, EvolutionStrategy, Executor, Fitness, Reply, RolloutSettings
-from core.plugins import ACTION, EVOLUTION, EXECUTOR, FITNESS, MODEL, SIMULATOR, event_hub, installed
+from core.plugins import ACTION, EVOLUTION, EXECUTOR, MODEL, SIMULATOR, event_hub, installed
 from core.plugins.blame import Guard, add_listener, describe_failure, refuse_exit
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -37,8 +37,8 @@ from core.search.evolution import evolve
 from core.search.finalists import choose, try_unseen
 from core.search.refinement import Refinement
 from core.simulation.pictures import report_missing, save_film
-from core.simulation.rollout import Evaluator
-from core.store.artifacts import save_design
+from core.simulation.together import Together, make_fitness
+from core.store.artifacts import save_design, save_document
 from core.store.database import writing
 from core.store.progress import CachedVLM
 from core.store.recorder import RunStore, best_figures, unseen_figures
@@ -89,7 +89,7 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     guards = [add_listener(events, listener, name) for name, listener in {**made, "vlm": vlm}.items()]
     parts = {kind: config[kind]["name"] for kind in _PARTS}
     parts |= {"robot": task.robot.name, "material": representation.material.name}
-    if task.language != "python":
+    if task.language != "python" or len(task.parts) > 1:
         parts["task"] = task.name  # a file's own, so that two scenes are two tasks
     settings = designer.prompts.rollout
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, sim, settings)
@@ -105,9 +105,9 @@ def make_asking(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> tupl
     budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
     check_budget(budget)
     check_seed(cfg.seed)
-    chosen, sim = task_part(cfg), part(SIMULATOR, cfg.sim)
-    task, representation = chosen.create(), tool_part(cfg).create()
-    arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
+    task, sim, representation = task_part(cfg).create(), part(SIMULATOR, cfg.sim), tool_part(cfg).create()
+    for one in task.parts:
+        arm_of(task.robot).home_for(one.home)  # an arm that can't start is reported once, before it is drawn
     if representation.given(task) is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
@@ -116,17 +116,23 @@ def make_asking(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> tupl
     observes = getattr(strategy, "observes", EvolutionStrategy.observes)(own)
     if cfg.prompt.feedback != "paper" or cfg.prompt.critic or observes:
         settings = replace(settings, observe=True)
-    fitness = part(FITNESS, cfg.fitness).create(evaluator=Evaluator(chosen, sim, cfg.seed, settings))
-    tie, kinds = cfg.evolution.get("tie", TIE), cfg.task.get("tool_kinds") or DEFAULT_KINDS
+    fitness = make_fitness(cfg, settings)
+    prompt, tie = node(cfg.prompt, PromptSettings), cfg.evolution.get("tie", TIE)
+    kinds = cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS
+    judged = {"": fitness.instructions()}
+    if isinstance(fitness, Together):
+        judged |= {one.name: fitness.instructions_of(one.name) for one in task.parts}
+    prompts = {
+        name: PromptComposer(prompt, settings, cfg.sim.name, tie=tie, judged=text) for name, text in judged.items()
+    }
     designer = make_designer(
         Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
         sim.create,
         vlm,
-        PromptComposer(
-            node(cfg.prompt, PromptSettings), settings, cfg.sim.name, tie=tie, judged=fitness.instructions()
-        ),
+        prompts.pop(""),
         node(cfg.sampling, Sampling),
         events,
+        prompts,
     )
     return designer, fitness
 
@@ -167,7 +173,8 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
     """Run the loop, and write what it found."""
     this, events = search.run, search.events
     with writing(this.folder):
-        for picture in (each for several in search.designer.pictures.values() for each in several):
+        drawn = (several for of in search.designer.pictures.values() for several in of.values())
+        for picture in (each for several in drawn for each in several):
             if picture.name == "scene":
                 (this.folder / "scene.png").write_bytes(picture.png)
     events.hook.run_started(run=this)
@@ -201,22 +208,30 @@ def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: b
 
     What else a strategy hands over lies beside it (`core.interfaces.EvolutionStrategy.hand_over`).
     """
-    best, folder, archive = result.best, this.folder / "best", this.folder / "archive"
+    best, whole, archive = result.best, this.folder / "best", this.folder / "archive"
     if best is None or this.simulator is None:
         return
-    for old in (folder, archive):
+    for old in (whole, archive):
         if old.is_symlink():
             old.unlink()
         shutil.rmtree(old, ignore_errors=True)  # a resumed run has those of an earlier end
-    plan = resolve(best.candidate.plan, this.task, this.seed, this.settings)
-    motion = plan_task_motion(plan, this.task, this.settings)
-    save_design(best.candidate, this.representation, this.task.robot, motion, folder)
     strategy.hand_over(result.ranking, this.representation, archive)
-    if film and result.stopped != INTERRUPTED:
-        try:
-            save_film(this.task, this.simulator, best.candidate, this.seed, this.settings, folder / "rollout.gif")
-        except RAISED as error:  # a film that fails costs the film, never the run
-            report_missing("film", error)
+    several = len(this.task.parts) > 1
+    if several:
+        save_document(best.candidate, this.representation, whole)
+    for task in this.task.parts:
+        candidate, folder = best.candidate.of(task.name), whole / task.name if several else whole
+        if candidate.problem is not None:
+            report_missing(f"motion for {task.name}", UserError(candidate.problem))
+            continue
+        plan = resolve(candidate.plan, task, this.seed, this.settings)
+        motion = plan_task_motion(plan, task, this.settings)
+        save_design(candidate, this.representation, task.robot, motion, folder)
+        if film and result.stopped != INTERRUPTED:
+            try:
+                save_film(task, this.simulator, candidate, this.seed, this.settings, folder / "rollout.gif")
+            except RAISED as error:  # a film that fails costs the film, never the run
+                report_missing("film", error)
 
 
 def resume_hint(folder: Path) -> str:

@@ -1,19 +1,64 @@
-"""Make the pictures of the scene that a prompt shows.
+"""Make the pictures that a prompt shows: of scenes, and of rollouts.
 
 Covered by `tests/plugins/tasks/file/test_photos.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
 
 from core.config.schemas import UNSEEN, PromptSettings
-from core.design import Tool
+from core.design import Evaluation, Tool
 from core.errors import RAISED, NoPicture, UserError
-from core.interfaces import Picture, Simulator, Task
+from core.interfaces import Picture, RolloutSettings, Simulator, Task
 from core.simulation.depth import depth_picture
-from core.simulation.pictures import SIZE, png, report_missing
+from core.simulation.pictures import SIZE, draw_strip, png, report_missing
+from core.simulation.together import weakest
 from core.simulation.views import calibrated_pictures
+
+
+def pictures_by_task(
+    task: Task, create: Callable[[], Simulator], settings: PromptSettings, seed: int, mounted: Sequence[Tool]
+) -> tuple[dict[str, dict[bool, tuple[Picture, ...]]], bool]:
+    """Make the pictures of each part of a task (`prompt_pictures`); those of several are named by it."""
+    found, drawable = dict[str, dict[bool, tuple[Picture, ...]]](), True
+    for number, part in enumerate(task.parts):
+        made, can_draw = prompt_pictures(part, create(), settings, seed, mounted)
+        drawable = drawable and can_draw
+        if len(task.parts) > 1:
+            made = {kind: tuple(_named(picture, part, number) for picture in own) for kind, own in made.items()}
+        found[part.name] = made
+    return found, drawable
+
+
+def _named(picture: Picture, task: Task, number: int) -> Picture:
+    caption = picture.caption or f"The scene of {task.name}, before the motion, without a tool:"
+    return replace(picture, name=f"{picture.name}_t{number}", caption=caption)
+
+
+def strips(
+    task: Task, create: Callable[[], Simulator], seed: int, rollout: RolloutSettings
+) -> Callable[[Evaluation], Picture | None]:
+    """Return a function that draws a film strip of a rollout, of several tasks in that with the lowest reward."""
+    simulator = cache(create)
+
+    def show(evaluation: Evaluation) -> Picture | None:
+        where, evaluation = weakest(task, evaluation)
+        candidate, shown = evaluation.candidate, evaluation.shown
+        layout = seed if shown is None else shown.layout
+        seen = None if evaluation.combined else evaluation.observation  # else of another engine or perturbed
+        try:
+            strip = draw_strip(where, simulator(), candidate, layout, rollout, seen)
+        except OSError:  # the machine fails: a request without the picture would be paid for all the same
+            raise
+        except RAISED as error:  # else a picture that fails costs the picture, never the run
+            report_missing(f"film strip of {candidate.id}", error)
+            return None
+        return Picture(png(strip), f"strip_{candidate.id}")
+
+    return show
 
 
 def prompt_pictures(

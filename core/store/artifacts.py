@@ -34,9 +34,7 @@ def save_design(
     """
     tool = candidate.tool
     assert tool is not None
-    folder.mkdir(parents=True, exist_ok=True)
-    document = {"strategies": [dump_design(candidate, representation)]}
-    (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    save_document(candidate, representation, folder)
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         names, poses = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"], motion.plan
@@ -48,6 +46,13 @@ def save_design(
     whole = assemble(robot, tool, mesh_path=local)
     (folder / "robot.urdf").write_text(whole, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
+
+
+def save_document(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
+    """Write ``design.json``, a designs file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {"strategies": [dump_design(candidate, representation)]}
+    (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def _mounts(tool: Tool) -> str:

@@ -31,8 +31,8 @@ _REFUSALS = {
 }
 # What runs write, as patterns; a folder comes before what is in it.
 _WRITTEN = (
-    *("run.sqlite*", "run.lock", "result.json*", "scene.png", "recording.rrd", "task.*"),
-    *(f"{name}{below}" for name in (".hydra", "requests", "replies", "best") for below in ("", "/*", "/*/*")),
+    *("run.sqlite*", "run.lock", "result.json*", "scene.png", "recording*.rrd", "task.*"),
+    *(f"{name}{below}" for name in (".hydra", "requests", "replies", "best") for below in ("", "/*", "/*/*", "/*/*/*")),
 )
 MOST_BYTES = 4_000_000_000  # of a store
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell

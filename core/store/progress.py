@@ -59,8 +59,10 @@ class StoredProgress:
             row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
         }
         self.candidates = set(self._evaluations)
-        tried = (row for row in self._evaluations.values() if load_details(row["details"]).same_as is None)
-        self._by_content = {row["content"]: row for row in tried if row["content"] is not None}
+        details = {name: load_details(row["details"]) for name, row in self._evaluations.items()}
+        tried = {name for name, of in details.items() if of.same_as is None and not any(t.tried_as for t in of.trials)}
+        rows = [row for name, row in self._evaluations.items() if name in tried]
+        self._by_content = {row["content"]: row for row in rows if row["content"] is not None}
 
     def evaluation(self, candidate: Candidate) -> Evaluation | None:
         """Return the stored evaluation of the candidate, or of an identical one; None: there is none.

@@ -51,7 +51,7 @@ class SummaryListener:
     def run_finished(self, run: Run, result: Result) -> None:
         if result.best is not None:
             _print_tools(result, self.top)
-        said = (remark for of in (_reasons, _tied, _goals, _margin, _unseen) for remark in of(result))
+        said = (remark for of in (_reasons, _tied, _tasks, _goals, _margin, _unseen) for remark in of(result))
         say(*said, _spent(self._replies), *_commands(run, result), file=sys.stderr)
 
 
@@ -88,10 +88,19 @@ def _tied(result: Result) -> Iterable[str]:
         yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
 
 
+def _tasks(result: Result) -> Iterable[str]:
+    """Say what the best candidate earned in each of several tasks, and the most that any candidate did."""
+    names = {trial.task: 0.0 for trial in result.best.trials if trial.task} if result.best is not None else {}
+    if result.best is not None and names:
+        most = {name: max(e.figures.get(name, 0.0) for e in result.ranking) for name in names}
+        own = (f"{name} {number(result.best.figures[name], 3)} ({number(most[name], 3)})" for name in names)
+        yield f"tasks, by the best candidate (and the most by any): {', '.join(own)}"
+
+
 def _goals(result: Result) -> Iterable[str]:
     """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached."""
     every = [trial.goals for evaluation in result.ranking for trial in evaluation.trials]
-    best = [dict(trial.goals) for trial in result.best.trials if trial.goals] if result.best is not None else []
+    best = [dict(trial.goals) for trial in result.best.trials if trial.goals and not trial.task] if result.best else []
     if best:
         most = {name: max(dict(goals).get(name, 0.0) for goals in every) for name in best[0]}
         means = {name: statistics.fmean(goals.get(name, 0.0) for goals in best) for name in most}

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from core.design import best_tools
 from core.errors import check_positive
 from core.hooks import hookimpl
+from core.simulation.together import of_task
 from core.support.cli import say
 
 if TYPE_CHECKING:
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
 
 
 class RerunListener:
-    """Records a run in ``recording.rrd`` in its folder: of each generation the rollout of its best tool. The first
+    """Records a run in ``recording.rrd`` in its folder: of each generation the rollout of its best tool. Of
+    several tasks each has a file ``recording_TASK.rrd``. The first
     failure is reported in one line and ends the recording.
 
     Args:
@@ -28,7 +31,7 @@ class RerunListener:
     def __init__(self, hz: float = 25.0) -> None:
         check_positive("listener.rerun.", hz=hz)
         self._hz = hz
-        self._writer: Writer | None = None
+        self._writers: list[Writer] = []
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -36,13 +39,13 @@ class RerunListener:
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
-        if self._writer is not None:
-            self._attempt(self._record, generation, self._writer)
+        for writer in list(self._writers):
+            self._attempt(self._record, generation, writer)
 
     @hookimpl
     def run_ended(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
+        for writer in self._writers:
+            writer.close()
 
     def _open(self, run: Run) -> None:
         before = os.environ.get("RUST_LOG")
@@ -52,20 +55,24 @@ class RerunListener:
         finally:
             if before is None:
                 del os.environ["RUST_LOG"]
-        self._writer = Writer(run, run.folder / "recording.rrd")
-        self._writer.begin()
+        for task in run.task.parts:
+            name = "recording" if task is run.task else f"recording_{task.name}"
+            self._writers.append(Writer(replace(run, task=task), run.folder / f"{name}.rrd"))
+            self._writers[-1].begin()
 
     def _record(self, generation: Generation, writer: Writer) -> None:
         writer.generation(generation)
         for evaluation in best_tools(generation.ranking)[:1]:
-            writer.rollout(generation.index, evaluation, self._hz)
+            one = of_task(evaluation, writer.task.name)
+            if one.candidate.problem is None:
+                writer.rollout(generation.index, one, self._hz)
 
     def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
         try:
             function(*arguments)
         except Exception as error:  # from Rerun or the disk
             self.run_ended()
-            self._writer = None
+            self._writers = []
             why = " ".join(f"{type(error).__name__}: {error}".split())
             if isinstance(error, ModuleNotFoundError) and error.name == "rerun":
                 why = "Rerun is not installed (pip install rerun-sdk)"

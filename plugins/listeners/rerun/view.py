@@ -32,7 +32,7 @@ def recordings(run: Path) -> list[Path]:
     """
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    files = [file for pattern in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(pattern))]
+    files = [file for pattern in ("recording*.rrd", "*/recording*.rrd") for file in sorted(run.glob(pattern))]
     if not files:
         raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
     return files

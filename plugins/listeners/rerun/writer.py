@@ -55,7 +55,7 @@ class Writer:
     """
 
     def __init__(self, run: Run, file: Path) -> None:
-        self._run = run
+        self._run, self.task = run, run.task
         self._stream = rr.RecordingStream("vlmgineer")
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)

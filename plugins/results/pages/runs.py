@@ -68,6 +68,12 @@ class FinishedRun:
         inside = self.folder.resolve()
         return {what: file for what, file in files.items() if file.is_file() and file.resolve().is_relative_to(inside)}
 
+    def films(self) -> list[Path]:
+        """The films of the best candidate, one for each of its tasks."""
+        best, inside = self.folder / "best", self.folder.resolve()
+        found = [best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))]
+        return [file for file in found if file.is_file() and file.resolve().is_relative_to(inside)]
+
 
 @dataclass(frozen=True, eq=False)
 class LeftOutRun:

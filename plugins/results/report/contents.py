@@ -44,11 +44,12 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     """The films of the best runs, with what they show, as far as they are small enough for a page."""
     films, left = [], FILMS_BYTES
     for g in results.groups:
-        film = g.best.recordings().get("film")
-        if film is not None and (size := film.stat().st_size) <= min(FILM_BYTES, left):
-            left -= size
-            address = data_address(read_untrusted(film, FILM_BYTES), "gif")
-            films.append((f"{g.task}, {g.method}: the best motion", address))
+        for film in g.best.films():
+            if (size := film.stat().st_size) <= min(FILM_BYTES, left):
+                left -= size
+                address = data_address(read_untrusted(film, FILM_BYTES), "gif")
+                task = g.task if film.parent.name == "best" else film.parent.name
+                films.append((f"{task}, {g.method}: the best motion", address))
     return films
 
 

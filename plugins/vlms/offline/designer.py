@@ -20,6 +20,7 @@ from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_pla
 from plugins.vlms.offline.invent import Layout, Workshop
 from plugins.vlms.offline.plans import turn_of
 from plugins.vlms.offline.scene_analysis import NothingToMove
+from plugins.vlms.offline.several import tools_answer
 from plugins.vlms.offline.tools import recognize
 
 if TYPE_CHECKING:
@@ -41,7 +42,9 @@ class OfflineDesigner(VLM):
 
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
-        if left := left_out(run.task, run.seed):
+        parts = run.task.parts
+        left = [f"{f'{task.name}: ' * (len(parts) > 1)}{what}" for task in parts for what in left_out(task, run.seed)]
+        if left:
             say(f"the embedded designer does not plan for: {'; '.join(left)}", file=sys.stderr)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
@@ -87,6 +90,8 @@ def answer(brief: Brief) -> dict[str, Any]:
         NothingToMove: see `SceneAnalysis`.
         DesignError: plans can't be written as the brief asks.
     """
+    if len(brief.task.parts) > 1:
+        return tools_answer(brief)
     layout, others = Layout(brief), list[Layout]()
     if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
         if (turn := turn_of(layout.analysis, layout.seen)) is not None:

@@ -22,7 +22,7 @@ from plugins.vlms.offline.heads import Head, sample_clamp, sample_head
 from plugins.vlms.offline.plans import Path, anchors_of, collisions, reach_error
 from plugins.vlms.offline.scene_analysis import Errand, SceneAnalysis
 from plugins.vlms.offline.strokes import STROKES
-from plugins.vlms.offline.tools import HAND, STYLES, build, build_clamp, sample_turn, tool_boxes
+from plugins.vlms.offline.tools import HAND, STYLES, build, build_clamp, recognize, sample_turn, tool_boxes
 
 _DIGITS = 5  # hundredths of a millimetre
 _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
@@ -127,6 +127,17 @@ class Workshop:
             return self._planned(tool, pose, self._path(errands, head), errands)
 
         return _least_faulty(use_once, _PLAN_TRIES)
+
+    def fault(self, tool: Tool) -> float:
+        """The least fault of some plans for a tool of any origin; 0: one has none."""
+        faults = []
+        for _ in range(_PLAN_TRIES):
+            errands = self._errands()
+            head, pose = recognize(tool, errands[0], self.rng)
+            faults.append(self._planned(tool, pose, self._path(errands, head), errands)[1])
+            if faults[-1] == 0.0:
+                break
+        return min(faults)
 
     def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, Use], float]:
         errands = self._errands()

@@ -3,8 +3,7 @@
 import ast
 import importlib
 
-from core.designs.composer import BODY, TASK
-from core.designs.task_text import class_source, function_source, helpers, task_source
+from core.designs.task_text import BODY, TASK, class_source, function_source, helpers, task_source
 from core.interfaces import Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
