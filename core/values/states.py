@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Pose
 from core.values.joints import JointState, PlacedJoint, Placement, rotate
@@ -104,6 +103,8 @@ class State:
 
     def covered_area(self, name: str) -> Array:
         """The area of the convex hull of a soft body's nodes as seen from above, m^2, (...)."""
+        from scipy.spatial import ConvexHull  # only here: the lists of parts import this file
+
         nodes = self.nodes(name)[..., :2]
         areas = [ConvexHull(one, qhull_options="QJ").volume for one in nodes.reshape(-1, *nodes.shape[-2:])]
         return np.reshape(np.array(areas), nodes.shape[:-2])

@@ -20,7 +20,7 @@ from tests.commands import python_m
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
 COARSE = "{name: pybullet, time_step: 0.004}"
 SIMS = f"sims=[pybullet,{COARSE}]"
