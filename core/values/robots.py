@@ -101,7 +101,7 @@ class Robot:
         friction: of its links.
         aliases: other names of mounts that designs may use, as pairs (other name, mount).
         base: where its base stands in the world.
-        measured: how exact it is, by engine and figure (``vlmgineer facts``).
+        measured: how exact it is, by engine and figure (``tests.benchmarks.exactness``).
         programs: files for the arm's controller that an export has, as pairs of name and Jinja template
             (`plugins.results.workshop.texts`).
 

@@ -1,26 +1,21 @@
-"""``vlmgineer facts [robot=NAME] [sims=[NAME,...]] [output=FILE.json]``: say where an arm reaches, how fast it is,
-and measure how exact it is. Without ``sims`` (``sims=[]``) the figures are those that were measured before.
-"""
+"""``vlmgineer facts [robot=NAME]``: say where an arm reaches, how fast it is, and how exact it was in each engine."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from omegaconf import MISSING, OmegaConf
+from omegaconf import MISSING
 
-from core.config.compose import engines, load, robot_part
+from core.config.compose import load, robot_part
 from core.designs.arm_sheet import as_table, compute_reach, segments, short
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
-from core.support.cli import arguments, say, write_bytes
+from core.support.cli import arguments, say
 from core.support.text import table
-from plugins.conformance.exactness import measure
 
-USAGE = "usage: vlmgineer facts [robot=NAME] [sims=[NAME,...]] [output=FILE.json]"
+USAGE = "usage: vlmgineer facts [robot=NAME]"
 Figures = Mapping[str, Mapping[str, float | None]]
 
 LABELS = {
@@ -48,11 +43,9 @@ LABELS = {
 
 @dataclass
 class FactsConfig:
-    """Settings of ``vlmgineer facts``. ``output``: a JSON file to write as well."""
+    """Settings of ``vlmgineer facts``."""
 
     robot: dict[str, Any] = MISSING
-    sims: list[Any] = MISSING
-    output: str | None = None
 
 
 def sheet(robot: Robot, figures: Figures) -> str:
@@ -99,12 +92,5 @@ def _number(figure: float | None) -> str:
 
 
 def main(words: list[str]) -> None:
-    cfg = load("facts", arguments(USAGE, words), FactsConfig)
-    robot = robot_part(cfg.robot).create()
-    figures: dict[str, Mapping[str, float | None]] = {} if cfg.sims else dict(robot.measured)
-    for name, sim in (engines(OmegaConf.to_container(cfg.sims)) if cfg.sims else {}).items():  # type: ignore[arg-type]
-        found = measure(sim.create(), robot)
-        figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
-    if cfg.output is not None:
-        write_bytes(Path(cfg.output), (json.dumps(figures, indent=1) + "\n").encode())
-    say(*sheet(robot, figures).splitlines())
+    robot = robot_part(load("facts", arguments(USAGE, words), FactsConfig).robot).create()
+    say(*sheet(robot, robot.measured).splitlines())

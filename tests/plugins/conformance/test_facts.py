@@ -1,4 +1,3 @@
-import json
 from pathlib import Path
 
 import pytest
@@ -35,17 +34,7 @@ def test_of_an_arm_that_was_not_measured_there_is_the_rest():
 
 
 @pytest.mark.slow
-def test_without_engines_the_command_shows_the_stored_figures(tmp_path):
-    done = call(tmp_path, "facts", "sims=[]")
+def test_the_command_shows_the_stored_figures(tmp_path):
+    done = call(tmp_path, "facts")
     assert done.returncode == 0, done.stderr
     assert done.stdout == sheet(PANDA, PANDA.measured)
-
-
-@pytest.mark.thorough
-def test_the_command_writes_the_figures_of_the_engines_named(tmp_path):
-    done = call(tmp_path, "facts", "sims=[mujoco]", "output=figures.json")
-    assert done.returncode == 0, done.stderr
-    assert "| figure | mujoco |" in done.stdout
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    assert set(figures) == {"mujoco"}
-    assert sheet(PANDA, figures) == done.stdout

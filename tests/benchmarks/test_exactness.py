@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,8 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, Rollout, Simulator
 from core.scene import Body
-from plugins.conformance import exactness
-from plugins.conformance.exactness import measure
-from plugins.conformance.worlds import GREY, Bodies, motion
+from plugins.conformance.worlds import GRAVITY, GREY, Bodies, motion
+from tests.benchmarks.exactness import main, measure
 from tests.panda import PANDA
 from tests.rare import rare
 
@@ -33,7 +34,7 @@ def test_a_slower_servo_is_less_exact_and_presses_less():
     usual = PANDA.measured["mujoco"]
     assert lazy["lag_mm"] > 1.5 * usual["lag_mm"]
     assert lazy["sag_mm_1kg"] > 2 * usual["sag_mm_1kg"]
-    assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(exactness.GRAVITY, rel=0.05)
+    assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(GRAVITY, rel=0.05)
     assert lazy["most_n"] == pytest.approx(usual["most_n"], rel=0.2)  # of the joints' torques
 
 
@@ -50,7 +51,7 @@ def test_a_body_that_is_lifted_rises_by_what_the_force_leaves_of_the_error(mass)
     job = Rollout(Tool(tuple(parts)), motion([[0.5, 0, 0.502, 0, 0, 0]]))
     (outcome,) = simulator.rollout(Bodies(body, *rails), [job])
     rise_mm = 1000 * (outcome.end.position("body") - outcome.start.position("body"))[2]
-    left_mm = 2 - mass * exactness.GRAVITY / PANDA.measured["mujoco"]["push_n_per_mm"]
+    left_mm = 2 - mass * GRAVITY / PANDA.measured["mujoco"]["push_n_per_mm"]
     assert rise_mm == pytest.approx(left_mm, abs=0.1)
 
 
@@ -65,3 +66,12 @@ class Broken(Simulator):
 def test_an_engine_that_fails_is_named_as_the_cause():
     with pytest.raises(UserError, match=r"can't be measured: the engine is out of order"):
         measure(Broken(), PANDA)
+
+
+@pytest.mark.thorough
+def test_the_command_writes_the_figures_of_the_engines_named(tmp_path, capsys):
+    main(["sims=mujoco", f"output={tmp_path}/{{robot}}.json"])
+    assert capsys.readouterr().out == f"{tmp_path}/panda.json\n"
+    figures = json.loads((tmp_path / "panda.json").read_text())
+    assert figures.keys() == {"mujoco"}
+    assert figures["mujoco"].keys() == PANDA.measured["mujoco"].keys()

@@ -1,18 +1,30 @@
-"""Measure how exactly an engine's arm moves, how it gives way under a load, and how it presses."""
+"""How exactly does an engine's arm move, give way under a load, and press? ``python -m tests.benchmarks.exactness``.
+
+Writes the figures that prompts and ``vlmgineer facts`` show of a robot, as JSON, by engine.
+"""
 
 from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from core.config.compose import engines
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Box, Pose, Vector
 from core.interfaces import JointTrajectory, Robot, Rollout, Simulator
+from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Body, State, table
+from core.support.cli import command, say, write_bytes
 from plugins.conformance.worlds import GRAVITY, HOME, Bodies, cube, motion, stick, still
+from tests.benchmarks import measuring
 
+USAGE = "usage: python -m tests.benchmarks.exactness [robot=NAME] [sims=NAME,NAME,...] [output=FILE.json]"
 TOOLS_KG = (0.0, 0.3, 1.0)
 LOADS_KG = (0.3, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 11.0, 12.0, 13.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
 _HELD_M = 0.02  # a load that the arm holds lowers it by less
@@ -31,6 +43,15 @@ _FAR = (
     (0.15, 0.0, 0.1, 0.0, -0.5, 0.0),
     (0.0, 0.0, -0.2, 0.0, 0.0, 0.0),
 )
+
+
+@dataclass
+class Settings:
+    """``output``: default is where the figures of the built-in robots lie."""
+
+    robot: str = "panda"
+    sims: list[str] = field(default_factory=lambda: ["pybullet", "sapien", "mujoco"])
+    output: str = "plugins/robots/measured/{robot}.json"
 
 
 class _Played:
@@ -153,3 +174,21 @@ def _presses(simulator: Simulator, robot: Robot) -> dict[str, float]:
 
 def _component(name: str, size: tuple[float, float, float], at: Vector, mass: float = 0.001) -> Component:
     return Component(name, RIGID_MOUNT, Pose(np.asarray(at, dtype=np.float64)), Box(size), mass)
+
+
+def main(words: list[str]) -> None:
+    if words[:1] in (["--help"], ["-h"]):
+        say(USAGE)
+        return
+    given, figures = measuring.settings(words, Settings), dict[str, dict[str, float | None]]()
+    robot = installed().create("robot", given.robot)
+    for name, sim in engines(given.sims).items():
+        found = measure(sim.create(), robot)
+        figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
+    file = Path(given.output.format(robot=given.robot))
+    write_bytes(file, (json.dumps(figures, indent=1) + "\n").encode())
+    say(str(file))
+
+
+if __name__ == "__main__":
+    command(main)
