@@ -22,7 +22,7 @@ from core.support.text import clean, number
 from plugins.results.pages.drawing import painted
 from plugins.results.pages.figure import INK
 from plugins.results.pages.formats import Cell, links, printed, relative
-from plugins.results.pages.tools import Winner
+from plugins.results.pages.tools import Winner, size
 
 _LONGEST = 20_000  # characters of any text
 _SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is drawn
@@ -102,5 +102,6 @@ def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
                 "edges": np.asarray(sharp).ravel().tolist(),
             }
         )
-    caption = f"{winner.tool.description} ({winner.summary})"
+    summary = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
+    caption = f"{winner.tool.description} ({summary})"
     return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -12,14 +12,14 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import task_part, tool_part
-from core.design import DesignError, Tool, ranked
-from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
+from core.design import Tool, ranked
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import Material, Robot, Task, ToolRepresentation
+from core.interfaces import Material, Robot, ToolRepresentation
 from core.robot.meshes import as_held
-from core.store.reader import Key, StoredDesign, StoredEvaluation
-from core.support.text import clean, number
+from core.store.reader import Key, StoredEvaluation
 from plugins.results.pages.runs import FinishedRun
 
 SAME = 1e-4  # metres by which corners of equal tools may differ
@@ -28,53 +28,28 @@ _FARTHEST, _THINNEST = 100.0, 1e-6  # metres
 
 @dataclass(frozen=True, eq=False)
 class Winner:
-    """A tool with the reward of its best action plan. Texts are the model's, on one line, without control characters;
-    ``design`` is tool and plan as a strategy of a designs file.
+    """A tool with the reward of its best action plan. Texts are the model's, on one line, without control characters.
+
+    ``name`` is the tool's, else the strategy's, else the candidate's; ``use``, how the strategy uses it; ``design``,
+    tool and plan as a strategy of a designs file.
     """
 
     run: FinishedRun
     robot: Robot
+    material: Material
     tool: Tool
+    name: str
+    use: str
     candidate: str
-    generation: int
     reward: float
     distance_m: float | None
     design: dict[str, Any]
-    material: Material
-    strategy_name: str = ""
-    strategy_description: str = ""
-
-    @property
-    def name(self) -> str:
-        """The tool's name, else the strategy's, else the candidate's; never empty."""
-        return self.tool.name or self.strategy_name or self.candidate
-
-    @property
-    def summary(self) -> str:
-        """Reward and size in a line."""
-        return f"reward {number(self.reward, 3)}, {size(self.tool, self.robot)}"
-
-
-def _parts(run: FinishedRun) -> tuple[Task, ToolRepresentation]:
-    chosen = {name: run.config.get(name, {}) for name in ("task", "tool", "material", "robot")}
-    return _created(json.dumps(chosen, sort_keys=True))
 
 
 @lru_cache(maxsize=256)
-def _created(settings: str) -> tuple[Task, ToolRepresentation]:
+def _parts(settings: str, seed: int) -> tuple[ToolRepresentation, SpawnRules]:
     config = OmegaConf.create(json.loads(settings))
-    return task_part(config).create(), tool_part(config).create()
-
-
-def given_tool(run: FinishedRun) -> Tool | None:
-    """The tool that the run was given, which may be the bare hand; None where the run designed its tools.
-
-    Raises:
-        UserError: the run's task or tool representation is not installed here.
-    """
-    task, representation = _parts(run)
-    given = representation.given(task)
-    return given and representation.material.made(given)
+    return tool_part(config).create(), SpawnRules(task_part(config).create(), seed)
 
 
 def winners(run: FinishedRun, count: int | None = None, apart: float = SAME) -> list[Winner]:
@@ -114,7 +89,8 @@ def every_tool(run: FinishedRun) -> Iterator[Winner]:
     Raises:
         UserError: as `winners`.
     """
-    given, (_, representation) = given_tool(run), _parts(run)
+    chosen = {name: run.config.get(name, {}) for name in ("task", "tool", "material", "robot")}
+    representation, rules = _parts(json.dumps(chosen, sort_keys=True), run.seed)
     tried = [e for e in run.store.evaluations() if e.status == "ok"]
     best: dict[Key, StoredEvaluation] = {}
     order = ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie)
@@ -122,52 +98,30 @@ def every_tool(run: FinishedRun) -> Iterator[Winner]:
         best.setdefault(evaluation.design, evaluation)
     designs = run.store.designs()
     for key, evaluation in best.items():
-        yield _winner(run, evaluation, designs[key], given, representation)
+        yield _winner(run, evaluation, designs[key].written, representation, rules)
 
 
 def _winner(
     run: FinishedRun,
     evaluation: StoredEvaluation,
-    stored: StoredDesign,
-    given: Tool | None,
+    written: dict[str, Any],
     representation: ToolRepresentation,
+    rules: SpawnRules,
 ) -> Winner:
-    design, robot = stored.written, representation.robot
-    try:
-        tool = given or representation.parse(design, gripper=bool(design["gripper"]))
-        if given is None:
-            _check_size(tool, robot)
-            tool = representation.material.made(tool)
-    except DesignError as error:
-        raise UserError(f"the design of {evaluation.candidate} can't be read again: {error}") from error
-    if given is None:
-        name, description = _text(design, "tool_name", MAX_NAME), _text(design, "tool_description", MAX_DESCRIPTION)
-        tool = replace(tool, name=name, description=description)
-    return Winner(
-        run,
-        robot,
-        tool,
-        evaluation.candidate,
-        evaluation.design[0],
-        evaluation.reward,
-        evaluation.distance_m,
-        design | {"action_sets": [evaluation.plan]},
-        representation.material,
-        _text(design, "strategy_name", MAX_NAME),
-        _text(design, "strategy_description", MAX_DESCRIPTION),
-    )
-
-
-def _check_size(tool: Tool, robot: Robot) -> None:
-    """Refuse what can't be drawn. It may break a rule: there were others when it was tried."""
+    """Read a design again. It may break a rule, but must have a size: there were others when it was tried."""
+    design, robot = written | {"action_sets": [evaluation.plan]}, representation.robot
+    (read,) = read_designs({"strategies": [design]}, representation, rules)
+    tool, problem = read.tool, f"the design of {evaluation.candidate} can't be read again: "
+    if tool is None:
+        raise UserError(f"{problem}{read.problem}")
     for component, solid in as_held(tool, robot):
         sides, corners = component.shape.bounds[1], np.asarray(solid.vertices)
         if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
-            raise DesignError(f"component {component.name!r} has no size that can be drawn")
-
-
-def _text(design: dict[str, Any], name: str, longest: int) -> str:
-    return clean(str(design.get(name) or ""), longest)
+            raise UserError(f"{problem}component {component.name!r} has no size that can be drawn")
+    name = tool.name or read.strategy_name or evaluation.candidate
+    use = read.strategy_description or read.strategy_name
+    earned = evaluation.candidate, evaluation.reward, evaluation.distance_m
+    return Winner(run, robot, representation.material, tool, name, use, *earned, design)
 
 
 def size(tool: Tool, robot: Robot) -> str:

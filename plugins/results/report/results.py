@@ -13,7 +13,7 @@ from core.designs.reading import MAX_DESCRIPTION
 from core.errors import UserError
 from core.support.text import clean
 from plugins.results.pages.runs import FinishedRun, LeftOutRun
-from plugins.results.pages.tools import Winner, given_tool, winners
+from plugins.results.pages.tools import Winner, winners
 from plugins.results.report.leaderboard import ListedEntry
 from plugins.results.report.methods import Group, group
 from plugins.results.report.verify import VerifiedRun
@@ -60,10 +60,9 @@ class Results:
         tools = BestTools()
         for g in self.groups:
             try:
-                given = given_tool(g.best)
-                if given is not None and not given.components:
-                    continue
-                tools.best[g.task, g.method] = winners(g.best, 1)[0]
+                (winner,) = winners(g.best, 1)
+                if winner.tool.components:
+                    tools.best[g.task, g.method] = winner
             except UserError as error:
                 tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
         return tools

@@ -236,7 +236,7 @@ def tools(results: Results) -> Table:
         (
             *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
             *(1000 * winner.tool.mass, winner.material.name, len(winner.tool.components)),
-            *(winner.tool.description, winner.strategy_description or winner.strategy_name, winner.candidate),
+            *(winner.tool.description, winner.use, winner.candidate),
             CellLink(winner.run.folder.name, winner.run.folder),
         )
         for (task, method), winner in results.tools.best.items()
