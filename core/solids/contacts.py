@@ -112,7 +112,8 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = bodies - {other for kind, _, other in touching if kind != "body"}
-    clearances = _clearances(own, [track for track in tracks if track.owner in missed])
+    gaps = nearest(own, [track for track in tracks if track.owner in missed], MAX_QUERIES)
+    clearances = {name: gap for name, (gap, _) in gaps.items()}
     return Contacts(taken, touching, resting, depths, clearances, _first_touch(robot, tool, taken, met))
 
 
@@ -195,24 +196,24 @@ def _struck(recording: Recording) -> dict[str, Flags]:
     return dict(zip(states.names, (changes > limits).T, strict=True))
 
 
-def _clearances(robot: Sequence[Track], bodies: Sequence[Track]) -> dict[str, float]:
-    """The smallest distance of the robot to each body, over all samples, metres."""
+def nearest(robot: Sequence[Track], bodies: Sequence[Track], most: int | None = None) -> dict[str, tuple[float, int]]:
+    """Find the smallest distance of the robot to each body, metres, and its sample, with ``most`` queries of a track."""
     if not robot or not bodies:
         return {}
     middles, extents = (np.array(each) for each in zip(*map(_box, robot), strict=True))
-    clearances: dict[str, float] = {}
+    found: dict[str, tuple[float, int]] = {}
     for body in bodies:
         middle, extent = _box(body)
         apart = np.maximum(np.abs(middles - middle) - extents - extent, 0.0)
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
-        best = clearances.get(body.owner, np.inf)
-        for index in np.argsort(bounds, axis=None)[:MAX_QUERIES].tolist():
+        best = found.get(body.owner, (np.inf, 0))
+        for index in np.argsort(bounds, axis=None)[:most].tolist():
             number, sample = divmod(index, bounds.shape[1])
-            if bounds[number, sample] >= best:
+            if bounds[number, sample] >= best[0]:
                 break
-            best = min(best, Pair(robot[number], body).gap(sample))
-        clearances[body.owner] = best
-    return clearances
+            best = min(best, (Pair(robot[number], body).gap(sample), sample))
+        found[body.owner] = best
+    return found
 
 
 def _first_touch(robot: Robot, tool: Tool, taken: Recording, met: Sequence[tuple[int, Pair]]) -> float | None:

@@ -12,6 +12,7 @@ from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import Outcome, Simulator
 from core.scene import Body, table
 from plugins.conformance.checking import expect
+from plugins.conformance.robots import follow, hold
 from plugins.conformance.worlds import (
     BARE,
     GREY,
@@ -20,7 +21,6 @@ from plugins.conformance.worlds import (
     cube,
     end,
     film,
-    motion,
     move,
     opened,
     stick,
@@ -131,26 +131,11 @@ def check_tool_touches_the_arm_but_not_its_mount(simulator: Simulator) -> None:
 
 def check_joints_hold_against_gravity(simulator: Simulator) -> None:
     for name, tool in (("nothing", BARE), ("the hand", HAND), ("a stick of 1 kg", stick(0.3, mass=1.0))):
-        outcome = wait(simulator, seconds=3.0, tool=tool, record_hz=20)
-        sag = np.abs(film(outcome).arm - still().arm[0]).max()
-        expect(sag < 2e-3, f"with {name} mounted the arm at rest is {sag:.4f} rad off its targets; at most 0.002")
-        lag = outcome.tracking_error_rad
-        expect(lag < 2e-3, f"with {name} mounted the tracking error at rest is {lag:.4f} rad; at most 0.002")
+        hold(simulator, arm().robot, tool, f"the arm with {name} mounted")
 
 
 def check_arm_follows_its_trajectory(simulator: Simulator) -> None:
-    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0], [0.5, -0.2, 0.4, 0, 0, 0.5]]
-    outcome = move(simulator, plan, record_hz=100)
-    recording = film(outcome)
-    targets, _ = motion(plan).sample(recording.times)
-    miss = float(np.abs(recording.arm - targets).max())
-    expect(miss < 0.02, f"without contact the arm was {miss:.4f} rad off its trajectory; at most 0.02")
-    lag = outcome.tracking_error_rad
-    found = f"the tracking error is {lag:.4f} rad, the recording's largest miss {miss:.4f} rad"
-    expect(abs(lag - miss) < max(2e-3, 0.5 * miss), found)
-    there = arm().forward(recording.arm[-1]).position
-    gap = np.abs(there - plan[-1][:3]).max()
-    expect(gap < 1e-3, f"the end-effector ended {1000 * gap:.1f} mm from its last waypoint")
+    follow(simulator, arm().robot)
 
 
 def check_joint_torques_are_limited(simulator: Simulator) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +13,10 @@ from core.interfaces import Recording
 from core.robot.description import assemble, merged
 from core.robot.kinematics import arm_of, open_mounts
 from core.scene import Scene
+from core.solids.contacts import nearest
+from core.solids.record_rate import subset
 from core.solids.self_collision import self_distances
-from core.solids.tracks import Indices, Pair, Track, body_tracks, robot_tracks
+from core.solids.tracks import body_tracks, robot_tracks
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 
@@ -40,34 +40,16 @@ class Nearest(NamedTuple):
 def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> list[Nearest]:
     """Measure distances along a recorded rollout, at `HZ`; the nearest first."""
     chosen = np.unique(np.searchsorted(recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)))
-    chosen = chosen[chosen < len(recording.times)]
-    moving, bodies = robot_tracks(robot, tool, recording), body_tracks(scene, robot, recording)
+    taken = subset(recording, chosen[chosen < len(recording.times)])
+    moving, bodies = robot_tracks(robot, tool, taken), body_tracks(scene, robot, taken)
+    itself = self_distances(robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)])
+    rows = [("arm", "itself", float(itself.min()), int(itself.argmin()))]
     parts = {component.name for component in tool.components}
-    fingers = recording.fingers[chosen, : len(robot.finger_joints)]
-    itself = np.minimum(self_distances(robot, tool, recording.arm[chosen], fingers), NEAR_M)
-    rows = [("arm", "itself", itself)]
     for what in ("arm", "tool"):
         own = [track for track in moving if (track.name in parts) == (what == "tool")]
-        for name in dict.fromkeys(track.owner for track in bodies):
-            rows.append((what, name, _nearest(own, [track for track in bodies if track.owner == name], chosen)))
-    times = recording.times[chosen]
-    found = [Nearest(what, to, float(gaps.min()), float(times[gaps.argmin()])) for what, to, gaps in rows]
+        rows += [(what, name, gap, k) for name, (gap, k) in nearest(own, bodies).items()]
+    found = [Nearest(what, to, min(gap, NEAR_M), float(taken.times[k])) for what, to, gap, k in rows]
     return sorted(found, key=lambda row: row.metres)
-
-
-def _nearest(some: Sequence[Track], others: Sequence[Track], samples: Indices) -> Array:
-    """Measure the distances (S,) between two groups of solids at samples (S,)."""
-    least = np.full(len(samples), NEAR_M)
-    for one, other in itertools.product(some, others):
-        (low, high), (below, above) = ((track.low.min(axis=0), track.high.max(axis=0)) for track in (one, other))
-        if ((low - NEAR_M > above) | (below - NEAR_M > high)).any():
-            continue
-        pair = Pair(other, one)
-        for i, k in enumerate(samples.tolist()):
-            a, b = (min(k, len(track.positions) - 1) for track in (one, other))
-            if not ((one.low[a] - least[i] > other.high[b]) | (other.low[b] - least[i] > one.high[a])).any():
-                least[i] = min(least[i], pair.gap(k))
-    return least
 
 
 def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
