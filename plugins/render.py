@@ -59,17 +59,14 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
 
 
 def _tool(cfg: DictConfig, task: Task) -> Tool:
-    file = Path(cfg.designs)
+    file, number = Path(cfg.designs), cfg.strategy
     candidates = read_designs(load_designs(file), tool_part(cfg).create(), SpawnRules(task, cfg.seed))
-    chosen = [c for c in candidates if c.strategy == cfg.strategy]
-    if not chosen:
-        raise UserError(
-            f"{file} has {len({c.strategy for c in candidates})} strategies; there is no strategy={cfg.strategy}"
-        )
-    tool = chosen[0].tool
-    if tool is None:
-        raise UserError(f"{file}: the tool of strategy {cfg.strategy} can't be mounted: {chosen[0].problem}")
-    return tool
+    for candidate in candidates:
+        if candidate.strategy == number:
+            if candidate.tool is None:
+                raise UserError(f"{file}: strategy {number} can't be drawn: {candidate.problem}")
+            return candidate.tool
+    raise UserError(f"{file} has {candidates[-1].strategy + 1} strategies; there is no strategy={number}")
 
 
 def main(words: list[str]) -> None:

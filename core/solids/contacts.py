@@ -28,7 +28,6 @@ from core.values.states import TRACE_HZ
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
 STRUCK_M_S = 0.3  # a body whose velocity changes by more than this between two samples was struck
 STRUCK_M = 0.1  # by something that came within this distance, or nearer
-MAX_QUERIES = 40  # exact distances for the clearance of a body
 
 Key = tuple[str, str, str]  # kind, one and other of a `Contact`
 Flags = npt.NDArray[np.bool_]
@@ -112,7 +111,7 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = bodies - {other for kind, _, other in touching if kind != "body"}
-    gaps = nearest(own, [track for track in tracks if track.owner in missed], MAX_QUERIES)
+    gaps = nearest(own, [track for track in tracks if track.owner in missed])
     clearances = {name: gap for name, (gap, _) in gaps.items()}
     return Contacts(taken, touching, resting, depths, clearances, _first_touch(robot, tool, taken, met))
 
@@ -196,8 +195,8 @@ def _struck(recording: Recording) -> dict[str, Flags]:
     return dict(zip(states.names, (changes > limits).T, strict=True))
 
 
-def nearest(robot: Sequence[Track], bodies: Sequence[Track], most: int | None = None) -> dict[str, tuple[float, int]]:
-    """Find the smallest distance of the robot to each body, metres, and its sample, with ``most`` queries of a track."""
+def nearest(robot: Sequence[Track], bodies: Sequence[Track], most: int | None = 40) -> dict[str, tuple[float, int]]:
+    """Find the smallest distance of the robot to each body, metres, and when, with ``most`` queries of a track."""
     if not robot or not bodies:
         return {}
     middles, extents = (np.array(each) for each in zip(*map(_box, robot), strict=True))

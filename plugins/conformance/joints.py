@@ -13,13 +13,12 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from core.design import RIGID_MOUNT, Component, Tool, ToolJoint
-from core.errors import UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import Rollout, Simulator
 from core.scene import Body, Drive, Joint, Latch, Scene, State, table
 from core.values.joints import rotate
-from plugins.conformance.checking import LeftOut, expect
-from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, end, film, move, still, wait
+from plugins.conformance.checking import expect
+from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, cube, end, film, move, near, run, still, wait
 
 _LENGTH, _MASS = 0.2, 0.1  # of a tool's rod that hangs from its end
 _INERTIA = _MASS * (_LENGTH**2 + 0.01**2) / 12 + _MASS * (_LENGTH / 2) ** 2  # about that end
@@ -63,10 +62,6 @@ def tongs(lower: float = 0.0) -> Tool:
     return Tool(tuple(components))
 
 
-def _near(found: float, due: float, what: str, unit: str, share: float = 0.02) -> None:
-    expect(abs(found / due - 1) < share, f"{what}: {found:.4f} {unit} instead of {due:.4f} {unit}")
-
-
 def _period(times: Array, values: Array) -> float:
     down = np.flatnonzero(np.diff(np.sign(values)))
     crossings = times[down] - values[down] * np.diff(times)[down] / np.diff(values)[down]
@@ -89,7 +84,7 @@ def check_pendulum_swings_in_its_period(simulator: Simulator) -> None:
     for tilt in (0.5, 1.2):
         times, values = _values(simulator, hinged(tilt, hinge()), 2.0)
         due = _swing_s(_INERTIA, _WEIGHT, tilt)
-        _near(_period(times, values + tilt), due, "a rod on a hinge swings in", "s")
+        near(_period(times, values + tilt), due, "a rod on a hinge swings in", "s")
         lowest = float(values[times < due].min())
         expect(abs(lowest + 2 * tilt) < 0.1 * tilt, f"let go at {tilt} rad a rod swings to {-lowest - tilt:.3f} rad")
 
@@ -101,10 +96,10 @@ def check_spring_sags_and_holds(simulator: Simulator) -> None:
         _, values = _values(simulator, hinged(0.5, joint), 4.0)
         turned = np.linspace(-3, 3, 60001)
         due = float(turned[np.abs(0.5 * (0.3 - turned) - _WEIGHT * np.sin(0.5 + turned)).argmin()])
-        _near(values[-1] - 0.3, due - 0.3, "a rod on a spring rests away from where it is relaxed by", "rad")
+        near(values[-1] - 0.3, due - 0.3, "a rod on a spring rests away from where it is relaxed by", "rad")
     spring = ToolJoint("slider", (0.0, 0.0, 1.0), -0.08, 0.08, stiffness=60.0, damping=2.0)
     _, values = _values(simulator, sliding(spring), 2.0)
-    _near(values[-1], -0.2 * GRAVITY / 60.0, "a block on a spring sags by", "m")
+    near(values[-1], -0.2 * GRAVITY / 60.0, "a block on a spring sags by", "m")
 
 
 def check_joints_are_held_until_the_motion_begins(simulator: Simulator) -> None:
@@ -134,7 +129,7 @@ def check_dry_friction_holds_up_to_its_limit(simulator: Simulator) -> None:
     swings = np.linspace(0.0, 1.0, 20001)
     left = _WEIGHT * (np.cos(0.5 - swings) - math.cos(0.5)) - 0.8 * torque * swings  # energy, after so much swing
     due = float(swings[np.flatnonzero(left > 0)[-1]])
-    _near(-values[-1], due, "a rod on a tight hinge falls by", "rad", 0.05)
+    near(-values[-1], due, "a rod on a tight hinge falls by", "rad", 0.05)
 
 
 def check_damper_slows(simulator: Simulator) -> None:
@@ -142,7 +137,7 @@ def check_damper_slows(simulator: Simulator) -> None:
     times, values = _values(simulator, sliding(ToolJoint("slider", (0.0, 0.0, 1.0), -0.3, 0.3, damping=15.0)), 1.5)
     late = times > 0.5
     speed = -float(np.polyfit(times[late], values[late], 1)[0])
-    _near(speed, 0.2 * GRAVITY / 15.0, "a block on a damper sinks at", "m/s")
+    near(speed, 0.2 * GRAVITY / 15.0, "a block on a damper sinks at", "m/s")
 
 
 def check_jaws_stop_at_each_other(simulator: Simulator) -> None:
@@ -178,13 +173,7 @@ def _block(joint: Joint, mass: float = 1.0) -> Scene:
 
 def _play(simulator: Simulator, scene: Scene, seconds: float, settle_s: float = 0.0) -> tuple[Array, State]:
     """Let the arm wait beside a scene: instants (T,), and the states there."""
-    task = Bodies(*scene.bodies, joints=scene.joints)
-    try:
-        (outcome,) = simulator.rollout(task, [Rollout(BARE, still(), 0, settle_s, seconds, 100.0)])
-    except UserError as error:
-        raise LeftOut(str(error)) from error
-    expect(outcome.error is None, f"a rollout broke: {outcome.error}")
-    taken = film(outcome)
+    taken = film(run(simulator, scene.bodies, Rollout(BARE, still(), 0, settle_s, seconds, 100.0), scene.joints))
     return taken.times, scene.complete(taken.states)
 
 
@@ -196,8 +185,8 @@ def check_hinged_body_swings_in_its_period(simulator: Simulator) -> None:
         joint = _pivot("pivot", "rod", parent, start=1.0)
         times, states = _play(simulator, Scene((*bodies, _rod("rod", 1.0)), (joint,)), 3.0)
         angles, speeds = states.joint("pivot")
-        _near(_period(times, angles), due, "a rod on a hinge swings in", "s")
-        _near(float(-angles[times < due].min()), 1.0, "let go at 1 rad, it swings as far as", "rad", 0.03)
+        near(_period(times, angles), due, "a rod on a hinge swings in", "s")
+        near(float(-angles[times < due].min()), 1.0, "let go at 1 rad, it swings as far as", "rad", 0.03)
         rates = np.gradient(angles, times)[1:-1]
         wrong = float(np.abs(rates - speeds[1:-1]).max() / np.abs(rates).max())
         expect(wrong < 0.05, f"a hinge's speed is not the rate of its angle: {wrong:.0%} of the highest speed")
@@ -207,8 +196,8 @@ def check_ball_joint_swings_and_stays_together(simulator: Simulator) -> None:
     due = _swing_s(_ROD_INERTIA, _ROD_WEIGHT, 1.0)
     times, states = _play(simulator, Scene((_rod("rod", 1.0),), (_pivot("ball", "rod", kind="ball"),)), 3.0)
     sideways = states.position("rod")[:, 1] - _TOP[1]
-    _near(_period(times, sideways), due, "a rod on a ball joint swings in", "s")
-    _near(float(states.joint("ball").position.max()), 2.0, "let go at 1 rad, it turns by", "rad", 0.03)
+    near(_period(times, sideways), due, "a rod on a ball joint swings in", "s")
+    near(float(states.joint("ball").position.max()), 2.0, "let go at 1 rad, it turns by", "rad", 0.03)
     _together(states)
 
 
@@ -264,7 +253,7 @@ def check_joint_friction_holds_and_gives(simulator: Simulator) -> None:
     crept = float(np.abs(states.joint("s").position).max())
     expect(crept < 0.002, f"friction that should hold a block lets it creep by {1000 * crept:.1f} mm in a second")
     times, states = _play(simulator, _block(replace(hold, friction=0.5 * pull)), 1.0)
-    _near(float(states.joint("s").position[-1]), 0.25 * pull * times[-1] ** 2, "against friction a block slid", "m")
+    near(float(states.joint("s").position[-1]), 0.25 * pull * times[-1] ** 2, "against friction a block slid", "m")
 
 
 def check_door_falls_shut_and_stops(simulator: Simulator) -> None:
@@ -283,9 +272,7 @@ def check_door_falls_shut_and_stops(simulator: Simulator) -> None:
     )
     first = int(np.flatnonzero(angles < 0.21)[0])
     share = (angles[first - 1] - 0.21) / (angles[first - 1] - angles[first])
-    _near(
-        float(times[first - 1] + share * (times[first] - times[first - 1])), float(fall.t[-1]), "a flap falls in", "s"
-    )
+    near(float(times[first - 1] + share * (times[first] - times[first - 1])), float(fall.t[-1]), "a flap falls in", "s")
     expect(angles.min() > 0.16, f"a hinge that ends at 0.2 rad got to {angles.min():.3f} rad")
     expect(abs(angles[-1] - 0.2) < 0.01, f"a flap that leans on its limit of 0.2 rad is at {angles[-1]:.3f} rad")
 
@@ -369,4 +356,4 @@ def check_launched_body_flies(simulator: Simulator) -> None:
     due = places[flying][0] + np.array([1.0, 0.5, 3.0]) * t - [0, 0, GRAVITY / 2] * t**2
     off = float(np.abs(places[flying] - due).max())
     expect(off < 0.02 * 1.5, f"a launched cube is up to {1000 * off:.0f} mm from its parabola")
-    _near(float(states.angular_velocities[-1, 0, 2]), 4.0, "a launched cube spins at", "rad/s")
+    near(float(states.angular_velocities[-1, 0, 2]), 4.0, "a launched cube spins at", "rad/s")

@@ -10,13 +10,14 @@ from functools import lru_cache
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, Tool
+from core.errors import UserError
 from core.geometry import Array, Box, Pose, Shape, Vector
 from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Simulator, Task
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Color, Geom, Joint, Scene, State
-from plugins.conformance.checking import expect
+from plugins.conformance.checking import LeftOut, expect
 
 GREY: Color = (0.5, 0.5, 0.5, 1.0)
 FAR = (3.0, 3.0, 0.0)  # from the arm
@@ -110,9 +111,20 @@ def move(
     return run(simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz))
 
 
-def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout) -> Outcome:
-    """Simulate one job in a world of these bodies; it must not break."""
-    (outcome,) = simulator.rollout(Bodies(*bodies), [job])
+def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout, joints: tuple[Joint, ...] = ()) -> Outcome:
+    """Simulate one job in a world of these bodies; it must not break.
+
+    Raises:
+        LeftOut: the engine has no joints, no soft bodies, or none that start with a velocity.
+    """
+    task = Bodies(*bodies, joints=joints)
+    scene = task.scene(0)
+    try:
+        (outcome,) = simulator.rollout(task, [job])
+    except UserError as error:
+        if joints or scene.softs or any(body.launched for body in scene.bodies):
+            raise LeftOut(str(error)) from error
+        raise
     expect(outcome.error is None, f"a rollout broke: {outcome.error}")
     return outcome
 
@@ -133,6 +145,11 @@ def film(outcome: Outcome) -> Recording:
     if outcome.recording is None:
         raise AssertionError("record_hz was given, and nothing was recorded")
     return outcome.recording
+
+
+def near(found: float, due: float, what: str, unit: str, share: float = 0.02) -> None:
+    """Check that a figure differs from what is due by less than a share of that."""
+    expect(abs(found / due - 1) < share, f"{what}: {found:.4f} {unit} instead of {due:.4f} {unit}")
 
 
 def turn(one: Pose, other: Pose) -> float:

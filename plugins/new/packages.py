@@ -1,39 +1,36 @@
-"""Write a plugin package or a scene file to start from."""
+"""``vlmgineer new KIND NAME``: write a plugin package to start from, or a scene file.
+
+Covered by `tests/plugins/new/test_packages.py`.
+"""
 
 from __future__ import annotations
 
 import importlib.util
 import keyword
 import re
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 
 import jinja2
 
 from core.errors import UsageError, UserError, choices
 from core.plugins import KINDS, installed
+from core.support.cli import say
 
 
-@dataclass(frozen=True)
-class Template:
-    """A kind's config group, its name for people, its module and class, its test, and its word on the command line.
-
-    ``data``: a file that is written beside the module.
-    """
+class Template(NamedTuple):
+    """A kind's config group, its name for people, its module and class."""
 
     group: str
     what: str
     module: str
     cls: str
-    test: str = "test.py"
-    choice: str = "{}"
-    data: str | None = None
 
 
 TEMPLATES = {
     "task": Template("task", "a task", "task", "{}"),
-    "robot": Template("robot", "a robot", "robot", "make_robot", data="arm.urdf"),
+    "robot": Template("robot", "a robot", "robot", "make_robot"),
     "sim": Template("sim", "a simulator", "simulator", "{}Simulator"),
     "vlm": Template("vlm", "a model", "model", "{}Model"),
     "tool": Template("tool", "a tool representation", "tools", "{}Tools"),
@@ -41,9 +38,13 @@ TEMPLATES = {
     "strategy": Template("evolution", "a search strategy", "search", "{}Strategy"),
     "fitness": Template("fitness", "a fitness", "fitness", "{}Fitness"),
     "executor": Template("executor", "an executor", "executor", "{}Executor"),
-    "listener": Template("listener", "a listener", "listener", "{}Listener", "listener_test.py", "[progress,{}]"),
+    "listener": Template("listener", "a listener", "listener", "{}Listener"),
     "command": Template("command", "a command", "command", "main"),
 }
+RUN = "python -m core.run"
+USAGE = f"""\
+usage: vlmgineer new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER]
+       vlmgineer new scene NAME [output=NEW_FILE.yaml]"""
 
 
 def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]:
@@ -70,13 +71,13 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         folder / "pyproject.toml": render("pyproject.toml", values),
         code / "__init__.py": render("init.py", values),
         module: render(f"{kind}.py", values),
-        folder / "tests" / f"test_{snake}.py": render(template.test, values),
+        folder / "tests" / f"test_{snake}.py": render("listener_test.py" if kind == "listener" else "test.py", values),
     }
     if kind != "command":  # which has no settings
         new[code / "conf/__init__.py"] = ""
         new[code / "conf" / template.group / f"{name}.yaml"] = render(f"{kind}.yaml", values)
-    if template.data is not None:
-        new[code / template.data] = render(f"{kind}{Path(template.data).suffix}", values)
+    if kind == "robot":
+        new[code / "arm.urdf"] = render("robot.urdf", values)
     try:
         for file, text in new.items():
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -127,3 +128,29 @@ def write_scene(name: str, output: Path | None = None) -> Path:
     except OSError as error:
         raise UserError(f"can't write {file}: {error.strerror}") from error
     return file
+
+
+def main(words: list[str]) -> None:
+    """Write the part, and print how to use it.
+
+    Raises:
+        UserError: see `write`.
+    """
+    if {"--help", "-h"} & set(words):
+        say(*USAGE.splitlines())
+        return
+    outputs = [word.removeprefix("output=") for word in words if word.startswith("output=")]
+    named = [word for word in words if not word.startswith("output=")]
+    if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") or "=" in word for word in named):
+        raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
+    (kind, name), output = named, Path(outputs[0]) if outputs else None
+    if kind == "scene":
+        file, what = write_scene(name, output), "a scene"
+        uses = [f"{words} task=file task.file={file}" for words in ("vlmgineer render", "vlmgineer conformance", RUN)]
+    else:
+        (folder, file), (group, what, *_) = write(kind, name, output), TEMPLATES[kind]
+        use = f"{RUN} {group}={f'[progress,{name}]' if kind == 'listener' else name}"
+        use = f"vlmgineer {name}" if kind == "command" else use
+        check = f"vlmgineer conformance {group}={name}"
+        uses = [f"pip install -e '{folder}[test]'", check, use, f"python -m pytest {folder}"]
+    say(f"{file}: {what}, ready to be changed", *(f"  {line}" for line in uses))

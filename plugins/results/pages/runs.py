@@ -65,14 +65,15 @@ class FinishedRun:
     def recordings(self) -> dict[str, Path]:
         """The recordings that it left, by kind."""
         files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}
-        inside = self.folder.resolve()
-        return {what: file for what, file in files.items() if file.is_file() and file.resolve().is_relative_to(inside)}
+        return {what: file for what, file in files.items() if self._holds(file)}
 
     def films(self) -> list[Path]:
         """The films of the best candidate, one for each of its tasks."""
-        best, inside = self.folder / "best", self.folder.resolve()
-        found = [best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))]
-        return [file for file in found if file.is_file() and file.resolve().is_relative_to(inside)]
+        best = self.folder / "best"
+        return [file for file in (best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))) if self._holds(file)]
+
+    def _holds(self, file: Path) -> bool:
+        return file.is_file() and file.resolve().is_relative_to(self.folder.resolve())
 
 
 @dataclass(frozen=True, eq=False)

@@ -343,7 +343,7 @@ class ListedEntry(NamedTuple):
 
 
 def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
-    """Make the table of entries, the best of each track first, and that of their tasks; none: no tables."""
+    """Make the table of entries, the best of each track first, and that of their tasks."""
     listed = sorted(entries, key=lambda item: (item.entry.track, -item.entry.score))
     ranked = [item.entry for item in listed]
     engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
@@ -376,13 +376,8 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
         "Verified: by whom the rewards were earned, or in how many runs the designs earned them again."
     )
     by_task = [(e.track, task, e.name, own.score, len(own.runs)) for e in ranked for task, own in e.tasks.items()]
-    return (
-        [
-            Table("entries", "Entries of the benchmark", head, tuple(rows), note),
-            Table(
-                "entries_by_task", "Entries by task", columns("track|task|entry|score:3|runs:0"), tuple(sorted(by_task))
-            ),
-        ]
-        if rows
-        else []
-    )
+    tasks_head = columns("track|task|entry|score:3|runs:0")
+    return [
+        Table("entries", "Entries of the benchmark", head, tuple(rows), note),
+        Table("entries_by_task", "Entries by task", tasks_head, tuple(sorted(by_task))),
+    ]

@@ -101,18 +101,11 @@ def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tu
     names = {}
     for method in methods:
         differences = [{i for i in range(len(keys)) if other[i] != method[i]} for other in methods if other != method]
-        chosen = _least(differences, len(keys))
+        chosen = set(range(len(keys)))
+        for i in reversed(range(len(keys))):  # leave out what can be, the last rather than the first
+            chosen -= {i} if all(found & (chosen - {i}) for found in differences) else set()
         names[method] = " ".join(_say(keys[i], method[i]) for i in sorted(chosen))
     return names
-
-
-def _least(differences: Sequence[set[int]], count: int) -> set[int]:
-    """Return keys of which none can be left out, the first rather than the last."""
-    chosen = set(range(count))
-    for i in reversed(range(count)):
-        if all(found & (chosen - {i}) for found in differences):
-            chosen.remove(i)
-    return chosen
 
 
 def _say(key: str, value: str | None) -> str:

@@ -6,8 +6,9 @@ Covered by `tests/plugins/results/report/test_methods.py`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from core.designs.reading import MAX_DESCRIPTION
 from core.errors import UserError
@@ -19,12 +20,11 @@ from plugins.results.report.methods import Group, group
 from plugins.results.report.verify import VerifiedRun
 
 
-@dataclass(eq=False)
-class BestTools:
+class BestTools(NamedTuple):
     """The best tool of each task and method, and which tools can't be shown, and why."""
 
-    best: dict[tuple[str, str], Winner] = field(default_factory=dict)
-    problems: list[str] = field(default_factory=list)
+    best: dict[tuple[str, str], Winner]
+    problems: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Results:
     @cached_property
     def tools(self) -> BestTools:
         """The tools of the best runs, but for the bare hand."""
-        tools = BestTools()
+        tools = BestTools({}, [])
         for g in self.groups:
             try:
                 (winner,) = winners(g.best, 1)

@@ -37,17 +37,12 @@ def interquartile_mean(values: Sequence[float] | Array) -> float:
     return float(scipy.stats.trim_mean(np.asarray(values), 0.25, axis=None))
 
 
-def mean_of_tasks(tasks: Sequence[Sequence[float]]) -> float:
-    """The mean over tasks of each task's mean over runs."""
-    return float(_averaged(*tasks))
-
-
 def interval(tasks: Sequence[Sequence[float] | Array], statistic: Statistic) -> tuple[float, float] | None:
     """The percentile interval of a statistic over the runs of several tasks, resampled within each task.
 
     Args:
         tasks: the runs' scores, by task.
-        statistic: ``mean`` is `mean_of_tasks`, ``interquartile mean`` is that of all runs together.
+        statistic: ``mean`` is that over tasks of each task's over runs, ``interquartile mean`` that of all runs.
 
     Returns:
         Low and high; None if a task has one run only, so that its deviation is unknown.

@@ -22,7 +22,6 @@ from plugins.results.report.statistics import (
     interval,
     known_sum,
     mean,
-    mean_of_tasks,
 )
 from plugins.results.report.verify import verification
 
@@ -76,10 +75,11 @@ def methods(results: Results) -> Table:
     for method in results.methods:
         groups = results.of(method)
         by_task = [g.rewards for g in groups]
+        means = mean([mean(rewards) for rewards in by_task])
         every = [reward for task in by_task for reward in task]
         rows.append(
             (
-                *(method, len(groups), len(every), mean([g.best.best.reward for g in groups]), mean_of_tasks(by_task)),
+                *(method, len(groups), len(every), mean([g.best.best.reward for g in groups]), means),
                 *(interval(by_task, "mean") or (None, None)),
                 interquartile_mean(every),
                 *(interval(by_task, "interquartile mean") or (None, None)),

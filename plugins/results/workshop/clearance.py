@@ -47,7 +47,7 @@ def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> l
     parts = {component.name for component in tool.components}
     for what in ("arm", "tool"):
         own = [track for track in moving if (track.name in parts) == (what == "tool")]
-        rows += [(what, name, gap, k) for name, (gap, k) in nearest(own, bodies).items()]
+        rows += [(what, name, gap, k) for name, (gap, k) in nearest(own, bodies, None).items()]
     found = [Nearest(what, to, min(gap, NEAR_M), float(taken.times[k])) for what, to, gap, k in rows]
     return sorted(found, key=lambda row: row.metres)
 

@@ -7,7 +7,6 @@ import pytest
 
 from core.errors import UsageError, UserError
 from plugins.conformance.suites import SUITES
-from plugins.new import command
 from plugins.new import packages as new
 from tests.packages import PYTHON, install
 
@@ -101,7 +100,7 @@ def test_nothing_is_overwritten(tmp_path):
 
 def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    command.main(["strategy", "TopThree"])
+    new.main(["strategy", "TopThree"])
     assert capsys.readouterr().out == (
         "top_three/top_three/search.py: a search strategy, ready to be changed\n"
         "  pip install -e 'top_three[test]'\n"
@@ -112,4 +111,4 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
     for words in ([], ["task"], ["task", "A", "into=x"], ["task", "A", "B"], ["-x", "task"]):
         with pytest.raises(UsageError, match="a kind and a name are needed; usage: "):
-            command.main(words)
+            new.main(words)

@@ -2,13 +2,12 @@ import pytest
 
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from plugins.new import command
-from plugins.new.packages import write_scene
+from plugins.new.packages import main, write_scene
 
 
 def test_the_command_writes_a_scene_and_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    command.main(["scene", "PushBlock"])
+    main(["scene", "PushBlock"])
     assert capsys.readouterr().out == (
         "push_block.yaml: a scene, ready to be changed\n"
         "  vlmgineer render task=file task.file=push_block.yaml\n"
