@@ -12,19 +12,19 @@ from omegaconf import MISSING
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import load, robot_part
-from core.design import Tool
+from core.design import RIGID_MOUNT, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Robot
 from core.plugins.registry import check_settings
-from core.robot.kinematics import Arm, arm_of, link_poses
-from core.robot.solids import robot_solids
+from core.robot.kinematics import Arm, Solution, arm_of, link_poses
+from core.robot.solids import corners, robot_solids
 from core.solids.self_collision import find_self_collision
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
 from core.values.descriptions import Description
 from plugins.robots.normalise import ALSO
-from plugins.robots.reading import describe, mounted, unmounted
+from plugins.robots.reading import describe, mounted, unmounted, wrist_height
 from plugins.robots.settings import ArmSettings
 from plugins.robots.urdf import urdf
 
@@ -59,17 +59,14 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
     Raises:
         UserError: none is found; says what came nearest.
     """
-    arm, found, nearest = arm_of(robot), list[tuple[float, Array]](), (math.inf, math.inf)
+    arm, found, tried = arm_of(robot), list[tuple[float, Array]](), list[Solution]()
+    ends = np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi)
     for goal in _goals(axis, chosen.mount_rpy, at):
-        rng = np.random.default_rng(0)
-        for start in rng.uniform(
-            np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi), (_TRIES, arm.lower.size)
-        ):
-            solution = arm.inverse(goal, start)
-            nearest = min(nearest, (solution.error_m, solution.error_rad))
+        for start in (arm.home, *np.random.default_rng(0).uniform(*ends, (_TRIES, arm.lower.size))):
+            tried.append(solution := arm.inverse(goal, start))
             if solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD:
                 found.append((_worth(arm, robot, solution.joints), solution.joints))
-    problem = f"the nearest that was found misses it by {nearest[0]:.3f} m and {math.degrees(nearest[1]):.0f} degrees"
+    problem = _miss(arm, min(tried, key=lambda one: one.error_m + one.error_rad))
     for _, joints in sorted(found, key=lambda one: -one[0]):
         try:
             made = mounted(replace(robot, home=tuple(joints.round(_DIGITS).tolist())), axis, chosen.mount_rpy)
@@ -82,8 +79,17 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
         return made
     place = short_numbers(at, 3, ", ")
     raise UserError(
-        f"no joints bring the flange to ({place}) from its base, looking down: {problem}; choose another at="
+        f"no joints bring the flange to ({place}) from its base, looking down: {problem}; choose another at=, or place "
+        "the arm elsewhere with robot.base=[x,y,z,yaw]"
     )
+
+
+def _miss(arm: Arm, nearest: Solution) -> str:
+    """Say how far the wanted pose is beyond reach, and which joints are at their limits where the arm is nearest."""
+    room = np.minimum(nearest.joints - arm.lower, arm.upper - nearest.joints)
+    ends = [repr(name) for name, left in zip(arm.robot.arm_joints, room, strict=True) if left < _NEAR_RAD]
+    held = f", with {', '.join(ends)} at the limit" if ends else ""
+    return f"the nearest misses it by {nearest.error_m:.3f} m and {math.degrees(nearest.error_rad):.0f} degrees{held}"
 
 
 def _goals(axis: Array, rpy: tuple[float, float, float] | None, at: Array) -> Iterator[Pose]:
@@ -102,14 +108,9 @@ def _worth(arm: Arm, robot: Robot, joints: Array) -> float:
     moved = [arm.forward(joints + step) for step in steps]
     ways = [np.r_[to.position - here.position, 0.3 * (to.rotation * here.rotation.inv()).as_rotvec()] for to in moved]
     straight = float(np.linalg.svd(np.array(ways) / 1e-4, compute_uv=False)[-1]) if len(joints) >= 6 else 0.0
-    poses = link_poses(robot, False, joints)
-    heights = [pose.position[2] for pose in poses.values()]
-    before = robot.description.named[robot.arm_joints[-1]].parent  # a flange looks away from it
-    middle = np.mean(
-        [poses[s.name].apply(s.bounds()[0])[2] for s in robot_solids(robot, False) if s.name == before] or 0
-    )
+    heights = [pose.position[2] for pose in link_poses(robot, False, joints).values()]
     return float(
-        10 * (middle > here.position[2])
+        10 * (wrist_height(robot, joints) > 0)
         + min(room, _ROOM) / _ROOM
         + min(straight, _STRAIGHT) / _STRAIGHT
         + np.mean(heights)
@@ -123,6 +124,14 @@ def _beyond(description: Description, flange: str) -> list[str]:
     shaped = {name for name, link in description.links.items() if link.visuals or link.collisions}
     tops = [child for child, joint in description.joints.items() if joint.parent == flange]
     return [top for top in tops if any(top in description.above(name) for name in shaped)]
+
+
+def _depth(robot: Robot) -> float:
+    """Measure how far the last link's shapes reach beyond the mount, metres, at a home where its axes are upright."""
+    poses = link_poses(robot, False, np.array(robot.home))
+    solids = [solid for solid in robot_solids(robot, False) if solid.name in robot.near_mount]
+    lowest = [poses[one.name].apply(one.pose.apply(corners(one.geometry)))[:, 2].min() for one in solids]
+    return float(poses[RIGID_MOUNT].position[2] - min(lowest)) if lowest else 0.0
 
 
 def main(words: list[str]) -> None:
@@ -149,3 +158,11 @@ def main(words: list[str]) -> None:
     say(f"robot.home=[{short_numbers(home, _DIGITS, ',')}]")
     if not robot.gripper and (beyond := _beyond(description, robot.mount_link)):
         say(f"{', '.join(beyond)} hang where tools go; leave them out: robot.without=[{','.join(beyond)}]")
+    elif not robot.gripper and (depth := _depth(robot)) > _NEAR_M:
+        x, y, z = robot.mount.apply((0.0, 0.0, -depth))
+        say(
+            f"tools begin at the frame of {robot.mount_link!r}, and its shape reaches {1000 * depth:.0f} mm beyond; "
+            "if tools go on its face, add this link to the file and choose it with robot.flange=tool0:",
+            f'<link name="tool0"/><joint name="tool0_fixed" type="fixed"><origin xyz="{x:.4f} {y:.4f} {z:.4f}"/>'
+            f'<parent link="{robot.mount_link}"/><child link="tool0"/></joint>',
+        )

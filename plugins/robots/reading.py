@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from core.design import RIGID_MOUNT
 from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
 from core.robot.description import RESERVED, write
@@ -32,7 +33,7 @@ MOTOR_INERTIA = 0.1  # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.
 
 _TURN = 2 * math.pi  # a continuous joint turns this far each way: limits are finite everywhere
 _TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
-_UNDER_M = 0.005
+_UNDER_M = 0.005  # of the middle of the link before the last joint: a flange that looks up is above it
 _JOINTS, _NAMED = 7, 20  # of an arm, at most; names that a message lists
 TURNING = ("revolute", "continuous")
 
@@ -308,9 +309,8 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
         found = f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's"
         same = short_numbers(Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy, 4, ",")
         raise UserError(f"{found}; {_way((flange.rotation * turn).inv())}, or set robot.mount_rpy=[{same}]")
-    mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
-    _check_looks_down(robot, flange @ mount)
-    return mount
+    _check_looks_down(robot)
+    return Pose.from_rotation((0.0, 0.0, 0.0), turn)
 
 
 def _to_vertical(along: Array) -> Array:
@@ -337,14 +337,22 @@ def _straightened(robot: Robot) -> Robot:
     return replace(robot, home=tuple(solution.joints.round(6).tolist()))
 
 
-def _check_looks_down(robot: Robot, mount: Pose) -> None:
-    """Refuse a home at which the arm's last link lies below its flange."""
-    poses = link_poses(robot, False, np.array(robot.home))
-    heights = [
-        float((mount.inverse() @ poses[solid.name]).apply(solid.bounds()[0])[2])
-        for solid in robot_solids(robot, False)
-        if solid.name in robot.near_mount
-    ]
-    if heights and max(heights) < -_UNDER_M:
-        below = f"{-max(heights):.3f} m below flange {robot.mount_link!r}"
-        raise UserError(f"at home the arm's last link is {below}, which looks up; choose a home where it looks down")
+def wrist_height(robot: Robot, joints: Array) -> float:
+    """Measure how far above the mount, along the last joint, the middle of the link before that joint is, metres.
+
+    Of a flange that looks down it is above, whatever the flange's own shape and frame. 0: no link has a shape.
+    """
+    poses, shapes = link_poses(robot, False, joints), robot_solids(robot, False)
+    last, mount = robot.description.named[robot.arm_joints[-1]], poses[RIGID_MOUNT]
+    for link in robot.description.above(last.parent):
+        if middles := [poses[link].apply(solid.bounds()[0]) for solid in shapes if solid.name == link]:
+            along = poses[last.child].rotation.apply(last.direction)
+            return float((np.mean(middles, axis=0) - mount.position) @ along * along[2])
+    return 0.0
+
+
+def _check_looks_down(robot: Robot) -> None:
+    """Refuse a home at which the link before the last joint lies below the flange."""
+    if (height := wrist_height(robot, np.array(robot.home))) < -_UNDER_M:
+        below = f"the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange {robot.mount_link!r}"
+        raise UserError(f"at home {below}, which looks up; choose a home where it looks down")

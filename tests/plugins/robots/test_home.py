@@ -8,7 +8,7 @@ from core.robot.kinematics import arm_of
 from plugins.robots import home
 from plugins.robots.descriptions import robots_folder
 from plugins.robots.reading import read_robot
-from tests.outside_arm import FLANGE
+from tests.outside_arm import FLANGE, HOME
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -44,6 +44,32 @@ def test_all_that_is_wrong_is_said_at_once(file):
 def test_out_of_reach(file):
     with pytest.raises(UserError, match=r"no joints bring the flange to \(2, 0, 0.5\).* misses it by 1\.\d+ m"):
         home.main(["robot=urdf", f"robot.path={file}", "at=[2,0,0.5]"])
+
+
+def test_a_joint_that_blocks_is_named(file):
+    """The elbow's range is too small for a place so near."""
+    elbow = 'name="joint_3" type="revolute">'
+    before, after = file.read_text().split(elbow)
+    tight = after.replace('lower="-2.9" upper="2.9"', 'lower="-0.1" upper="0.3"', 1)
+    (file.parent / "tight.urdf").write_text(f"{before}{elbow}{tight}")
+    with pytest.raises(
+        UserError, match=r"misses it by 0\.\d+ m and \d+ degrees, with .*'joint_3'.* at the limit; choose"
+    ):
+        home.main(["robot=urdf", f"robot.path={file.parent / 'tight.urdf'}", "at=[0.3,0,0.4]"])
+
+
+def test_a_frame_inside_the_last_link(file, capsys):
+    """The arm looks down whatever the last link's frame is, and is told where its face is."""
+    home.main(["robot=urdf", f"robot.path={file}", "robot.flange=hand"])
+    printed = capsys.readouterr().out
+    assert "its shape reaches 50 mm beyond" in printed
+    link = next(line for line in printed.splitlines() if line.startswith("<link"))
+    home.main(["robot=urdf", f"robot.path={file}", f"robot.flange={FLANGE}"])
+    assert "beyond" not in capsys.readouterr().out
+    lines = [line for line in file.read_text().splitlines() if FLANGE not in line]
+    (file.parent / "own.urdf").write_text("\n".join([*lines[:-1], link, lines[-1]]))
+    own, given = (arm_of(read_robot(one, HOME)).forward(np.array(HOME)) for one in (file.parent / "own.urdf", file))
+    np.testing.assert_allclose(own.matrix, given.matrix, atol=1e-4)
 
 
 def test_what_hangs_where_tools_go_is_named(file, capsys):

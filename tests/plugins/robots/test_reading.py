@@ -230,7 +230,7 @@ def test_no_collision_shape(changed, file):
 
 
 def test_a_flange_that_looks_up(changed):
-    with pytest.raises(UserError, match=r"the arm's last link is 0.0\d\d m below flange 'tool0', which looks up"):
+    with pytest.raises(UserError, match=r"the link before 'joint_6' is 0\.111 m below flange 'tool0', which looks up"):
         changed(home=(0.0,) * 6)
 
 
