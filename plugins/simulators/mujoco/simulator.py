@@ -10,10 +10,9 @@ from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import Stepped, World, compiled, weighed
+from plugins.simulators.mujoco.world import MAX_TIME_STEP, Stepped, World, compiled, weighed
 from plugins.simulators.rendering import DrawingSimulator
 
-MAX_TIME_STEP = 0.005
 _KEPT = 4  # worlds: most batches have one tool
 
 

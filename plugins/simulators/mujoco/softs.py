@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from core.geometry import Array
-from core.scene import Scene, State
+from core.scene import Scene, Soft, State
+from core.values.softs import sizes
 from plugins.simulators.mujoco.contacts import IMPEDANCE, Role, mean_friction
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element
 
 ITERATIONS = 500  # of the step's solver: stiff flexes need more than the usual 100
-_BOTH = 3  # a cloth resists bending and stretching
+_STRETCHES, _BOTH = 2, 3  # what a cloth resists: stretching, or bending too
 
 
 def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
@@ -42,10 +43,22 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.friction = [mean_friction(soft.friction, tools_friction), 0.0, 0.0]
         flex.solref, flex.solimp = [reference[0], 1.3], IMPEDANCE
         if soft.form.kind == "cloth":
-            flex.thickness, flex.elastic2d = soft.form.thickness, _BOTH
+            flex.thickness, flex.elastic2d = (
+                soft.form.thickness,
+                _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES,
+            )
         if soft.form.kind == "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
             length.solref, length.solimp = reference, HOLDS
+
+
+def _bends(soft: Soft, gravity: float) -> bool:
+    """Check if a cloth's own weight bends it over more than a cell; else its stiffness in bending is left out, which
+    costs as much as all the rest."""
+    elastic, thickness = soft.elastic, soft.form.thickness
+    stiff = elastic.young * thickness**2 / (12 * elastic.density * gravity * (1 - elastic.poisson**2))
+    cell: float = np.median(sizes(soft.form.nodes, soft.form.elements))
+    return bool(stiff ** (1 / 3) > np.sqrt(2 * cell))
 
 
 def _name(number: int, node: int) -> str:
