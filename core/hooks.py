@@ -99,7 +99,11 @@ class Parts(Protocol):
 
 
 class Configs(Protocol):
-    """The configs that a plugin may bring."""
+    """What a plugin may bring beside parts: configs, and levels of ``prompt.told``."""
+
+    @hookspec
+    def levels(self) -> Factories:
+        """Make a `core.task.Level`, without settings."""
 
     @hookspec
     def config_path(self) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import inspect
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -110,6 +110,35 @@ class Task(ABC):
     def source(self) -> str:
         """Return the text of the file that defines the task."""
         return inspect.getsource(sys.modules[type(self).__module__])
+
+
+NOTHING_TOLD: dict[str, Any] = dict.fromkeys(
+    ("several", "description", "layout", "task_source", "goals", "vocabulary", "helpers"), ""
+)
+"""What a level may say of a task, by the names that templates use; ``several``: such values for each of its parts."""
+
+
+class Level(ABC):
+    """How much a model is told of a task's scene: ``prompt.told=NAME``."""
+
+    numbers: ClassVar[bool] = True  # of bodies, in texts; else pictures show them, and feedback has none either
+    in_words: ClassVar[bool] = True  # a task needs `Task.in_words`
+
+    @abstractmethod
+    def values(self, task: Task, seed: int) -> dict[str, Any]:
+        """Return what is said of a task and the layout of ``seed``: any of `NOTHING_TOLD`."""
+
+    def draw(self, task: Task, seed: int, render: Callable[..., Any]) -> tuple[Picture, ...]:
+        """Draw the layout, where texts have no numbers: ``render`` takes ``camera``, ``width`` and ``height``.
+
+        Raises:
+            NoPicture: nothing here can draw.
+        """
+        return ()
+
+    def measure(self, task: Task, seed: int) -> tuple[Picture, ...]:
+        """Return what a sensor sees of the layout, for ``prompt.depth=true``."""
+        return ()
 
 
 @lru_cache(maxsize=256)

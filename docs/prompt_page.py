@@ -13,7 +13,7 @@ from typing import Unpack, cast
 import numpy as np
 
 from core.config.compose import load, node, part
-from core.config.schemas import TOLD, PromptSettings
+from core.config.schemas import PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.designs.composer import PromptComposer, as_markdown
 from core.geometry import Box, Pose
@@ -34,6 +34,7 @@ EARLIER = {
     "plans for a given tool": 8010,
     "plans for the bare gripper": 9329,
 }
+TOLD = ("source", "words", "pictures", "photos")
 LEVELS = [f"| task | {' | '.join(f'`{told}`' for told in TOLD)} |", "|---|" + "---|" * len(TOLD)]
 CRITIQUE = "a critique of one candidate, `prompt.critic`"
 
@@ -95,8 +96,9 @@ def told_less(task: str, told: str) -> tuple[int, int]:
     settings, made = node(cfg.prompt, PromptSettings), part("task", cfg.task).create()
     actions = part("action", cfg.action).create()
     brief = Brief(made, 0, part("tool", cfg.tool).create(), False, 10, 10, 0, 0, 0, (), actions=actions)
-    shown, _ = prompt_pictures(made, cast(Simulator, Blank()), settings, 0, [Tool()])
-    composed = PromptComposer(settings, engine="pybullet").compose(brief, shown[False])
+    composer = PromptComposer(settings, engine="pybullet")
+    shown, _ = prompt_pictures(made, cast(Simulator, Blank()), composer, 0, [Tool()])
+    composed = composer.compose(brief, shown[False])
     return counted(composed), len(shown[False])
 
 

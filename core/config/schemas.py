@@ -31,9 +31,7 @@ TOOLS = (
     *_REPLY[:3],
 )
 FEEDBACK = ("paper", "numbers", "full")
-TOLD = ("source", "words", "pictures", "photos")
 PHOTOGRAPHS = ("beside", "alone", "none")
-UNSEEN = ("pictures", "photos")  # no place, size or mass of a body
 
 
 @dataclass
@@ -43,9 +41,7 @@ class PromptSettings:
     Attributes:
         dir: a folder of templates that replace the project's own.
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
-        told: what is said of the scene: the task's source with all numbers (``source``), a description and a table of
-            places and sizes (``words``), or the description with calibrated pictures (``pictures``) or photographs
-            (``photos``) and no number of any body.
+        told: what is said of the scene: a level that a plugin offers (`core.hooks.Configs`), as ``source``.
         picture: show a picture of the scene, from the task's camera.
         depth: show heights as a depth camera measures them: a coloured picture, and a coarse grid of numbers.
         photographs: those of a scene file stand ``beside`` the drawn pictures of the scene, or ``alone``, or nowhere

@@ -19,20 +19,21 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, TOLD, UNSEEN, PromptSettings
+from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, PromptSettings
 from core.design import TIE, Evaluation, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
 from core.designs.sight import Sight
-from core.designs.task_text import function_source, scene_values
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
+from core.plugins import installed
 from core.robot.extents import outline
 from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.support.files import read_text
-from core.support.text import clean, short_numbers
+from core.support.text import clean, function_source, short_numbers
+from core.task import NOTHING_TOLD
 
 SUFFIX = ".md.j2"
 REPAIR, CRITIC = "repair", "critic"
@@ -70,8 +71,7 @@ class PromptComposer:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
-        if settings.told not in TOLD:
-            raise choices("level", settings.told, TOLD, "prompt.told")
+        self.level = installed().level(settings.told)
         if settings.photographs not in PHOTOGRAPHS:
             raise choices("value", settings.photographs, PHOTOGRAPHS, "prompt.photographs")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
@@ -151,7 +151,7 @@ class PromptComposer:
         Raises:
             UserError: the template fails.
         """
-        if self.settings.told in UNSEEN:
+        if not self.level.numbers:
             problem = Sight.of(request.brief.task, request.brief.scene_seed).text(problem)
         message = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
         text = reply.text[:MAX_REPEATED]
@@ -169,8 +169,7 @@ class PromptComposer:
         # Numbers are all that plans for a given tool differ in.
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
-        told = self.settings.told
-        sight = Sight.of(task, brief.scene_seed) if told in UNSEEN else None
+        sight = None if self.level.numbers else Sight.of(task, brief.scene_seed)
         return {
             "given": given,
             "bare": bare,
@@ -181,7 +180,9 @@ class PromptComposer:
             "instructed": self._idea is not None,
             "feedback": self.settings.feedback,
             "picture": bool(pictures),
-            **scene_values(task, brief.scene_seed, told),
+            "told": self.settings.told,
+            **NOTHING_TOLD,
+            **self.level.values(task, brief.scene_seed),
             "robot": robot,
             "friction": {
                 "arm": robot.friction,

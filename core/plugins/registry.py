@@ -24,6 +24,7 @@ from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
 from core.plugins.moved import describe_import_error
+from core.task import Level
 from core.values.materials import PAPER, Material
 
 _NAMED = ("missing", "unexpected_keyword_argument")  # errors about a key of a setting, which their text doesn't name
@@ -65,6 +66,20 @@ class Plugins(Discovery):
         if isinstance(offer.factory, Command):
             return lambda command=offer.factory: command
         return _imported(offer, offer.factory)
+
+    def level(self, name: str) -> Level:
+        """Make a level of ``prompt.told``.
+
+        Raises:
+            UserError: there is none of that name, or it can't be imported or is something else.
+        """
+        if name not in self.levels:
+            raise choices("level", name, self.levels, "prompt.told")
+        offer = self.levels[name]
+        level = _imported(offer, offer.factory)()  # type: ignore[arg-type]
+        if not isinstance(level, Level):
+            raise UserError(f"level {name!r} of {offer.distribution} is no core.task.Level")
+        return level
 
     def run_command(self, name: str, arguments: list[str]) -> int | None:
         """Call a command with its arguments, and return its exit status; None: 0.

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 import pluggy
 
-from core.config.schemas import UNSEEN, Sampling
+from core.config.schemas import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
@@ -360,23 +360,24 @@ def make_designer(
         UsageError: the model or the task is not one for the level ``prompt.told``.
         UserError: no tool kind that the robot can bear, no given tool for the task, or one that breaks a rule.
     """
-    if (told := prompts.settings.told) in UNSEEN and not vlm.sees:
+    told, unseen = prompts.settings.told, not prompts.level.numbers
+    if unseen and not vlm.sees:
         raise UsageError(
             f"{vlm.model} reads the scene's numbers, not pictures: prompt.told={told} needs a model that sees"
         )
-    if told != "source" and not assignment.task.in_words:
+    if prompts.level.in_words and not assignment.task.in_words:
         raise UsageError(
             f"{assignment.task.name} has no text without numbers for prompt.told={told}: give it `in_words`"
         )
     task, seed = assignment.task, assignment.seed
-    if told in UNSEEN and len(task.parts) > 1:
+    if unseen and len(task.parts) > 1:
         raise UsageError(f"prompt.told={told} shows one scene, and {task.name} has several: use words or source")
     given = given_tool(assignment.representation, task, seed)
     if given is None:
         assignment = replace(assignment, tool_kinds=borne_kinds(assignment.tool_kinds, task.robot))
     bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(assignment.tool_kinds)]
     mounted = bare if given is None else [given]
-    pictures, drawable = pictures_by_task(task, create, prompts.settings, seed, mounted)
+    pictures, drawable = pictures_by_task(task, create, prompts, seed, mounted)
     film = strips(task, create, seed, prompts.rollout) if drawable else None
     count, critic = prompts.settings.critic, None
     if count and not vlm.criticises:

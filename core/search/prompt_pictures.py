@@ -7,25 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
-from core.config.schemas import UNSEEN, PromptSettings
 from core.design import Evaluation, Tool
+from core.designs.composer import PromptComposer
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, RolloutSettings, Simulator, Task
-from core.simulation.depth import depth_picture
 from core.simulation.pictures import SIZE, draw_strip, png, report_missing
 from core.simulation.together import weakest
-from core.simulation.views import calibrated_pictures
 
 
 def pictures_by_task(
-    task: Task, create: Callable[[], Simulator], settings: PromptSettings, seed: int, mounted: Sequence[Tool]
+    task: Task, create: Callable[[], Simulator], prompts: PromptComposer, seed: int, mounted: Sequence[Tool]
 ) -> tuple[dict[str, dict[bool, tuple[Picture, ...]]], bool]:
     """Make the pictures of each part of a task (`prompt_pictures`); those of several are named by it."""
     found, drawable = dict[str, dict[bool, tuple[Picture, ...]]](), True
     for number, part in enumerate(task.parts):
-        made, can_draw = prompt_pictures(part, create(), settings, seed, mounted)
+        made, can_draw = prompt_pictures(part, create(), prompts, seed, mounted)
         drawable = drawable and can_draw
         if len(task.parts) > 1:
             made = {kind: tuple(_named(picture, part, number) for picture in own) for kind, own in made.items()}
@@ -62,7 +60,7 @@ def strips(
 
 
 def prompt_pictures(
-    task: Task, simulator: Simulator, settings: PromptSettings, seed: int, mounted: Sequence[Tool]
+    task: Task, simulator: Simulator, prompts: PromptComposer, seed: int, mounted: Sequence[Tool]
 ) -> tuple[dict[bool, tuple[Picture, ...]], bool]:
     """Make the pictures of the scene that the prompt's settings ask for: drawn, photographed, and measured.
 
@@ -72,14 +70,16 @@ def prompt_pictures(
     Raises:
         UserError: the machine fails, or a prompt without numbers can't be drawn.
     """
+    settings, level = prompts.settings, prompts.level
     own = tuple(task.photographs()) if settings.photographs != "none" else ()
-    more = (*own, *([depth_picture(task, seed)] if settings.depth else []))
-    drawn, drawable, unseen = dict[bool, tuple[Picture, ...]](), True, settings.told in UNSEEN
+    more = (*own, *(level.measure(task, seed) if settings.depth else ()))
+    drawn, drawable, unseen = dict[bool, tuple[Picture, ...]](), True, not level.numbers
     alone = bool(own) and settings.photographs == "alone"
     for number, tool in enumerate(mounted if (unseen or settings.picture) and not alone else ()):
         try:
             if unseen:
-                drawn[tool.gripper] = calibrated_pictures(task, simulator, seed, tool, settings.told)
+                render = partial(simulator.render, task, seed=seed, tool=tool)
+                drawn[tool.gripper] = level.draw(task, seed, render)
                 continue
             picture = png(simulator.render(task, seed=seed, tool=tool, width=SIZE[0], height=SIZE[1]))
             drawn[tool.gripper] = (Picture(picture, "scene_gripper" if number else "scene"),)

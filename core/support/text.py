@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
 
 
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
@@ -90,3 +94,13 @@ def hydra_word(value: object) -> str:
         return str(value).lower()
     text = str(value)
     return text if re.fullmatch(r"[\w./+-]+", text) else "'" + text.replace("'", "\\'") + "'"
+
+
+@lru_cache
+def function_source(function: Callable[..., Any]) -> str:
+    """Take a function's source without its docstring."""
+    lines, (node,) = inspect.getsource(function).splitlines(), ast.parse(inspect.getsource(function)).body
+    assert isinstance(node, ast.FunctionDef)
+    if ast.get_docstring(node) is not None:
+        del lines[node.body[0].lineno - 1 : node.body[0].end_lineno]
+    return "\n".join(lines)

@@ -22,3 +22,9 @@ def vlms() -> Mapping[str, str]:
         "mailbox": "plugins.vlms.mailbox:Mailbox",
         "ensemble": "plugins.vlms.ensemble.model:Ensemble",
     }
+
+
+@hookimpl
+def levels() -> Mapping[str, str]:
+    names = {"source": "Source", "words": "Words", "pictures": "Pictures", "photos": "Photos"}
+    return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

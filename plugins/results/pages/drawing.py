@@ -14,7 +14,7 @@ from core.geometry import Array, Box, Mesh, Pose
 from core.robot.kinematics import open_mounts
 from core.robot.meshes import as_held
 from core.scene import Body, Camera, Geom
-from core.simulation.views import nearness
+from core.simulation.pictures import nearness
 from core.values.robots import Robot
 
 Pixels = npt.NDArray[np.uint8]

@@ -11,7 +11,7 @@ from PIL import Image, ImageOps
 from core.errors import UserError
 from core.interfaces import Picture
 from core.scene import Camera
-from core.simulation.views import describe_camera
+from core.simulation.pictures import describe_camera
 from core.support.sandbox import isolated
 from plugins.tasks.file.imports.solids import read_inside
 
@@ -30,7 +30,7 @@ def read_photograph(folder: Path, file: str, camera: Camera | None, name: str) -
     data = read_inside(folder / file, folder, "photograph", MAX_MB)
     made = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
     with Image.open(io.BytesIO(made)) as sent:  # made by this program
-        known = describe_camera(camera, name, sent.size) if camera else "where its camera stood is not known"
+        known = describe_camera(camera, sent.size) if camera else "where its camera stood is not known"
     return Picture(made, name, f"{name}: a photograph of the real bench; {known}")
 
 

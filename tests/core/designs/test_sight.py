@@ -1,121 +1,10 @@
-"""What a designer is told of the scene: at no level more than its name says."""
+"""What feedback says of bodies to a designer that is told no number of them."""
 
 import re
-from functools import cache
 
-import numpy as np
-import pytest
-
-from core.config.compose import load
-from core.designs.arm_sheet import describe_arm
-from core.designs.sight import Sight, bodies_table
-from core.errors import UsageError
-from core.interfaces import RolloutSettings
+from core.designs.sight import Sight
 from core.plugins import installed
-from core.prompt import compose
-from core.scene import Box, Cylinder, Sphere
-from core.search.orchestration import Experiment
-from core.values.messages import Text
 from core.values.observations import Moved
-from plugins.vlms.offline.designer import OfflineDesigner
-
-pytestmark = pytest.mark.slow
-
-TASKS = [offer.name for offer in installed().offers.values() if offer.kind == "task" and offer.name != "file"]
-NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
-
-
-def text_of(request):
-    return "\n".join(part.text for m in request.messages for part in m.parts if isinstance(part, Text))
-
-
-def prompt(task, told, *words):
-    return text_of(compose(load("prompt", [f"task={task}", "vlm=replay", "sim=mujoco", f"prompt.told={told}", *words])))
-
-
-def written(values):
-    """Ways to write numbers in metres and millimetres, of those with three digits or more: the others are anywhere."""
-    forms = {f"{x:.{n}f}" for x in values for n in (3, 4)} | {f"{x:.{n}g}" for x in values for n in (3, 4)}
-    forms |= {f"{1000 * x:.{n}f}" for x in values for n in (0, 1)}
-    forms |= {form.lstrip("-") for form in forms}
-    return {form for form in forms if len(form.replace(".", "").replace("-", "").strip("0")) >= 3}
-
-
-def numbers_of_scene(task, seed):
-    """Places, sizes and masses of all bodies but table and floor."""
-    values = []
-    for body in task.scene(seed).bodies:
-        if body.name in ("table", "floor"):
-            continue
-        values += [*body.pose.position, body.mass]
-        for part in (*body.collisions, *body.visuals):
-            values += [*part.pose.position, *(body.pose @ part.pose).position]
-            match part.shape:
-                case Box(size):
-                    values += [*size, *(np.array(size) / 2)]
-                case Sphere(radius) | Cylinder(radius, _):
-                    values += [radius, 2 * radius]
-    return {float(x) for x in np.unique(np.abs(values)) if x}
-
-
-def leaked(text, task, seed, known=""):
-    """The numbers of a scene in a text that are in none that is known."""
-    usual = set(NUMBER.findall(known)) | written({abs(float(x)) for x in NUMBER.findall(known)})
-    found = {number.lstrip("-") for number in NUMBER.findall(text)} & written(numbers_of_scene(task, seed))
-    return found - {number.lstrip("-") for number in usual}
-
-
-@cache
-def usual():
-    """Prompts of two other tasks, with a gripper and without: what they say is of the arm and the rules."""
-    return prompt("OneBook", "pictures") + prompt("OneBook", "pictures", "task.tool_kinds=[gripper]")
-
-
-FAST = ("PastGlasses", "LiftBox")
-
-
-@pytest.mark.parametrize("task", [t if t in FAST else pytest.param(t, marks=pytest.mark.thorough) for t in TASKS])
-def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
-    monkeypatch.setattr("core.search.prompt_pictures.calibrated_pictures", lambda *_: ())
-    made = installed().create("task", task, {"variation": "wide"})
-    home = " ".join(f"{x:.3f} {x:.4g}" for x in [*made.home.position, *made.home.rpy])
-    arm = " ".join(repr(describe_arm(made, RolloutSettings(), "mujoco", gripper)) for gripper in (False, True))
-    words = ("task.variation=wide", "seed=7", "prompt.picture=false")
-    known = usual() + made.in_words + home + arm
-    measured = re.sub(r"(?m)^-?\d\.\d\d:( -?\d*)+$", "", prompt(task, "pictures", *words, "prompt.depth=true"))
-    assert "A reading in millimetres" in measured  # of readings, which have noise, the captions are checked alone
-    assert leaked(measured, made, 7, known) | leaked(prompt(task, "photos", *words), made, 7, known) == set()
-    assert leaked(prompt(task, "words", *words), made, 7, usual())  # what is there is found
-
-
-def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
-    """The embedded designer stands for a model that sees; the numbers of its designs are its own."""
-    monkeypatch.setattr(OfflineDesigner, "sees", True)
-    monkeypatch.setattr("core.search.prompt_pictures.calibrated_pictures", lambda *_: ())
-    words = (
-        "task.variation=wide action=anchored fitness=layouts fitness.layouts=2 fitness.unseen=0 fitness.final=0 seed=7"
-    )
-    words += (
-        " prompt.told=pictures prompt.feedback=numbers film=false executor.workers=1 budget.n_agent=1 budget.n_tool=4"
-    )
-    words += " budget.n_action=1 budget.n_iteration=2 budget.reward_save=0.0"
-    experiment = Experiment(*words.split(), "listener=[]", task="MoveBall", sim="mujoco")
-    experiment.run(tmp_path / "run")
-    task = installed().create("task", "MoveBall", {"variation": "wide"})
-    requests = sorted((tmp_path / "run" / "requests").rglob("*.md"))
-    replies = " ".join(file.read_text() for file in (tmp_path / "run" / "replies").rglob("*") if file.is_file())
-    known = replies + usual()
-    texts = [file.read_text() for file in requests]
-    assert any("in the picture" in text for text in texts)
-    assert any('"contacts"' in text for text in texts)
-    for text in texts:
-        assert not re.search(r"`by`|error_m|path_m|clearance_m", text)  # what is not shown is not explained
-        assert leaked(text, task, 7, known) | leaked(text, task, 8, known) == set()
-
-
-def test_a_designer_that_reads_the_numbers_is_refused():
-    with pytest.raises(UsageError, match=r"prompt\.told=photos needs a model that sees"):
-        Experiment("prompt.told=photos", "listener=[]", task="BringCube", sim="mujoco").run("nowhere")
 
 
 def test_texts_lose_the_numbers_of_bodies_alone():
@@ -132,13 +21,3 @@ def test_a_way_is_what_the_picture_shows():
     sight = Sight.of(task, 0)
     assert sight.way(Moved((0.0, 0.0, 0.0005), (0.6, 0.0, 0.1), 0.0)) == "not seen in the picture"
     assert re.fullmatch(r"in the picture up by \d+ % of its height", sight.way(Moved((0, 0, 0.1), (0.55, 0.0, 0.1), 0)))
-
-
-def test_bodies_alike_share_a_row_and_conventions_are_said():
-    lines = bodies_table(installed().create("task", "TwoStations"), 0).splitlines()
-    assert "| tube | fixed | - | x low end, y middle, z upper half |" in lines
-    assert "| drawer | on a joint | as a full cup | x low end, y middle, z upper half |" in lines
-    assert any(
-        "glass_1 ... glass_6 (6)" in line
-        for line in bodies_table(installed().create("task", "PastGlasses"), 0).splitlines()
-    )

@@ -9,7 +9,6 @@ import pytest
 import trimesh
 
 from core.design import Candidate, Tool
-from core.designs.task_text import helpers, task_source
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
@@ -21,6 +20,7 @@ from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.words import describe_goals
+from plugins.vlms.told.source import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
 from tests.plugins.tasks.file.test_mistakes import GOOD

@@ -11,8 +11,8 @@ from PIL import ImageDraw
 from core.geometry import Array
 from core.interfaces import Picture, Task
 from core.scene import Camera
-from core.simulation.pictures import png
-from core.simulation.views import SIZE, draw_grid, nearness, top_camera
+from core.simulation.pictures import nearness, png
+from plugins.vlms.told.views import SIZE, draw_grid, top_camera
 
 PIXEL = 4  # of the picture, for one that the camera measures
 ABOVE_M = 1.0  # the camera stands so far above the highest thing

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw
 
-from core.design import Tool
-from core.designs.sight import own_bounds
 from core.geometry import Array, Pose
-from core.interfaces import Picture, Simulator, Task
+from core.interfaces import Image, Picture, Task
 from core.scene import Body, Camera
-from core.simulation.pictures import png
+from core.simulation.pictures import describe_camera, nearness, png
+from plugins.vlms.told.bodies import own_bounds
 
 SIZE = 1000, 750  # pixels
 _ROOM_M = 0.06  # around what a parallel camera shows; it stands half of that before it, and cuts off what is behind it
@@ -27,7 +26,6 @@ _LINES = 12  # along a side, about
 _MARGIN = 46  # pixels of a scale
 _OPAQUE, _DARK = 150, 100  # of 255: the opacity of drawn edges, and the brightness below which they are pale
 _EDGE_M = 0.002  # a bend or a step that is drawn as an edge
-_CLEAR = 0.9  # opacity; a depth camera does not measure what has less: glass has no depth
 _INK, _PALE, _RED, _GREEN = (20, 20, 20), (255, 255, 255), (210, 30, 30), (20, 150, 40)
 # By name: from the scene to the camera, the axis to the right and the axis up in the picture.
 _PARALLEL = {
@@ -37,9 +35,11 @@ _PARALLEL = {
 }
 
 
-def calibrated_pictures(task: Task, simulator: Simulator, seed: int, tool: Tool, told: str) -> tuple[Picture, ...]:
-    """Draw the scene at the start: for ``told=photos`` from the task's camera and from the side, for ``pictures``
-    from the task's camera, closer, and in parallel views with axes and a grid in metres.
+def calibrated_pictures(
+    task: Task, seed: int, render: Callable[..., Image], *, photos: bool = False
+) -> tuple[Picture, ...]:
+    """Draw the scene at the start: as ``photos`` from the task's camera and from the side, else from the task's
+    camera, closer, and in parallel views with axes and a grid in metres. For ``render`` see `core.task.Level.draw`.
 
     Raises:
         NoPicture: nothing here can draw.
@@ -49,20 +49,19 @@ def calibrated_pictures(task: Task, simulator: Simulator, seed: int, tool: Tool,
     moving = [body for body in bodies if body.mass] or bodies
     cameras = {"scene": task.camera}
     about = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
-    if told == "photos":
+    if photos:
         cameras["tripod"] = _turned(task.camera, about)
     else:
         cameras["close"] = _closer(task.camera, *_extent(moving))
         cameras |= {name: _parallel(name, low, high) for name in _PARALLEL}
     made = []
     for name, camera in cameras.items():
-        drawn = simulator.render(task, seed=seed, tool=tool, camera=camera, width=SIZE[0], height=SIZE[1])
-        picture = Pillow.fromarray(drawn)
+        picture = Pillow.fromarray(render(camera=camera, width=SIZE[0], height=SIZE[1]))
         if camera.height_m is not None:
             _draw_edges(picture, camera, [body for body in bodies if _size(body) < _LARGE_M])
             draw_grid(picture, camera, *_PARALLEL[name][1:])
-        _label(picture, camera, bodies, axes=told == "pictures")
-        made.append(Picture(png(np.asarray(picture)), name, f"{name}: {describe_camera(camera, name)}"))
+        _label(picture, camera, bodies, axes=not photos)
+        made.append(Picture(png(np.asarray(picture)), name, f"{name}: {_described(camera, name)}"))
     return tuple(made)
 
 
@@ -71,22 +70,16 @@ def top_camera(task: Task, seed: int) -> Camera:
     return _parallel("top", *_shown(list(task.scene(seed).bodies)))
 
 
-def describe_camera(camera: Camera, name: str, size: tuple[int, int] = SIZE) -> str:
-    """Say where a camera stands, where it looks and how: what one needs to measure in its picture."""
-    width, height = size
-    if camera.height_m is not None:
-        _, right, up = _PARALLEL[name]
-        sign = "-" if camera.axes[0][right] < 0 else ""
-        return (
-            f"parallel projection, {sign}{'xyz'[right]} to the right and {'xyz'[up]} up, {width} x {height} pixels, "
-            f"{1000 * camera.height_m / height:.3f} mm per pixel; scales and grid in metres; "
-            "outlines are drawn also of what is hidden"
-        )
-    at, to = (", ".join(f"{x:.3f}" for x in point) for point in (camera.position, camera.target))
-    focal = height / 2 / np.tan(np.radians(camera.fov_deg) / 2)
+def _described(camera: Camera, name: str) -> str:
+    """Say how a picture is made: what one needs to measure in it."""
+    if camera.height_m is None:
+        return describe_camera(camera, SIZE)
+    _, right, up = _PARALLEL[name]
+    sign = "-" if camera.axes[0][right] < 0 else ""
     return (
-        f"perspective, camera at ({at}), its axis through ({to}) in the middle of the picture, not rolled, "
-        f"{width} x {height} pixels, focal length {focal:.1f} pixels"
+        f"parallel projection, {sign}{'xyz'[right]} to the right and {'xyz'[up]} up, {SIZE[0]} x {SIZE[1]} pixels, "
+        f"{1000 * camera.height_m / SIZE[1]:.3f} mm per pixel; scales and grid in metres; "
+        "outlines are drawn also of what is hidden"
     )
 
 
@@ -177,42 +170,6 @@ def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> No
         inside = filled[1:-1, 1:-1] & filled[2:, 1:-1] & filled[:-2, 1:-1] & filled[1:-1, 2:] & filled[1:-1, :-2]
         edges[1:-1, 1:-1] |= filled[1:-1, 1:-1] & ~inside
     picture.paste(ink, mask=Pillow.fromarray(_OPAQUE * edges.astype(np.uint8)))
-
-
-def nearness(bodies: Iterable[Body], camera: Camera, wide: int, high: int) -> Array:
-    """Compute how far bodies reach toward a parallel camera in each pixel (high, wide), metres from the origin.
-
-    From above that is the height. Where nothing is, it is nan; what is clear, as glass, is left out.
-    """
-    found = np.full((high, wide), -np.inf)
-    for body in bodies:
-        for part in body.visuals:
-            if part.color[3] <= _CLEAR:
-                continue
-            mesh = part.shape.to_trimesh()
-            pose, faces = body.pose @ part.pose, np.asarray(mesh.faces)
-            points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
-            pixels, toward = camera.project(points, wide, high) - 0.5, -points @ camera.axes[2]
-            if mesh.is_volume:  # what faces away is hidden by the rest
-                faces = faces[np.asarray(mesh.face_normals) @ pose.rotation.inv().apply(camera.axes[2]) < 0]
-            for corners in faces:
-                _raise(found, pixels[corners], toward[corners])
-    return np.where(np.isfinite(found), found, np.nan)
-
-
-def _raise(found: Array, corners: Array, z: Array) -> None:
-    """Raise ``found`` (H, W) to a triangle of corners (3, 2) in pixels, with the values ``z`` (3,)."""
-    (x0, y0), (x1, y1) = np.ceil(corners.min(axis=0)), np.floor(corners.max(axis=0))
-    columns = np.arange(max(int(x0), 0), min(int(x1), found.shape[1] - 1) + 1)
-    rows = np.arange(max(int(y0), 0), min(int(y1), found.shape[0] - 1) + 1)
-    edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
-    if not len(columns) or not len(rows) or abs(np.linalg.det(edges)) < 1e-9:
-        return
-    away = np.stack(np.meshgrid(columns, rows), axis=-1) - corners[0]
-    shares = away @ np.linalg.inv(edges).T
-    inside = (shares >= -1e-9).all(axis=-1) & (shares.sum(axis=-1) <= 1 + 1e-9)
-    part = found[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    np.maximum(part, np.where(inside, z[0] + shares @ (z[1:] - z[0]), -np.inf), out=part)
 
 
 def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body], *, axes: bool) -> None:

@@ -3,11 +3,12 @@
 import ast
 import importlib
 
-from core.designs.task_text import BODY, TASK, class_source, function_source, helpers, task_source
 from core.interfaces import Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body
+from core.support.text import function_source
+from plugins.vlms.told.source import BODY, TASK, class_source, helpers, task_source
 from tasks.bring_cube import BringCube
 from tests.faults import Slide
 

@@ -1,6 +1,7 @@
 """Calibrated pictures: what is measured in them is where bodies are."""
 
 import io
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,9 +9,9 @@ from PIL import Image as Pillow
 from scipy.ndimage import label
 
 from core.design import Tool
-from core.designs.sight import own_bounds
 from core.plugins import installed
-from core.simulation.views import SIZE, _parallel, _shown, _size, calibrated_pictures
+from plugins.vlms.told.bodies import own_bounds
+from plugins.vlms.told.views import SIZE, _parallel, _shown, _size, calibrated_pictures
 from tests.engines import simulator
 
 pytestmark = pytest.mark.slow
@@ -26,7 +27,8 @@ def corner(pixels):
 def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
     """The left and the far edge of what is red, from those of what is blue, by the scale that the caption says."""
     task = installed().create("task", "BringCube", {"variation": "wide"})
-    pictures = {p.name: p for p in calibrated_pictures(task, simulator("mujoco"), 5, Tool(), "pictures")}
+    render = partial(simulator("mujoco").render, task, seed=5, tool=Tool())
+    pictures = {p.name: p for p in calibrated_pictures(task, 5, render)}
     assert list(pictures) == ["scene", "close", "front", "side", "top"]
     scale_m = float(pictures["top"].caption.split(" mm per pixel")[0].split()[-1]) / 1000
     drawn = np.asarray(Pillow.open(io.BytesIO(pictures["top"].png))).astype(int)
@@ -43,7 +45,8 @@ def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
 
 def test_photographs_have_no_scale_and_look_at_round_places():
     task = installed().create("task", "BringCube", {"variation": "wide"})
-    one, other = calibrated_pictures(task, simulator("mujoco"), 5, Tool(), "photos")
+    render = partial(simulator("mujoco").render, task, seed=5, tool=Tool())
+    one, other = calibrated_pictures(task, 5, render, photos=True)
     assert (one.name, other.name) == ("scene", "tripod")
     assert "focal length" in other.caption
     assert "mm per pixel" not in one.caption + other.caption
@@ -53,14 +56,13 @@ def test_photographs_have_no_scale_and_look_at_round_places():
 
 def drawn(task, name):
     """Draw calibrated pictures of nothing, and return where one of them has lines, (H, W) of booleans."""
-    made = calibrated_pictures(task, Blank(), 0, Tool(), "pictures")
+    made = calibrated_pictures(task, 0, blank)
     picture = next(picture for picture in made if picture.name == name)
     return np.asarray(Pillow.open(io.BytesIO(picture.png)).convert("L")) < 140
 
 
-class Blank:
-    def render(self, task, **view):
-        return np.full((view["height"], view["width"], 3), 255, dtype=np.uint8)
+def blank(**view):
+    return np.full((view["height"], view["width"], 3), 255, dtype=np.uint8)
 
 
 @pytest.mark.parametrize(

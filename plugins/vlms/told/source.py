@@ -1,7 +1,4 @@
-"""Write what a prompt shows of a task: parts of its source, and where the bodies of a layout are at the start.
-
-Covered by `tests/core/designs/test_excerpts.py` and `tests/core/designs/test_layout.py`.
-"""
+"""Write what a prompt shows of a task: parts of its source, and where the bodies of a layout are at the start."""
 
 from __future__ import annotations
 
@@ -18,50 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from core.config.schemas import UNSEEN
-from core.designs.sight import bodies_table, slip, weight
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Geom, Soft
 from core.support.text import short_number, short_numbers, table
 from core.values.layouts import NONE
+from plugins.vlms.told.bodies import slip, weight
 
 TASK = ("home", "success_reward", "scene", "reward")  # the members that are shown
 BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
-NOTHING = dict.fromkeys(("task_source", "goals", "vocabulary", "helpers"), "")
 
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
-
-
-def scene_values(task: Task, seed: int, told: str) -> dict[str, Any]:
-    """What templates may say of a task and its scene, at a level of `PromptSettings.told`."""
-    several = [{"task": part, **scene_values(part, seed, told)} for part in task.parts if part is not task]
-    if several:
-        return {"several": several, "told": told, "description": "", "layout": "", **NOTHING}
-    if told != "source":
-        table_ = bodies_table(task, seed) if told in UNSEEN else layout_table(task, seed, worded=True)
-        return {"several": (), "told": told, "description": task.in_words, "layout": table_, **NOTHING}
-    return {
-        "several": (),
-        "told": told,
-        "description": task.description,
-        "layout": layout_table(task, seed),
-        "task_source": task_source(task).rstrip("\n"),
-        "goals": task.reward_in_words(),
-        "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
-        "helpers": helpers(task),
-    }
-
-
-@lru_cache
-def function_source(function: Callable[..., Any]) -> str:
-    """Take a function's source without its docstring."""
-    lines, (node,) = inspect.getsource(function).splitlines(), ast.parse(inspect.getsource(function)).body
-    assert isinstance(node, ast.FunctionDef)
-    if ast.get_docstring(node) is not None:
-        del lines[node.body[0].lineno - 1 : node.body[0].end_lineno]
-    return "\n".join(lines)
 
 
 @lru_cache

@@ -8,9 +8,9 @@ from core.geometry import Pose
 from core.plugins import installed
 from core.prompt import compose
 from core.scene import Body, Box, Camera, Geom, Sphere
-from core.simulation.depth import depth_picture, noise_m
-from core.simulation.views import nearness
+from core.simulation.pictures import nearness
 from core.values.messages import Picture, Text
+from plugins.vlms.told.depth import depth_picture, noise_m
 
 DOWN = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), 60.0, 0.75)  # 2.5 mm a pixel
 
