@@ -24,6 +24,7 @@ from plugins.simulators.mujoco.softs import add_softs
 
 GRAVITY = 9.81
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
+CCD_TOLERANCE = 1e-10  # m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves
 _READINGS = 4  # of what the arm feels, without a touch before and after
 HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
@@ -55,6 +56,7 @@ def compiled(
     if any(joint.parent is not None and not scene[joint.parent].fixed for joint in scene.joints):
         time_step /= 2
     spec = described(robot, scene, inertias, tool, time_step, slip_rate)
+    spec.option.ccd_tolerance = CCD_TOLERANCE
     if len(scene.free) <= 1 and not scene.softs:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()

@@ -140,6 +140,26 @@ def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatc
 # --- contacts ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("rpy", [(0, math.pi / 2, 0), (0, math.pi / 2, 1.2), (math.pi / 2, 0.3, 0)])
+@pytest.mark.parametrize(("radius", "length"), [(0.015, 0.15), (0.03, 0.1), (0.05, 0.2)])
+def test_a_lying_cylinder_does_not_roll_by_itself(radius, length, rpy):
+    ground = Body.of("ground", Box((3, 3, 0.1)), (0.5, 0, -0.05), mass=0, color=GREY)
+    can = Body.of("can", Cylinder(radius, length), (0.9, 0.3, radius), mass=0.2, color=GREY, rpy=rpy)
+    there = end(wait(mujoco(), ground, can, seconds=2.0)).position("can")
+    assert np.linalg.norm(there[:2] - [0.9, 0.3]) < 1e-4
+
+
+@pytest.mark.parametrize("radius", [0.015, 0.05])
+def test_a_cylinder_rolls_down_a_slope_as_far_as_an_ideal_one(radius):
+    angle, seconds = math.radians(0.5), 1.5
+    below = (0.5, 0, -0.05 / math.cos(angle))
+    ground = Body.of("ground", Box((6, 3, 0.1)), below, mass=0, color=GREY, rpy=(0, angle, 0))
+    above = radius / math.cos(angle) - 0.1 * math.tan(angle)
+    can = Body.of("can", Cylinder(radius, 0.15), (0.6, 1.0, above), mass=0.2, color=GREY, rpy=(math.pi / 2, 0, 0))
+    there = end(wait(mujoco(), ground, can, seconds=seconds)).position("can")
+    assert there[0] - 0.6 == pytest.approx(2 / 3 * GRAVITY * math.sin(angle) * seconds**2 / 2, rel=0.01)
+
+
 def test_links_of_the_arm_do_not_touch_each_other_and_tools_touch_all_but_their_bearer():
     for tool, bearer in ((stick(0.3), "panda_link7"), (HAND, "panda_link7")):
         made = model(tool=tool)
