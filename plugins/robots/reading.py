@@ -355,4 +355,4 @@ def _check_looks_down(robot: Robot) -> None:
     """Refuse a home at which the link before the last joint lies below the flange."""
     if (height := wrist_height(robot, np.array(robot.home))) < -_UNDER_M:
         below = f"the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange {robot.mount_link!r}"
-        raise UserError(f"at home {below}, which looks up; choose a home where it looks down")
+        raise UserError(f"at home {below}, which looks up; choose a home where it looks down (vlmgineer home)")
