@@ -96,6 +96,7 @@ class Trial:
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
         motion_s: the time of the motion, s; None: nothing was played to its end.
         goals: where several goals count, how far each was fulfilled, 0..1, by name.
+        foreseen: what its plan shows (`core.simulation.foresight`); empty: nothing, or it was solved or not observed.
         task: its name, where a candidate has several; else empty.
         tried_as: the id of the candidate whose trial it was, where another one has the same plan for the task.
     """
@@ -112,6 +113,7 @@ class Trial:
     margins: tuple[Margin, ...] = ()
     motion_s: float | None = None
     goals: tuple[tuple[str, float], ...] = ()
+    foreseen: tuple[tuple[str, float, str], ...] = ()
     task: str = ""
     tried_as: str = ""
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.design import Candidate, Evaluation
-from core.designs.feedback import combined_figures, describe
+from core.designs.feedback import combined_figures, describe, foreseen_lines
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
@@ -22,6 +22,7 @@ from core.interfaces import Fitness, RolloutSettings, Task
 from core.plugins import EXECUTOR, SIMULATOR
 from core.plugins.blame import refuse_exit
 from core.search.evolution import evaluate_all
+from core.simulation.rollout import check
 from core.simulation.together import make_fitness
 from core.support.cli import arguments, command, print_table, say, write_bytes
 from core.support.text import clean
@@ -52,6 +53,16 @@ def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) 
         return list(evaluate_all(candidates, fitness, executor))
 
 
+def check_all(cfg: DictConfig) -> Iterator[str]:
+    """Yield what the plans in ``cfg.designs`` show before they are played, a line for each; see `evaluate`."""
+    task, settings = task_part(cfg).create(), node(cfg.rollout, RolloutSettings)
+    seeds = range(cfg.seed, cfg.seed + cfg.fitness.get("layouts", 1))
+    for one in read_designs(load_designs(Path(cfg.designs)), tool_part(cfg).create(), SpawnRules(task, cfg.seed)):
+        trials = [check(part, one.of(part.name), seed, settings) for part in task.parts for seed in seeds]
+        found = [*dict.fromkeys(trial.reason for trial in trials if trial.reason), *foreseen_lines(trials)]
+        yield f"strategy {one.strategy} plan {one.action}: {clean('; '.join(found), 2000) or 'nothing found'}"
+
+
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """One entry of the output file."""
     names = ("reward", "distance_m", "status", "reason", "ik_error_m", "ik_error_rad", "tracking_error_rad")
@@ -74,6 +85,10 @@ def main(words: list[str]) -> None:
     cfg = load("evaluate", arguments(USAGE, words))
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs file given; {USAGE}")
+    if cfg.check:
+        for line in check_all(cfg):
+            say(line)
+        return
     task = task_part(cfg).create()
     records = [record(evaluation, task) for evaluation in evaluate(cfg)]
     if cfg.output is not None:

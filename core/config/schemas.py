@@ -164,10 +164,11 @@ class RunConfig(SearchConfig):
 
 @dataclass
 class EvaluateConfig(TrialConfig):
-    """Settings of ``python -m core.evaluate``. ``output``: a JSON file to write as well."""
+    """Settings of ``python -m core.evaluate``. ``output``: a JSON file to write as well; ``check``: play nothing."""
 
     designs: str = MISSING
     output: str | None = None
+    check: bool = False
 
 
 @dataclass

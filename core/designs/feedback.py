@@ -21,7 +21,7 @@ _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.00
 _BODIES, _CONTACTS, _LAYOUTS = 2, 6, 3
 _REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
 _REASONS = 3  # of candidates without a line of their own
-_OUTCOMES, _DRAWN = 6, 8  # kinds of trials, and drawn numbers of a layout
+_OUTCOMES, _DRAWN, _FORESEEN = 6, 8, 3  # kinds of trials, drawn numbers of a layout, and what plans show
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
@@ -115,6 +115,8 @@ def combined_figures(evaluation: Evaluation, task: Task, sight: Sight | None = N
         figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
         if poor := poor_layouts(evaluation, task, drawn=sight is None):
             figures["poor_layouts"] = poor
+    if planned := foreseen_lines(evaluation.trials, sight):
+        figures["planned"] = planned
     if evaluation.same_as is not None:
         figures["same_as"] = evaluation.same_as
     return figures | dict(evaluation.figures)
@@ -204,7 +206,8 @@ def describe(evaluation: Evaluation, sight: Sight | None = None) -> str:
     if missed and sight is None and seen.result in ("never touched", "unreachable", "stuck"):
         nearest = min(missed, key=lambda name: missed[name])
         parts.append(f"nearest to {nearest} {1000 * missed[nearest]:.0f} mm")
-    return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
+    planned = (f"planned: {line}" for line in foreseen_lines(evaluation.trials, sight))
+    return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen), *planned)))
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight | None = None) -> list[str]:
@@ -218,6 +221,19 @@ def trial_lines(evaluation: Evaluation, sight: Sight | None = None) -> list[str]
         for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0])
     ]
     return lines[:_OUTCOMES] + ([f"{len(lines) - _OUTCOMES} others"] if len(lines) > _OUTCOMES else [])
+
+
+def foreseen_lines(trials: Sequence[Trial], sight: Sight | None = None) -> list[str]:
+    """Say what plans show before they are played (`Trial.foreseen`), and in how many layouts."""
+    found: dict[tuple[str, str], dict[int, float]] = {}
+    for trial in trials:
+        for what, mm, how in trial.foreseen:
+            found.setdefault((what, how), {})[trial.layout] = mm
+    layouts = len({trial.layout for trial in trials})
+    return [
+        _said(f"{what} {max(mm.values()):.0f} mm {how}" + f" in {len(mm)} of {layouts} layouts" * (layouts > 1), sight)
+        for (what, how), mm in sorted(found.items(), key=lambda item: -len(item[1]))[:_FORESEEN]
+    ]
 
 
 def _wheres(trials: Sequence[Trial], among: Sequence[Trial]) -> str:

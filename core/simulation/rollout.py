@@ -19,6 +19,7 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
+from core.simulation.foresight import foresee
 from core.simulation.guards import PlannedGuards
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
@@ -166,6 +167,15 @@ def evaluate_batch(
     return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]
 
 
+def check(task: Task, candidate: Candidate, seed: int, settings: RolloutSettings) -> Trial:
+    """Say what is wrong with a candidate in one layout: why it would be rejected, or what its plan shows."""
+    scene = task.scene(seed)
+    step = _Batch(task, scene, seed, settings, feels=True).planned(candidate)
+    if isinstance(step, Evaluation):
+        return Trial(layout=seed, status=step.status, reason=step.reason)
+    return Trial(layout=seed, foreseen=tuple(foresee(task, scene, step.motion, step.job)))
+
+
 @dataclass(frozen=True, eq=False)
 class _Batch:
     """One layout of a task, and how candidates are tried in it; see `evaluate_batch`."""
@@ -305,7 +315,9 @@ class _Batch:
             return Trial()
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
-        return Trial(touch_m=seen.touch_m, outcome=f"{seen.result} {seen.what}".strip(), observation=seen)
+        found = () if seen.result == "solved" else foresee(self.task, self.scene, attempt.motion, attempt.job)
+        outcome = f"{seen.result} {seen.what}".strip()
+        return Trial(touch_m=seen.touch_m, outcome=outcome, observation=seen, foreseen=tuple(found))
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
