@@ -27,11 +27,10 @@ INK = "#1b1f24"
 
 @dataclass(frozen=True, eq=False)
 class FigurePage:
-    """A figure: ``name`` is its file's, ``caption`` says what it shows and how it was made."""
+    """A figure; ``name`` is its file's. What it shows, and how it was made, is in ``report.html.j2``."""
 
     name: str
     title: str
-    caption: str
     paint: Callable[[], Figure] = field(repr=False)
 
     def render(self, format_: str, ground: str = "white", titled: bool = True) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,21 +32,20 @@ class Column:
     digits: int | None = None
 
 
-def columns(text: str) -> tuple[Column, ...]:
-    """Columns of a text such as ``task|runs:0|best reward:3``: names, and digits where they hold numbers."""
-    split = (word.partition(":") for word in text.split("|"))
-    return tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
-
-
 @dataclass(frozen=True)
 class Table:
-    """A table: ``name`` is its file's, ``note`` says how its numbers are made."""
+    """A table; ``name`` is its file's. Its title, and how its numbers are made, are in ``report.html.j2``."""
 
     name: str
-    title: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
-    note: str = ""
+
+    @classmethod
+    def of(cls, name: str, head: str, rows: Iterable[tuple[Cell, ...]]) -> Table:
+        """Make a table with a head such as ``task|runs:0|best reward:3``: names, and digits where they hold numbers."""
+        split = (word.partition(":") for word in head.split("|"))
+        columns = tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
+        return cls(name, columns, tuple(rows))
 
     def __post_init__(self) -> None:
         for row in self.rows:

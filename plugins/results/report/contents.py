@@ -13,9 +13,12 @@ from core.support.files import read_untrusted
 from plugins.results.pages.figure import FigurePage
 from plugins.results.pages.formats import Table, to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
-from plugins.results.report.figures import figure_pages
+from plugins.results.report.figures import comparable, figure_pages
+from plugins.results.report.lineage import MAX_GENERATIONS
 from plugins.results.report.results import Results
-from plugins.results.report.tables import tables
+from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
+from plugins.results.report.tables import REASONS, tables
+from plugins.results.report.verify import TOLERANCE
 
 DATA = "data"  # the folder of tables and figures, beside the page
 FILM_BYTES, FILMS_BYTES = 5_000_000, 20_000_000  # of one, and of all on a page
@@ -61,18 +64,6 @@ def _page(
     folder: Path,
     live: Live | None,
 ) -> str:
-    sections: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (  # id, title, pictures, tables
-        ("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
-        ("results", "Rewards", ("rewards", "rewards_by_generation"), ("rewards",)),
-        ("methods", "Over all tasks", (), ("methods",)),
-        ("generations", "By generation", ("anytime",), ("generations", "reasons")),
-        ("lineage", "Lineage, and the model's words", ("lineage",), ("lineage",)),
-        ("tools", "Tools", (), ("tools", "front")),
-        ("models", "Models", (), ("models",)),
-        ("runs", "Runs", (), ("left_out", "runs")),
-        ("costs", "Costs", (), ("costs",)),
-    )
-    there = {table.name for table in listed} | {*drawings}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
     runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
     best = results.tools.best.items()
@@ -85,9 +76,11 @@ def _page(
         state=live and live.status[0],
         films=_films(results),
         warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
-        sections=[section for section in sections if there & {*section[2], *section[3]}],
         tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
         drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
         files=f"{DATA}/",
+        interval=f"{100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples",
+        most={"reasons": REASONS, "generations": MAX_GENERATIONS, "tolerance": TOLERANCE},
+        shared=comparable(results)[0],
     )

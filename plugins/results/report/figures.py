@@ -12,7 +12,7 @@ from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wr
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.lineage import lineage_page
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import CONFIDENCE, deviation, interval, mean
+from plugins.results.report.statistics import deviation, interval, mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ def figure_pages(results: Results) -> list[FigurePage]:
     """All figures that have something to show."""
     if not results.groups:
         return []
-    tasks, methods = _comparable(results)
+    tasks, methods = comparable(results)
     pages = [
         by_generation(results.runs[0]) if len(results.runs) == 1 else rewards(results),
         anytime(results, tasks, methods),
@@ -34,7 +34,7 @@ def figure_pages(results: Results) -> list[FigurePage]:
     return [page for page in pages if page is not None]
 
 
-def _comparable(results: Results) -> tuple[list[str], list[str]]:
+def comparable(results: Results) -> tuple[list[str], list[str]]:
     """All tasks and the methods that were run on all of them; failing that, the tasks that all methods share."""
     everywhere = [method for method in results.methods if len(results.of(method)) == len(results.tasks)]
     if everywhere:
@@ -87,11 +87,7 @@ def rewards(results: Results) -> FigurePage:
         _legend(figure, ax)
         return figure
 
-    caption = (
-        "Bars: the average over runs of each run's best reward; whiskers: one sample standard deviation to each side, "
-        "clipped to [0, 1]; dots: the runs."
-    )
-    return FigurePage("rewards", "Reward by task and method", caption, paint)
+    return FigurePage("rewards", "Reward by task and method", paint)
 
 
 def by_generation(run: FinishedRun) -> FigurePage:
@@ -108,7 +104,7 @@ def by_generation(run: FinishedRun) -> FigurePage:
         _legend(figure, ax)
         return figure
 
-    return FigurePage("rewards_by_generation", "Reward by generation", "Of the candidates that were tried.", paint)
+    return FigurePage("rewards_by_generation", "Reward by generation", paint)
 
 
 def _course(run: FinishedRun) -> tuple[Array, Array]:
@@ -144,9 +140,4 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
         _legend(figure, ax)
         return figure
 
-    caption = (
-        f"The best reward after each number of rollouts, averaged over runs and then over {len(tasks)} tasks "
-        f"({', '.join(tasks)}); bands: {100 * CONFIDENCE:g} % stratified bootstrap intervals. "
-        "A run that ended early keeps its last."
-    )
-    return FigurePage("anytime", "Reward by rollouts", caption, paint)
+    return FigurePage("anytime", "Reward by rollouts", paint)

@@ -23,10 +23,10 @@ from core.store.reader import StoredRun, rollouts
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from core.support.files import read_untrusted
 from core.values.efforts import Effort, holds
-from plugins.results.pages.formats import Column, Table, columns
+from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
-from plugins.results.report.statistics import CONFIDENCE, RESAMPLES, RunCost, interval, mean
+from plugins.results.report.statistics import RunCost, interval, mean
 
 AnyRun = FinishedRun | LeftOutRun
 
@@ -144,6 +144,14 @@ class Entry:
     def runs(self) -> list[RunResult]:
         return [run for task in self.tasks.values() for run in task.runs]
 
+    @property
+    def means(self) -> dict[str, float]:
+        by_task = {f"the score of {task}": own.score for task, own in self.tasks.items()}
+        by_engine = {
+            f"{task} in {name}": value for task, own in self.tasks.items() for name, value in own.engines.items()
+        }
+        return {"the score": self.score, **by_task, **by_engine}
+
     def dump(self) -> bytes:
         return TypeAdapter(Entry).dump_json(self, indent=2) + b"\n"
 
@@ -155,33 +163,13 @@ def read_entry(file: Path) -> Entry:
         UserError: it is none, does not follow its protocol, or contradicts itself.
     """
     try:
-        read = validated(Entry, parsed(read_untrusted(file, MAX_BYTES)))
-        check(read)
-        return _computed(read)
+        return check(validated(Entry, parsed(read_untrusted(file, MAX_BYTES))))
     except (ValueError, UserError) as error:
         raise UserError(f"{file} can't be compared: {short(str(error))}") from error
 
 
-def _computed(read: Entry) -> Entry:
-    """Compute the means of an entry anew.
-
-    Raises:
-        UserError: they are not those that it has.
-    """
-    entry = Entry.of(read, {task: result.runs for task, result in read.tasks.items()})
-    means: dict[str, tuple[float | None, float]] = {"the score": (read.score, entry.score)}
-    for task, own in entry.tasks.items():
-        said = read.tasks[task]
-        means[f"the score of {task}"] = said.score, own.score
-        means |= {f"{task} in {name}": (said.engines.get(name), value) for name, value in own.engines.items()}
-    for what, (claimed, value) in means.items():
-        if claimed is None or not abs(claimed - value) <= SAME:
-            raise UserError(f"{what} is {claimed}, where its rewards have a mean of {value:.3f}")
-    return entry
-
-
-def check(entry: Entry) -> None:
-    """Check that an entry follows its protocol, and that runs can have such figures.
+def check(entry: Entry) -> Entry:
+    """Check that an entry follows its protocol, and that runs can have such figures; return it.
 
     Raises:
         UserError: the first thing that differs.
@@ -216,6 +204,10 @@ def check(entry: Entry) -> None:
         if any(map(any, run.rewards.values())) and not (run.candidates and run.rollouts and run.requests):
             spent = f"{run.candidates} candidates, {run.rollouts} rollouts and {run.requests} requests"
             raise UserError(f"no run earns anything with {spent}, as that with seed {run.seed} says")
+    for what, due in Entry.of(entry, {task: result.runs for task, result in entry.tasks.items()}).means.items():
+        if what not in entry.means or not abs(entry.means[what] - due) <= SAME:
+            raise UserError(f"{what} is {entry.means.get(what)}, where its rewards have a mean of {due:.3f}")
+    return entry
 
 
 @lru_cache
@@ -309,9 +301,7 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
     tasks: dict[str, list[RunResult]] = {}
     for run in sorted(runs, key=lambda run: run.task):
         tasks.setdefault(run.task, []).append(_result(run, rules))
-    entry = Entry.of(Entry(name, rules.name, version, track, 0.0, shared, packages, {}), tasks)
-    check(entry)
-    return entry
+    return check(Entry.of(Entry(name, rules.name, version, track, 0.0, shared, packages, {}), tasks))
 
 
 def _result(run: AnyRun, rules: Protocol) -> RunResult:
@@ -347,11 +337,8 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     listed = sorted(entries, key=lambda item: (item.entry.track, -item.entry.score))
     ranked = [item.entry for item in listed]
     engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
-    head = (
-        *columns("track|entry|told|score:3|low:3|high:3"),
-        *(Column(engine, 3) for engine in engines),
-        *columns("seeds|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"),
-    )
+    head = f"track|entry|told|score:3|low:3|high:3{''.join(f'|{engine}:3' for engine in engines)}|seeds"
+    head += "|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"
     rows = []
     for entry, verified in listed:
         tasks, costs = [*entry.tasks.values()], [run.cost_usd for run in entry.runs if run.cost_usd is not None]
@@ -368,16 +355,6 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
                 *(f"{entry.protocol} {entry.version}", entry.versions.get("vlmgineer"), verified),
             )
         )
-    note = (
-        "Score: the mean over tasks and runs of a run's mean reward in unseen layouts, in the engine where that is the "
-        "lowest; in a lean track the effort that it saves, if it holds. "
-        f"Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples of the "
-        "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs. "
-        "Verified: by whom the rewards were earned, or in how many runs the designs earned them again."
-    )
     by_task = [(e.track, task, e.name, own.score, len(own.runs)) for e in ranked for task, own in e.tasks.items()]
-    tasks_head = columns("track|task|entry|score:3|runs:0")
-    return [
-        Table("entries", "Entries of the benchmark", head, tuple(rows), note),
-        Table("entries_by_task", "Entries by task", tasks_head, tuple(sorted(by_task))),
-    ]
+    by_task_head = "track|task|entry|score:3|runs:0"
+    return [Table.of("entries", head, rows), Table.of("entries_by_task", by_task_head, sorted(by_task))]

@@ -9,7 +9,7 @@ from core.design import ranked
 from core.store.reader import Key, StoredEvaluation
 from core.support.text import number
 from plugins.results.pages.figure import INK, FigurePage, new_figure
-from plugins.results.pages.formats import Table, columns
+from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.results import Results
 
@@ -49,19 +49,13 @@ def lineage(results: Results) -> Table:
             said = (str(designs[e.design].written.get(name) or "").strip(" .") for name in names)
             words = ". ".join(dict.fromkeys(filter(None, said)))
             rows.append((e.design[0], e.candidate, e.reward, ", ".join(sorted(parents)) or "–", words))
-    head = columns("generation:0|candidate|reward:3|derives from|in the model's words")
-    note = "The best designs of each generation, as many as may become elites, by their best candidates."
-    return Table("lineage", "Which design became which", head, tuple(rows), note)
+    return Table.of("lineage", "generation:0|candidate|reward:3|derives from|in the model's words", rows)
 
 
 def lineage_page(results: Results) -> FigurePage | None:
     """The graph of a single run's designs, if one derives from another."""
     shown = elites(results.runs[0]) if len(results.runs) == 1 else []
-    caption = (
-        "The best designs of each generation, the best on top; rewards within evolution.tie of each other count as "
-        f"equal. Lines lead to what derives from a design. At most {MAX_GENERATIONS} generations are drawn."
-    )
-    return FigurePage("lineage", "Lineage", caption, partial(_paint, shown)) if any(of for _, of in shown) else None
+    return FigurePage("lineage", "Lineage", partial(_paint, shown)) if any(of for _, of in shown) else None
 
 
 def _paint(shown: Elites) -> Figure:

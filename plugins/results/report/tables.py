@@ -8,14 +8,12 @@ from typing import Any
 
 from core.store.reader import StoredEvaluation, StoredRequest
 from core.values.efforts import front as unbeaten
-from plugins.results.pages.formats import Cell, CellLink, Table, columns
+from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.lineage import lineage
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
-    CONFIDENCE,
-    RESAMPLES,
     RunCost,
     deviation,
     interquartile_mean,
@@ -41,7 +39,7 @@ def tables(results: Results) -> list[Table]:
 
 def rewards(results: Results) -> Table:
     """Best, average and deviation of rewards, by task and method."""
-    head = columns(
+    head = (
         "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
         "|distance of the best (m):2|candidate|unseen layouts, mean:3|unseen layouts, worst:3"
     )
@@ -55,19 +53,12 @@ def rewards(results: Results) -> Table:
         )
         for g in results.groups
     ]
-    note = (
-        "Of each run's best reward: the best and the average over runs, the sample standard deviation (n - 1), and the "
-        "interquartile mean, which below four runs is the average. Distance: metres that the end-effector's origin "
-        "travelled in the best run's best plan. Left out: runs that failed or are unfinished; they are in no figure. "
-        "Unseen layouts: those that no search sees, in which each run's best plan is "
-        "tried (`fitness=layouts`): the average over runs, and the lowest reward."
-    )
-    return Table("rewards", "Rewards by task and method", head, tuple(rows), note)
+    return Table.of("rewards", head, rows)
 
 
 def methods(results: Results) -> Table:
     """The paper's mean and the interquartile mean of each method, with intervals."""
-    head = columns(
+    head = (
         "method|tasks:0|runs:0|mean of the best:3|mean:3|mean, low:3|mean, high:3|interquartile mean:3"
         "|IQM, low:3|IQM, high:3|which tasks"
     )
@@ -86,19 +77,12 @@ def methods(results: Results) -> Table:
                 ", ".join(g.task for g in groups),
             )
         )
-    note = (
-        "Mean: over tasks, of each task's average over runs, as the paper has it; mean of the best: over tasks, of "
-        "each task's best run. Interquartile mean (IQM): of all runs of all tasks the middle half (Agarwal et al. "
-        f"2021). Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap "
-        "samples, drawn within each task; none where a task has one run only. Methods with different tasks can't be "
-        "compared by these."
-    )
-    return Table("methods", "Methods over all their tasks", head, tuple(rows), note)
+    return Table.of("methods", head, rows)
 
 
 def generations(results: Results) -> Table:
     """Rewards by generation."""
-    head = columns(
+    head = (
         "task|method|generation:0|runs:0|best so far:3|standard deviation:3|best of the generation:3"
         "|mean of the generation:3|rejected (%):1|failed (%):1"
     )
@@ -117,11 +101,7 @@ def generations(results: Results) -> Table:
                     *(100 * count / candidates if candidates else None for count in lost),
                 )
             )
-    note = (
-        "Means over runs. Best so far: up to and with the generation; a run that stopped early keeps its last. Runs: "
-        "those that have the generation. Mean of the generation: over the candidates that were tried."
-    )
-    return Table("generations", "Rewards by generation", head, tuple(rows), note)
+    return Table.of("generations", head, rows)
 
 
 def reasons(results: Results) -> Table:
@@ -132,10 +112,7 @@ def reasons(results: Results) -> Table:
         for run in g.runs
         for line in run.reasons[:REASONS]
     ]
-    note = f"Of each run the {REASONS} most common: why candidates were rejected, failed, or earned nothing or less."
-    return Table(
-        "reasons", "What spoke against candidates", columns("task|method|run|candidates|reason"), tuple(rows), note
-    )
+    return Table.of("reasons", "task|method|run|candidates|reason", rows)
 
 
 def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
@@ -146,7 +123,7 @@ def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
 
 def models(results: Results) -> Table:
     """What each model was asked, what that cost and earned; where a method has several, or a critic."""
-    head = columns(
+    head = (
         "task|method|model|asked for|replies:0|of them failed:0|prompt tokens:0|completion tokens:0|cost (USD):4"
         "|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
     )
@@ -173,17 +150,12 @@ def models(results: Results) -> Table:
                     *(_over_known(function, rewards) for function in (max, mean)),
                 )
             )
-    note = (
-        "Sums over the runs; tokens and dollars are of the replies that report them. The rewards are those of all "
-        "candidates in a model's answers that were tried. Which model is asked depends on what its answers earned, so "
-        "that their means need not be comparable."
-    )
-    return Table("models", "Models", head, tuple(rows), note)
+    return Table.of("models", head, rows)
 
 
 def costs(results: Results) -> Table:
     """Time, tokens and dollars that runs took."""
-    head = columns(
+    head = (
         "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
         "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
     )
@@ -200,13 +172,12 @@ def costs(results: Results) -> Table:
                 *(known_sum(getattr(s, name) for s in spent) for name in RunCost._fields[3:]),
             )
         )
-    note = "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does."
-    return Table("costs", "Time and money", head, tuple(rows), note)
+    return Table.of("costs", head, rows)
 
 
 def runs(results: Results) -> Table:
     """All runs that are counted."""
-    head = columns(
+    head = (
         "task|method|seed:0|best reward:3|unseen layouts, mean:3|least margin:2|distance (m):2"
         "|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
     )
@@ -223,12 +194,12 @@ def runs(results: Results) -> Table:
         for g in results.groups
         for run in g.runs
     ]
-    return Table("runs", "Runs", head, tuple(rows))
+    return Table.of("runs", head, rows)
 
 
 def tools(results: Results) -> Table:
     """The best tools, with the model's descriptions."""
-    head = columns(
+    head = (
         "task|method|tool|reward:3|distance (m):2|size|mass (g):0|material|components:0|description|how it is used|"
         "candidate|run"
     )
@@ -241,8 +212,7 @@ def tools(results: Results) -> Table:
         )
         for (task, method), winner in results.tools.best.items()
     ]
-    note = " ".join(f"Not shown: {problem}." for problem in results.tools.problems)
-    return Table("tools", "The best tools", head, tuple(rows), note)
+    return Table.of("tools", head, rows)
 
 
 def front(results: Results) -> Table:
@@ -256,13 +226,11 @@ def front(results: Results) -> Table:
                     cost = (1000 * known["mass_kg"], known["motion_s"], known["lean"])
                     judged[g.task].append((*cost, g.method, run.seed, each.candidate))
     rows = [(task, *own[n]) for task, own in judged.items() for n in unbeaten([(row[0], row[1]) for row in own])]
-    head = columns("task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate")
-    note = "Of all candidates that hold in the search's layouts, those that no other beats in mass without more time."
-    return Table("front", "Mass against time", head, tuple(rows), note)
+    head = "task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate"
+    return Table.of("front", head, rows)
 
 
 def left_out(results: Results) -> Table:
     """The runs that no figure counts."""
     rows = [(CellLink(run.folder.name, run.folder), run.task, run.status, run.reason) for run in results.left_out]
-    title = "Runs that failed or are unfinished"
-    return Table("left_out", title, columns("folder|task|status|reason"), tuple(rows), "None of them is averaged in.")
+    return Table.of("left_out", "folder|task|status|reason", rows)

@@ -18,7 +18,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import EXECUTOR, FITNESS, SIMULATOR
 from core.search.finalists import try_unseen
 from core.simulation.rollout import Evaluator
-from plugins.results.pages.formats import Table, columns
+from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import short
 from plugins.results.report.leaderboard import Entry, RunResult, protocol
 
@@ -102,9 +102,4 @@ def verification(runs: Sequence[VerifiedRun]) -> Table:
         (run.entry.name, run.task, run.seed, run.claimed, run.score, "yes" if run.same else f"no {run.why}".strip())
         for run in runs
     ]
-    note = (
-        "Each run's design, tried again in the protocol's unseen layouts on this machine. Verified: the score differs "
-        f"from the claimed one by at most {TOLERANCE:g}. A run that claims 0 is not tried."
-    )
-    head = columns("entry|task|seed|claimed:3|earned again:3|verified")
-    return Table("verification", "Designs of a results file, tried again", head, tuple(rows), note)
+    return Table.of("verification", "entry|task|seed|claimed:3|earned again:3|verified", rows)

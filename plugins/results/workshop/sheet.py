@@ -128,7 +128,7 @@ def write_sheet(
     """
     robot = task.robot
     said = figures(tool, robot, made, measured(tool, robot, made.material, scene, motion, replays), task)
-    page = FigurePage("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
+    page = FigurePage("sheet", said["tool"], lambda: draw_page(tool, robot, said))
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())
     return [Check(**verdict) for verdict in said["verdicts"]]

@@ -6,11 +6,12 @@ import io
 import pytest
 
 from core.support.text import number
-from plugins.results.pages.formats import CellLink, Column, Table, columns, printed, to_csv
+from plugins.results.pages.formats import CellLink, Column, Table, printed, to_csv
 
 
 def test_columns_of_a_text():
-    assert columns("task|runs:0|mean, low:3") == (Column("task"), Column("runs", 0), Column("mean, low", 3))
+    head = Table.of("t", "task|runs:0|mean, low:3", []).columns
+    assert head == (Column("task"), Column("runs", 0), Column("mean, low", 3))
 
 
 @pytest.mark.parametrize(
@@ -24,7 +25,7 @@ def test_nothing_is_rounded_up_to_one(value, digits, said):
 def test_cells_in_a_file_of_commas(tmp_path):
     columns = (Column("text"), Column("number", 2), Column("link"))
     rows = (("=1+1|\x1b[31m\n*b*", 1 / 3, CellLink("a|b", tmp_path / "x" / "y")), ("", None, ()))
-    table = Table("t", "T", columns, rows, "note")
+    table = Table("t", columns, rows)
     text = to_csv(table, tmp_path / "out")
     (first, second) = csv.DictReader(io.StringIO(text))
     assert first["text"] == "'=1+1|[31m *b*"  # no formula, no escape sequence
@@ -33,4 +34,4 @@ def test_cells_in_a_file_of_commas(tmp_path):
     assert second == {"text": "", "number": "", "link": ""}
     assert printed(None, columns[1]) == "–"
     with pytest.raises(ValueError, match="1 cells under 3 columns"):
-        Table("t", "T", columns, (("x",),))
+        Table("t", columns, (("x",),))
