@@ -323,8 +323,7 @@ def main() -> None:
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
     elif given.what == "arm":
-        robot = installed().default_robot
-        fill(DOCS / "arm.md", f"\n{facts.sheet(robot, robot.measured)}")
+        fill(DOCS / "arm.md", f"\n{facts.sheet(installed().default_robot)}")
     elif given.what == "prompts":
         fill(DOCS / "prompts.md", prompt_page.contents())
     elif given.what == "tempo":
