@@ -160,10 +160,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             numbers = np.asarray(action, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}") from error
-        if numbers.shape != shape:
-            raise gymnasium.error.InvalidAction(f"{wanted}; got an array of shape {numbers.shape}")
-        if not np.isfinite(numbers).all():
-            raise gymnasium.error.InvalidAction(f"{wanted}; got {numbers.tolist()}")
+        if numbers.shape != shape or not np.isfinite(numbers).all():
+            raise gymnasium.error.InvalidAction(f"{wanted}; got an array of shape {numbers.shape}: {numbers.tolist()}")
         return numbers
 
     def _target(self, action: Numbers) -> Array:

@@ -23,6 +23,7 @@ from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.motion import RECORD_HZ, Unplayable, play, sample
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
+from plugins.results.workshop.texts import filled
 from plugins.results.workshop.tool import make_tool
 from plugins.results.workshop.verdicts import BENT, SAFETY, carried, printable, strong, tolerance
 
@@ -74,26 +75,17 @@ class Buildable(Fitness):
 
     def instructions(self) -> str:
         task, material = self._evaluator.task.create(), self._material
-        robot = task.robot
-        plate = " x ".join(f"{side:g}" for side in self._printer.plate_mm)
-        strength = (
-            f"- Strength: {material.name} bears {material.strength_pa / 1e6:g} MPa; under the contact forces of the "
-            f"rollout and its weight the bending stress of no component may exceed 1/{self._safety:g} of that.\n"
-            if material.strength_pa is not None
-            else ""
+        rules = filled(
+            "buildable.md.j2",
+            printer=self._printer,
+            material=material,
+            safety=self._safety,
+            most_kg=mass_limit(task.robot, material)[0],
+            most_nm=moment_limit(task.robot),
+            bend_mm=1000 * BENT * tolerance(task),
+            margin_mm=1000 * self._margin,
         )
-        return (
-            f"{self._inner.instructions() or 'What counts is the reward of one rollout.'}\n\n"
-            "A design must also be buildable: it earns 0 if it breaks one of these rules.\n"
-            f"- Printing: each rigid body is closed and in one piece, and has no wall thinner than "
-            f"{self._printer.min_wall_mm:g} mm. What does not fit into {plate} mm, however it is laid, is cut square "
-            "to its length and joined by dovetails, for which it must be thick enough.\n"
-            "- Mount: nothing rises above the mount into the arm, and 3 or more of the flange's screws can be driven.\n"
-            f"- Mass: at most {mass_limit(robot, material)[0]:g} kg, and {moment_limit(robot):g} N m about the mount.\n"
-            f"{strength}"
-            f"- Stiffness: the contact forces bend it by at most {1000 * BENT * tolerance(task):.3g} mm.\n"
-            f"- Clearance: the arm keeps {1000 * self._margin:g} mm from itself and from all that is fixed."
-        )
+        return f"{self._inner.instructions() or 'What counts is the reward of one rollout.'}\n\n{rules}".strip()
 
     @property
     def batch(self) -> int:
