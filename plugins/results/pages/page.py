@@ -103,5 +103,5 @@ def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
             }
         )
     summary = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
-    caption = f"{winner.tool.description} ({summary})"
+    caption = f"{winner.tool.description} ({summary})" if winner.tool.description else summary
     return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}
