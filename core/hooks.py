@@ -99,11 +99,19 @@ class Parts(Protocol):
 
 
 class Configs(Protocol):
-    """What a plugin may bring beside parts: configs, and levels of ``prompt.told``."""
+    """What a plugin may bring beside parts. Of observers and refinements core takes the first that is offered."""
 
     @hookspec
     def levels(self) -> Factories:
-        """Make a `core.task.Level`, without settings."""
+        """Make a `core.task.Level` of ``prompt.told``, without settings."""
+
+    @hookspec
+    def observers(self) -> Factories:
+        """Observe a rollout, for ``rollout.observe``: see `core.simulation.rollout.Observe`."""
+
+    @hookspec
+    def refinements(self) -> Factories:
+        """Make a strategy of ``strategy``, ``designer`` and the number of rollouts, for ``evolution.refine``."""
 
     @hookspec
     def config_path(self) -> str:

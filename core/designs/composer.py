@@ -33,7 +33,7 @@ from core.robot.extents import outline
 from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.support.files import read_text
 from core.support.text import clean, function_source, short_numbers
-from core.task import NOTHING_TOLD
+from core.task import NOTHING_TOLD, Level
 
 SUFFIX = ".md.j2"
 REPAIR, CRITIC = "repair", "critic"
@@ -71,7 +71,7 @@ class PromptComposer:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
-        self.level = installed().level(settings.told)
+        self.level: Level = installed().extension("levels", settings.told, "prompt.told")()
         if settings.photographs not in PHOTOGRAPHS:
             raise choices("value", settings.photographs, PHOTOGRAPHS, "prompt.photographs")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}

@@ -54,8 +54,8 @@ class Failure:
 
 
 class Discovery:
-    """The installed plugins: ``offers`` by (kind, name), ``levels`` by name, packages of Hydra ``configs`` by
-    distribution, ``failures``.
+    """The installed plugins: ``offers`` by (kind, name), ``extensions`` by (hook, name), packages of Hydra
+    ``configs`` by distribution, ``failures``.
 
     Raises:
         UsageError: the environment variable `SWITCH` names a plugin that is not installed.
@@ -63,7 +63,7 @@ class Discovery:
 
     def __init__(self, entry_points: Mapping[str, Any] | None = None) -> None:
         self.offers: dict[tuple[str, str], Offer] = {}
-        self.levels: dict[str, Offer] = {}
+        self.extensions: dict[tuple[str, str], Offer] = {}
         self.configs: dict[str, list[str]] = {}
         self.failures: list[Failure] = []
         for entry, distribution in _switched_on():
@@ -99,9 +99,10 @@ class Discovery:
                     if hook in kinds:
                         for part, factory in dict(given).items():
                             self._offer(Offer(kinds[hook], part, name, distribution, factory))
-                    elif hook == "levels":
-                        found = {level: Offer("level", level, name, distribution, given[level]) for level in given}
-                        self.levels = found | self.levels
+                    elif hook != "config_path":
+                        for extension, factory in dict(given).items():
+                            offer = Offer(hook.removesuffix("s"), extension, name, distribution, factory)
+                            self.extensions.setdefault((hook, extension), offer)
                     else:
                         _check_config_path(given)
                         self.configs.setdefault(distribution, []).append(given)

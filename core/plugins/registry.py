@@ -24,7 +24,6 @@ from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
 from core.plugins.moved import describe_import_error
-from core.task import Level
 from core.values.materials import PAPER, Material
 
 _NAMED = ("missing", "unexpected_keyword_argument")  # errors about a key of a setting, which their text doesn't name
@@ -67,19 +66,17 @@ class Plugins(Discovery):
             return lambda command=offer.factory: command
         return _imported(offer, offer.factory)
 
-    def level(self, name: str) -> Level:
-        """Make a level of ``prompt.told``.
+    def extension(self, hook: str, name: str | None = None, where: str = "") -> Any:
+        """Import what is offered by a hook of `core.hooks.Configs`; without a name the first.
 
         Raises:
-            UserError: there is none of that name, or it can't be imported or is something else.
+            UserError: there is none, named in a setting ``where``, or it can't be imported.
         """
-        if name not in self.levels:
-            raise choices("level", name, self.levels, "prompt.told")
-        offer = self.levels[name]
-        level = _imported(offer, offer.factory)()  # type: ignore[arg-type]
-        if not isinstance(level, Level):
-            raise UserError(f"level {name!r} of {offer.distribution} is no core.task.Level")
-        return level
+        offers = {other: offer for (own, other), offer in self.extensions.items() if own == hook}
+        name = next(iter(offers), "") if name is None else name
+        if name not in offers:
+            raise choices(hook.removesuffix("s"), name, offers, where)
+        return _imported(offers[name], offers[name].factory)  # type: ignore[arg-type]
 
     def run_command(self, name: str, arguments: list[str]) -> int | None:
         """Call a command with its arguments, and return its exit status; None: 0.

@@ -163,13 +163,13 @@ class ModelDesigner:
                 self.critic.hear(reply, asked[reply.request_id])
 
     def parameters(self, candidate: Candidate) -> Numbers:
-        """See `core.search.refinement.Varies`."""
+        """See `plugins.strategies.refinement.Varies`."""
         assert candidate.tool is not None
         found = Numbers() if self._given is not None else self.representation.parameters(candidate.tool)
         return found + self.actions.parameters(candidate.plan)
 
     def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
-        """See `core.search.refinement.Varies`."""
+        """See `plugins.strategies.refinement.Varies`."""
         assert candidate.tool is not None
         generation, agent, strategy, _ = key
         count = len(values) - len(self.actions.parameters(candidate.plan))
@@ -187,7 +187,7 @@ class ModelDesigner:
         return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
 
     def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
-        """See `core.search.refinement.Varies`."""
+        """See `plugins.strategies.refinement.Varies`."""
         assert candidate.tool is not None
         assert other.tool is not None
         given = self._given is not None

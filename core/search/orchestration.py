@@ -35,7 +35,6 @@ from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
 from core.search.finalists import choose, try_unseen
-from core.search.refinement import Refinement
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.together import Together, make_fitness
 from core.store.artifacts import save_design, save_document
@@ -80,7 +79,7 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     if strategy.learns:
         events.register(designer, "designer")
     if (refine := config["evolution"].get("refine", 0)) != 0:
-        strategy = Refinement(strategy, designer, refine)
+        strategy = installed().extension("refinements")(strategy, designer, refine)
     twice = config["evolution"].get("near_duplicates", False)
     if type(twice) is not bool:
         raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")

@@ -146,7 +146,7 @@ class RolloutSettings:
     one another (`core.solids.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
     (`core.solids.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
-    evaluation holds an observation of its rollout (`core.simulation.observing`). Plans that look see the scene
+    evaluation holds an observation of its rollout (`core.simulation.rollout.Observe`). Plans that look see the scene
     with the noise of ``perception``, and guards feel by ``feel``.
     """
 

@@ -1,6 +1,6 @@
 """Define what is observed of a rollout: contacts, motions, and what became of the bodies of the task's goal.
 
-Plugins import it from `core.interfaces`. Covered by `tests/core/simulation/test_observing.py`.
+Plugins import it from `core.interfaces`. Covered by `tests/plugins/fitness/test_observing.py`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Observation:
     """The observations of a rollout. Lengths are metres, times seconds from the start of the motion.
 
     Attributes:
-        result: what became of the bodies of the task's goal, see `core.simulation.observing`.
+        result: what became of the bodies of the task's goal, see `core.simulation.rollout.Observe`.
         what: the body that this happened to, the thing that the robot was stuck at, or what was forbidden.
         at_s: when it happened.
         left: the bodies of the goal that are not in place.
