@@ -133,16 +133,16 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     if (folder / FILE).is_symlink():
         return LeftOutRun(folder, "unreadable", f"{FILE} is a link, which is not followed")
     if not store.exists:
-        config = _hydra_config(folder)
+        config = _stored(folder / HYDRA / "config.yaml")
         reason = f"it has no {FILE}: it ended before it began, or that was deleted"
-        return LeftOutRun(folder, "failed", reason, _task(config), config)
+        return LeftOutRun(folder, "failed", reason, _task(folder, config), config)
     try:
         config, figures = store.config(), store.result()
     except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
     if figures is None:
-        config = config or _hydra_config(folder)
-        return LeftOutRun(folder, "unfinished", _progress(folder, store), _task(config), config)
+        config = config or _stored(folder / HYDRA / "config.yaml")
+        return LeftOutRun(folder, "unfinished", _progress(folder, store), _task(folder, config), config)
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
     if figures.best is None:
@@ -163,7 +163,8 @@ def read_so_far(folder: Path) -> FinishedRun | None:
     tie = config.get("evolution", {}).get("tie", TIE)
     for best in ranked(tried, lambda e: (e.reward, e.distance_m), tie)[:1]:
         figures = RunFigures(
-            *(_task(config), config["seed"], generations, sum(e.status != "rejected" for e in done), store.seconds()),
+            *(_task(folder, config), config["seed"], generations),
+            *(sum(e.status != "rejected" for e in done), store.seconds()),
             vlm=config["vlm"]["name"],
             best=Best(best.reward, best.distance_m, best.design[0], best.candidate),
             tie=tie,
@@ -177,17 +178,18 @@ def short(text: str) -> str:
     return clean(text, _LONGEST)
 
 
-def _task(config: dict[str, Any]) -> str:
-    chosen = config.get("task")
+def _task(folder: Path, config: dict[str, Any]) -> str:
+    """Name the task of a run without a result; one of a scene file is named as the run's copy says."""
+    chosen = _stored(folder / "task.yaml") or config.get("task")
     name = chosen.get("name") if isinstance(chosen, dict) else None
     return short(name) if isinstance(name, str) else ""
 
 
-def _hydra_config(folder: Path) -> dict[str, Any]:
-    """The configuration that Hydra wrote for a run without a store; empty if it can't be read."""
+def _stored(file: Path) -> dict[str, Any]:
+    """A YAML file of a run; empty if it can't be read, so that the run is listed without what it says."""
     try:
-        return read_stored_yaml(folder / HYDRA / "config.yaml")
-    except UserError:  # the run is listed without its task
+        return read_stored_yaml(file)
+    except UserError:
         return {}
 
 

@@ -87,7 +87,7 @@ class Server(ThreadingHTTPServer):
             f"{cost.requests} calls of the model, {cost.errors} of them failed; {dollars}, {bound}.",
             *(reasons(self._store)[:REASONS] if run is None else ()),
         ]
-        title = f"{config.get('task', {}).get('name', 'Run')}: {self._folder.resolve().name}"
+        title = f"{found.task or 'Run'}: {self._folder.resolve().name}"
         files = contents(Results((run,) if run else ()), self._folder, Live(title, status))
         recordings = run.recordings().values() if run else ()
         return files | {

@@ -83,8 +83,12 @@ def test_the_page_follows_a_run_that_goes_on(tmp_path):
 
 @pytest.mark.parametrize(("rewards", "said"), [([], "0 of 4 generations"), ([[None, None]], "it is too heavy")])
 def test_there_is_a_page_before_anything_earned_a_reward(tmp_path, rewards, said):
-    with served(write_run(tmp_path / "run", rewards=rewards, finish=False)) as server:
-        assert said in get(server)[1]
+    folder = write_run(tmp_path / "run", rewards=rewards, finish=False)
+    (folder / "task.yaml").write_text("name: TurnGate\n")  # as of a scene file
+    with served(folder) as server:
+        page = get(server)[1]
+        assert said in page
+        assert "<h1>TurnGate: run</h1>" in page
 
 
 def test_a_finished_run_has_the_same_page_and_stays_as_it_was(finished):
