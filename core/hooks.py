@@ -106,6 +106,14 @@ class Configs(Protocol):
         """Make a `core.task.Level` of ``prompt.told``, without settings."""
 
     @hookspec
+    def prompt_values(self) -> Factories:
+        """Compute what templates of prompts show under a name: a `core.designs.composer.PromptValue`."""
+
+    @hookspec
+    def exports(self) -> Factories:
+        """Write the best design of a run as files: a `core.search.orchestration.Export`."""
+
+    @hookspec
     def observers(self) -> Factories:
         """Observe a rollout, for ``rollout.observe``: see `core.simulation.rollout.Observe`."""
 

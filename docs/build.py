@@ -42,8 +42,8 @@ from core.simulation.pictures import draw_strip, save_film
 from core.simulation.rollout import evaluate_batch
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
-from plugins.conformance import facts
 from plugins.fitness.layouts import UNSEEN, describe_ranges
+from plugins.vlms.told import facts
 from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing

@@ -1,7 +1,8 @@
 """Compose prompts from the templates in ``prompts/``, and the JSON schema of the answer.
 
 A prompt (first sampling, evolution, plans for a given tool) is a list of parts; part ``NAME`` is the Jinja template
-``NAME.md.j2``. A template may use the names in `PromptComposer._values`; any other name is an error.
+``NAME.md.j2``. A template may use the names in `PromptComposer._values`, and those that plugins give (`PromptValue`);
+any other name is an error.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import importlib.resources
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,6 @@ from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, PromptSettings
 from core.design import TIE, Evaluation, Tool
-from core.designs.arm_sheet import describe_arm
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
@@ -29,7 +29,6 @@ from core.designs.sight import Sight
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.plugins import installed
-from core.robot.extents import outline
 from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.support.files import read_text
 from core.support.text import clean, function_source, short_numbers
@@ -40,6 +39,9 @@ REPAIR, CRITIC = "repair", "critic"
 MAX_IDEA = 50_000  # characters
 _LONGEST = 240  # characters of an elite's description
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
+
+PromptValue = Callable[[Brief, Tool, RolloutSettings, str], Any]
+"""Computes what templates show under a name: of a brief, what is mounted, how plans are executed, and the engine."""
 
 
 class PromptComposer:
@@ -170,7 +172,9 @@ class PromptComposer:
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
         sight = None if self.level.numbers else Sight.of(task, brief.scene_seed)
+        more = installed().extensions_of("prompt_values").items()
         return {
+            **{name: value(brief, mounted, self.rollout, self.engine) for name, value in more},
             "given": given,
             "bare": bare,
             "head": "tool" if not bare else "gripper" if brief.gripper else "flange",
@@ -192,12 +196,10 @@ class PromptComposer:
             "action_rules": brief.actions.instructions(brief).strip(),
             "tool_rules": representation.instructions(brief).strip(),
             "executor": function_source(plan_motion),
-            "urdf": outline(robot, mounted),
             "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
             "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
             "rollout": self.rollout,
             "hold_s": max(self.rollout.hold_s, task.hold_s),
-            "arm": describe_arm(task, self.rollout, self.engine, brief.gripper),
             "max_waypoints": MAX_WAYPOINTS,
             "max_way_m": MAX_KNOTS * KNOT_M,
             "max_turn_rad": MAX_KNOTS * KNOT_RAD,

@@ -327,6 +327,13 @@ def load_designs(path: Path) -> object:
     return document
 
 
+def save_design(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
+    """Write ``design.json``, a designs file with one candidate."""
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {"strategies": [dump_design(candidate, representation)]}
+    (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+
+
 def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dict[str, Any]:
     """Write a candidate as a strategy of a designs document, with its one action plan.
 

@@ -78,6 +78,10 @@ class Plugins(Discovery):
             raise choices(hook.removesuffix("s"), name, offers, where)
         return _imported(offers[name], offers[name].factory)  # type: ignore[arg-type]
 
+    def extensions_of(self, hook: str) -> dict[str, Any]:
+        """Import all that is offered by a hook, by name; see `extension`."""
+        return {name: self.extension(hook, name) for own, name in self.extensions if own == hook}
+
     def run_command(self, name: str, arguments: list[str]) -> int | None:
         """Call a command with its arguments, and return its exit status; None: 0.
 

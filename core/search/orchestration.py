@@ -9,7 +9,7 @@ import math
 import shlex
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, cast
@@ -22,27 +22,40 @@ from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.config.schemas import PromptSettings, Sampling
 from core.config.sources import new_folder, stamp
 from core.config.trust import refuse_keys
-from core.design import TIE
+from core.design import TIE, Candidate
 from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
+from core.designs.reading import save_design
 from core.errors import RAISED, UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import VLM, Budget, EvolutionStrategy, Executor, Fitness, Reply, RolloutSettings
+from core.interfaces import (
+    VLM,
+    Budget,
+    EvolutionStrategy,
+    Executor,
+    Fitness,
+    Reply,
+    Robot,
+    RolloutSettings,
+)
 from core.plugins import ACTION, EVOLUTION, EXECUTOR, MODEL, SIMULATOR, event_hub, installed
 from core.plugins.blame import Guard, add_listener, describe_failure, refuse_exit
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import Motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
 from core.search.finalists import choose, try_unseen
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.together import Together, make_fitness
-from core.store.artifacts import save_design, save_document
 from core.store.database import writing
 from core.store.progress import CachedVLM
 from core.store.recorder import RunStore, best_figures, unseen_figures
 from core.support.cli import say
 from core.support.text import hydra_word
+
+Export = Callable[[Candidate, Robot, Motion, Path], None]
+"""Writes files of a candidate to a folder that is there: of its tool, the arm, and the planned motion."""
 
 # Kinds of parts whose names a run's listeners receive.
 _PARTS = ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
@@ -217,7 +230,7 @@ def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: b
     strategy.hand_over(result.ranking, this.representation, archive)
     several = len(this.task.parts) > 1
     if several:
-        save_document(best.candidate, this.representation, whole)
+        save_design(best.candidate, this.representation, whole)
     for task in this.task.parts:
         candidate, folder = best.candidate.of(task.name), whole / task.name if several else whole
         if candidate.problem is not None:
@@ -225,7 +238,9 @@ def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: b
             continue
         plan = resolve(candidate.plan, task, this.seed, this.settings)
         motion = plan_task_motion(plan, task, this.settings)
-        save_design(candidate, this.representation, task.robot, motion, folder)
+        save_design(candidate, this.representation, folder)
+        for export in installed().extensions_of("exports").values():
+            export(candidate, task.robot, motion, folder)
         if film and result.stopped != INTERRUPTED:
             try:
                 save_film(task, this.simulator, candidate, this.seed, this.settings, folder / "rollout.gif")

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from core.hooks import Command, hookimpl
+from core.hooks import Command, Factories, hookimpl
 
 
 @hookimpl
@@ -22,3 +22,8 @@ def commands() -> dict[str, Command]:
 @hookimpl
 def fitness_functions() -> dict[str, str]:
     return {"buildable": "plugins.results.workshop.buildable:Buildable"}
+
+
+@hookimpl
+def exports() -> Factories:
+    return {"files": "plugins.results.artifacts:save_files"}

@@ -25,6 +25,11 @@ def vlms() -> Mapping[str, str]:
 
 
 @hookimpl
+def prompt_values() -> Mapping[str, str]:
+    return {"arm": "plugins.vlms.told.arm:told", "urdf": "plugins.vlms.told.outline:told"}
+
+
+@hookimpl
 def levels() -> Mapping[str, str]:
     names = {"source": "Source", "words": "Words", "pictures": "Pictures", "photos": "Photos"}
     return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

@@ -21,16 +21,17 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from core.config.compose import check_seed, engines, node, task_part, tool_part
 from core.design import Candidate, Evaluation, Tool
 from core.designs.planning import resolve
+from core.designs.reading import save_design
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Task
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.simulation.rollout import Evaluator
-from core.store.artifacts import save_design
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.values.materials import Material
+from plugins.results.artifacts import save_files
 from plugins.results.workshop.clearance import NEAR_M, Nearest, clearance, margins, payload
 from plugins.results.workshop.motion import STEP_S, PlayedMotion, Sampled, approach, cut, play, sample, to_csv, to_json
 from plugins.results.workshop.printing import Check
@@ -213,7 +214,8 @@ def _export(cfg: DictConfig, output: Path) -> Export:
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
     write_programs(robot, made.payload, moves, output / "programs")
-    save_design(candidate, representation, robot, planned, output / "design")
+    save_design(candidate, representation, output / "design")
+    save_files(candidate, robot, planned, output / "design")
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
     return made

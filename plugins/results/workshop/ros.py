@@ -18,9 +18,9 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
 from core.robot.description import tool_urdf
 from core.scene import Scene
-from core.store.artifacts import copied
 from core.support.cli import write_bytes
 from core.values.robots import Robot
+from plugins.results.artifacts import copied
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.texts import text_of
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from core.config.compose import load
-from core.designs.arm_sheet import describe_arm
 from core.errors import UsageError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
@@ -16,6 +15,7 @@ from core.scene import Box, Cylinder, Sphere
 from core.search.orchestration import Experiment
 from core.values.messages import Text
 from plugins.vlms.offline.designer import OfflineDesigner
+from plugins.vlms.told.arm import describe_arm
 from plugins.vlms.told.bodies import bodies_table
 
 pytestmark = pytest.mark.slow

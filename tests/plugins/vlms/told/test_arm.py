@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.designs.arm_sheet import describe_arm, describe_exactness, describe_speed, segments
 from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from core.scene import Scene
+from plugins.vlms.told.arm import describe_arm, describe_exactness, describe_speed, segments
 from tests.panda import ARM, PANDA
 
 pytestmark = pytest.mark.slow

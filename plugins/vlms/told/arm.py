@@ -15,12 +15,13 @@ from core.design import Tool
 from core.designs.statics import moment_limit
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
-from core.robot.extents import extents_at_home, fingers_of
+from core.interfaces import Brief, JointTrajectory, Robot, RolloutSettings, Task
+from core.robot.extents import fingers_of
 from core.robot.kinematics import Arm, Solution, arm_of, robot_model
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_number, short_numbers, table
+from plugins.vlms.told.outline import extents_at_home
 
 WAYS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)
@@ -71,6 +72,11 @@ class ArmSheet(NamedTuple):
     clear: bool  # whether all of these but the gripper are above the mount
     bearers: tuple[str, ...]  # the links among these that a rigid tool may overlap
     fingers: tuple[FingerSheet, ...]
+
+
+def told(brief: Brief, mounted: Tool, rollout: RolloutSettings, engine: str) -> ArmSheet:
+    """Describe the arm for templates: their ``arm``."""
+    return describe_arm(brief.task, rollout, engine, brief.gripper)
 
 
 def describe_arm(task: Task, rollout: RolloutSettings, engine: str, gripper: bool) -> ArmSheet:

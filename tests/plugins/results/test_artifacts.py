@@ -7,11 +7,10 @@ from lxml import etree
 from core.design import Candidate, Component, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.interfaces import Task
-from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
-from core.store.artifacts import copied, save_design, tool_mesh
 from plugins.conformance.shapes import bowl
+from plugins.results.artifacts import copied, save_files, tool_mesh
 from tests.panda import FINGER_OPEN, PANDA
 
 FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)
@@ -50,13 +49,12 @@ def test_a_tool_is_printed_in_millimetres():
 
 
 def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
-    representation = installed().create("tool", "solids", {"joints": True})
     head = Component("head", "tool_mount", Pose(np.array([0.0, 0.0, -0.08])), bowl(0.07, 0.01))
     flap = Component("flap", "head", Pose(np.array([0.0, 0.0, -0.085])), Box((0.02, 0.02, 0.02)), joint=FLAP)
     tool = Tool((head, flap))
     plan = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
     motion = plan_motion(plan, Task.home, arm_of(PANDA))
-    save_design(Candidate(tool, plan), representation, PANDA, motion, tmp_path)
+    save_files(Candidate(tool, plan), PANDA, motion, tmp_path)
     for name in ("tool.urdf", "robot.urdf"):
         robot = etree.parse(tmp_path / name)
         files = {mesh.get("filename") for mesh in robot.iter("mesh")}

@@ -5,11 +5,11 @@ import pytest
 
 from core.plugins import installed
 from docs.build import BEGIN, END
-from plugins.conformance.facts import sheet
+from plugins.vlms.told.facts import sheet
 from tests.panda import PANDA
 from tests.test_commands import call
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def test_the_page_has_the_sheet_of_the_stored_figures():

@@ -11,10 +11,10 @@ import numpy as np
 from omegaconf import MISSING
 
 from core.config.compose import load, robot_part
-from core.designs.arm_sheet import as_table, compute_reach, segments, short
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
+from plugins.vlms.told.arm import as_table, compute_reach, segments, short
 
 USAGE = "usage: vlmgineer facts [robot=NAME]"
 

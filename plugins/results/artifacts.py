@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import filecmp
 import itertools
-import json
 import shutil
 from functools import partial
 from pathlib import Path
@@ -14,9 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
-from core.designs.reading import dump_design
 from core.geometry import Pose
-from core.interfaces import ToolRepresentation
 from core.robot.description import assemble, tool_urdf
 from core.robot.trajectory import Motion
 from core.values.robots import Robot
@@ -25,16 +22,13 @@ if TYPE_CHECKING:
     import trimesh
 
 
-def save_design(
-    candidate: Candidate, representation: ToolRepresentation, robot: Robot, motion: Motion, folder: Path
-) -> None:
-    """Write ``design.json``, a designs file; ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes.
+def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path) -> None:
+    """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes; see `core.search.orchestration.Export`.
 
     ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
     """
     tool = candidate.tool
     assert tool is not None
-    save_document(candidate, representation, folder)
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         names, poses = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"], motion.plan
@@ -46,13 +40,6 @@ def save_design(
     whole = assemble(robot, tool, mesh_path=local)
     (folder / "robot.urdf").write_text(whole, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
-
-
-def save_document(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
-    """Write ``design.json``, a designs file."""
-    folder.mkdir(parents=True, exist_ok=True)
-    document = {"strategies": [dump_design(candidate, representation)]}
-    (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def _mounts(tool: Tool) -> str:
