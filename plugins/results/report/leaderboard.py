@@ -260,22 +260,14 @@ def find_entries(
 
 def differences(runs: Sequence[AnyRun]) -> str:
     """Say in which settings runs differ, and which runs have which value; empty: in none."""
-    settings = [flatten(run.config) for run in runs]
-    found = []
-    for key in dict.fromkeys(key for own in settings for key in own):
-        values: dict[str, list[str]] = {}
-        of_task: dict[str, set[str | None]] = {}  # what follows from the task alone is no difference
-        for run, own in zip(runs, settings, strict=True):
-            values.setdefault(own.get(key, "not set"), []).append(short(run.folder.name))
-            of_task.setdefault(run.task, set()).add(own.get(key))
-        if len(values) > 1 and (key.endswith(".name") or max(map(len, of_task.values())) > 1):
-            each = (f"{short(value)} in {_some(names)}" for value, names in values.items())
-            found.append(f"{key} is {', '.join(each)}")
-    return "; ".join(found)
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+    named: dict[str, list[str]] = {}
+    for run, method in zip(runs, label([(run.task, {**run.config, "name": ""}) for run in runs]), strict=True):
+        named.setdefault(method, []).append(short(run.folder.name))
+    more = {
+        method: f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "" for method, names in named.items()
+    }
+    each = [f"{method} in {', '.join(names[:_NAMED])}{more[method]}" for method, names in named.items()]
+    return "; ".join(each) if len(each) > 1 else ""
 
 
 def _tracks(rules: str) -> dict[str, list[str]]:
@@ -289,7 +281,7 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
     for run in runs:
         if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
             raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
-    if len({*label([(run.task, {**run.config, "name": ""}) for run in runs])}) > 1:
+    if differences(runs):
         raise UserError("its runs differ in more than task and seed")
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
