@@ -14,7 +14,6 @@ from plugins.results.pages.figure import FigurePage
 from plugins.results.pages.formats import Table, to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
 from plugins.results.report.figures import comparable, figure_pages
-from plugins.results.report.lineage import MAX_GENERATIONS
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
 from plugins.results.report.tables import REASONS, tables
@@ -81,6 +80,6 @@ def _page(
         drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
         files=f"{DATA}/",
         interval=f"{100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples",
-        most={"reasons": REASONS, "generations": MAX_GENERATIONS, "tolerance": TOLERANCE},
+        most={"reasons": REASONS, "tolerance": TOLERANCE},
         shared=comparable(results)[0],
     )

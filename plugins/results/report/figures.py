@@ -10,7 +10,6 @@ from core.geometry import Array
 from core.store.reader import rollouts
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wrapped
 from plugins.results.pages.runs import FinishedRun
-from plugins.results.report.lineage import lineage_page
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import deviation, interval, mean
 
@@ -29,7 +28,6 @@ def figure_pages(results: Results) -> list[FigurePage]:
     pages = [
         by_generation(results.runs[0]) if len(results.runs) == 1 else rewards(results),
         anytime(results, tasks, methods),
-        lineage_page(results),
     ]
     return [page for page in pages if page is not None]
 

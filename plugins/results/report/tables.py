@@ -6,12 +6,13 @@ from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any
 
-from core.store.reader import StoredEvaluation, StoredRequest
+from core.design import ranked
+from core.store.reader import Key, StoredEvaluation, StoredRequest
 from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table
+from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
-from plugins.results.report.lineage import lineage
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
     RunCost,
@@ -24,6 +25,7 @@ from plugins.results.report.statistics import (
 from plugins.results.report.verify import verification
 
 REASONS = 12  # of a run
+SHOWN = 5  # designs of a generation, where the budget does not say how many may become elites
 
 
 def tables(results: Results) -> list[Table]:
@@ -113,6 +115,37 @@ def reasons(results: Results) -> Table:
         for line in run.reasons[:REASONS]
     ]
     return Table.of("reasons", "task|method|run|candidates|reason", rows)
+
+
+def _elites(run: FinishedRun) -> list[tuple[StoredEvaluation, set[str]]]:
+    """The best designs of each generation, as many as may become elites, and those that any of them derives from."""
+    designs, evaluations = run.store.designs(), run.store.evaluations()
+    design_of = {e.candidate: e.design for e in evaluations}
+    best: dict[Key, StoredEvaluation] = {}
+    chosen: set[Key] = set()
+    for index in range(len(run.figures.generations)):
+        tried = [e for e in evaluations if e.design[0] == index and e.status == "ok"]
+        own: dict[Key, StoredEvaluation] = {}
+        for evaluation in ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie):
+            own.setdefault(evaluation.design, evaluation)
+        best |= own
+        chosen |= {*list(own)[: run.config.get("budget", {}).get("k_top") or SHOWN]}
+    parents = {key: {design_of.get(name) for name in designs[key].parents} & best.keys() for key in best}
+    chosen |= {parent for key in chosen for parent in parents[key] if parent is not None}
+    return [(best[key], {best[parent].candidate for parent in parents[key] if parent}) for key in best if key in chosen]
+
+
+def lineage(results: Results) -> Table:
+    """What the elites derive from, and the model's words."""
+    rows = []
+    for run in results.runs if len(results.runs) == 1 else ():
+        designs = run.store.designs()
+        for e, parents in _elites(run):
+            names = ("tool_name", "tool_description", "strategy_name", "strategy_description")
+            said = (str(designs[e.design].written.get(name) or "").strip(" .") for name in names)
+            words = ". ".join(dict.fromkeys(filter(None, said)))
+            rows.append((e.design[0], e.candidate, e.reward, ", ".join(sorted(parents)) or "–", words))
+    return Table.of("lineage", "generation:0|candidate|reward:3|derives from|in the model's words", rows)
 
 
 def _over_known(function: Any, values: Iterable[float | None]) -> float | None:

@@ -103,7 +103,7 @@ def test_a_finished_run_has_the_same_page_and_stays_as_it_was(finished):
         assert "script" in page.tags
         assert "<script>alert" not in text
         assert any(value and value.startswith("data:image/gif") for _, _, value in page.attributes)
-        for path in ("data/lineage.csv", "data/lineage.svg", "data/rewards_by_generation.png", "best/rollout.gif"):
+        for path in ("data/lineage.csv", "data/rewards_by_generation.png", "best/rollout.gif"):
             assert get(server, f"/{path}")[0] == 200, path
         table = get(server, "/data/lineage.csv")[1]
         assert "\n0,g0-a0-s0-p0,0.2,–," in table
