@@ -16,7 +16,7 @@ from core.support.text import number
 from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import slug
 from plugins.results.pages.page import data_address, in_viewer, render
-from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, short
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, reasons, short
 from plugins.results.pages.tools import Winner, distinct, size, winners
 from plugins.results.report.methods import label
 from plugins.results.workshop.printing import PrintedPart, grams, to_3mf, to_stl
@@ -108,7 +108,7 @@ def gallery(
         root=output,
         pictures=pictures,
         left_out=len(left_out),
-        reasons=[(run, lines[:REASONS]) for run in finished if (lines := run.reasons)],
+        reasons=[(run, lines[:REASONS]) for run in finished if (lines := reasons(run.store))],
         printer=printer,
     )
     write_bytes(output / "index.html", page.encode())

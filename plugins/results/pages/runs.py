@@ -58,10 +58,6 @@ class FinishedRun:
         so_far = list(itertools.accumulate((g.best_reward or 0.0 for g in self.figures.generations), max)) or [0.0]
         return (so_far + so_far[-1:] * length)[:length]
 
-    @property
-    def reasons(self) -> list[str]:
-        return reasons(self.store)
-
     def recordings(self) -> dict[str, Path]:
         """The recordings that it left, by kind."""
         files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}

@@ -10,8 +10,7 @@ from typing import NamedTuple
 from markupsafe import Markup
 
 from core.support.files import read_untrusted
-from plugins.results.pages.figure import FigurePage
-from plugins.results.pages.formats import Table, to_csv
+from plugins.results.pages.formats import to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
 from plugins.results.report.figures import comparable, figure_pages
 from plugins.results.report.results import Results
@@ -30,18 +29,6 @@ class Live(NamedTuple):
     status: list[str]
 
 
-def contents(results: Results, folder: Path, live: Live | None = None) -> dict[str, Callable[[], bytes]]:
-    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
-    listed, drawn = tables(results), figure_pages(results)
-    drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
-    page = _page(results, listed, drawn, drawings, folder, live)
-    files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
-    csv = {table.name: to_csv(table, folder / DATA) for table in listed}
-    files |= {f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace") for name, text in csv.items()}
-    files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}
-    return files | {f"{DATA}/{name}.svg": partial(bytes, drawing) for name, drawing in drawings.items()}
-
-
 def _films(results: Results) -> list[tuple[str, Markup]]:
     """The films of the best runs, with what they show, as far as they are small enough for a page."""
     films, left = [], FILMS_BYTES
@@ -55,21 +42,19 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     return films
 
 
-def _page(
-    results: Results,
-    listed: list[Table],
-    drawn: list[FigurePage],
-    drawings: dict[str, bytes],
-    folder: Path,
-    live: Live | None,
-) -> str:
+def contents(results: Results, folder: Path, live: Live | None = None) -> dict[str, Callable[[], bytes]]:
+    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
+    listed, drawn = tables(results), figure_pages(results)
+    drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
     runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
-    best = results.tools.best.items()
-    return render(
+    page = render(
         "report.html.j2",
         folder,
-        [in_viewer(winner, f"{task}, {method}: {winner.name}") for (task, method), winner in best],
+        [
+            in_viewer(winner, f"{task}, {method}: {winner.name}")
+            for (task, method), winner in results.tools.best.items()
+        ],
         title="Tools and their rewards" if live is None else live.title,
         summary=[f"{runs} of {methods} on {tasks}."] if live is None else live.status,
         state=live and live.status[0],
@@ -83,3 +68,8 @@ def _page(
         most={"reasons": REASONS, "tolerance": TOLERANCE},
         shared=comparable(results)[0],
     )
+    files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
+    csv = {table.name: to_csv(table, folder / DATA) for table in listed}
+    files |= {f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace") for name, text in csv.items()}
+    files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}
+    return files | {f"{DATA}/{name}.svg": partial(bytes, drawing) for name, drawing in drawings.items()}

@@ -11,6 +11,7 @@ from core.store.reader import Key, StoredEvaluation, StoredRequest
 from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun
+from plugins.results.pages.runs import reasons as why
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.results import Results
@@ -112,7 +113,7 @@ def reasons(results: Results) -> Table:
         (g.task, g.method, CellLink(run.folder.name, run.folder), *line.split(": ", 1))
         for g in results.groups
         for run in g.runs
-        for line in run.reasons[:REASONS]
+        for line in why(run.store)[:REASONS]
     ]
     return Table.of("reasons", "task|method|run|candidates|reason", rows)
 
