@@ -1,7 +1,4 @@
-"""Checks that every action representation must pass. Each takes one and raises an AssertionError.
-
-Covered by `tests/plugins/conformance/test_suites.py`.
-"""
+"""Checks that every action representation must pass. Each takes one and raises an AssertionError."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Check bodies: they fall, slide, roll, bounce, topple and come to rest.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check bodies: they fall, slide, roll, bounce, topple and come to rest."""
 
 from __future__ import annotations
 

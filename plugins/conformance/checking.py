@@ -1,7 +1,4 @@
-"""Provide what the checks of every kind share: small tools, requests, the first task and the first engine.
-
-Covered by `tests/plugins/conformance/test_suites.py`.
-"""
+"""Provide what the checks of every kind share: small tools, requests, the first task and the first engine."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""``vlmgineer conformance KIND=NAME``: check that a part does what every part of its kind must.
-
-Covered by `tests/plugins/conformance/test_suites.py`.
-"""
+"""``vlmgineer conformance KIND=NAME``: check that a part does what every part of its kind must."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Checks that every command must pass. Each takes the part, which is called as ``vlmgineer NAME`` calls it.
-
-Covered by `tests/plugins/conformance/test_suites.py`.
-"""
+"""Checks that every command must pass. Each takes the part, which is called as ``vlmgineer NAME`` calls it."""
 
 from __future__ import annotations
 

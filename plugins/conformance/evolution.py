@@ -1,7 +1,4 @@
-"""Checks that every strategy must pass. Each takes a factory, ``make(designer, budget)``, since a search has a memory.
-
-Covered by `tests/plugins/conformance/test_suites.py`.
-"""
+"""Checks that every strategy must pass. Each takes a factory, ``make(designer, budget)``: a search has a memory."""
 
 from __future__ import annotations
 

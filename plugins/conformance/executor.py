@@ -1,7 +1,4 @@
-"""Checks that every executor must pass. Each takes a factory, ``make()``, since an executor is used once.
-
-Covered by `tests/plugins/conformance/test_suites.py`.
-"""
+"""Checks that every executor must pass. Each takes a factory, ``make()``, since an executor is used once."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Checks that every fitness must pass. Each takes a factory, ``make(evaluator)``, and raises an AssertionError.
 
 Candidates are tried for real: in the first task and the first engine that are installed, for a second each.
-Covered by `tests/plugins/conformance/test_suites.py`.
 """
 
 from __future__ import annotations

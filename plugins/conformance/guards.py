@@ -1,7 +1,4 @@
-"""Check motions with guards, in an engine that plays them: where a guard ends, and what comes after.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check motions with guards, in an engine that plays them: where a guard ends, and what comes after."""
 
 from __future__ import annotations
 

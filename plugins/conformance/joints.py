@@ -1,7 +1,4 @@
-"""Check joints of tools and of scenes: they swing, spring, slide, stop, latch and follow drives as formulas say.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check joints of tools and of scenes: they swing, spring, slide, stop, latch and follow drives as formulas say."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Checks that every listener must pass. Each takes a factory, ``make()``, since a listener belongs to one run.
 
 The events are those of small scripted runs, in the order of `core.hooks.Events`. No model is asked.
-Covered by `tests/plugins/conformance/test_suites.py`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Check what a simulator returns: states, recordings, pictures; and that it depends on the job alone.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check what a simulator returns: states, recordings, pictures; and that it depends on the job alone."""
 
 from __future__ import annotations
 

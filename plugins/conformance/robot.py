@@ -1,7 +1,4 @@
-"""Check the arm and the hand: they follow, hold, yield to forces, and pass through nothing.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check the arm and the hand: they follow, hold, yield to forces, and pass through nothing."""
 
 from __future__ import annotations
 

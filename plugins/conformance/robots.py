@@ -1,6 +1,6 @@
 """Check a robot: its numbers are physical, its kinematics hold, and every engine here can move it.
 
-Poses are drawn from fixed seeds, so that a verdict stays. Covered by `tests/plugins/conformance/test_robots.py`.
+Poses are drawn from fixed seeds, so that a verdict stays.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Check tools and bodies of every shape: they touch where they are, and hollow ones are hollow.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check tools and bodies of every shape: they touch where they are, and hollow ones are hollow."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Check soft bodies: they sag, bend, give way and come to rest as formulas say. An engine without them is left out.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Check soft bodies: they sag, bend, give way and come to rest as formulas say. An engine without them is left out."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Checks that every task must pass. Each takes a task and raises an AssertionError that says what is wrong.
 
 The last ones step the first engine that is installed, with the arm at home and no tool, and return its name.
-Covered by `tests/plugins/conformance/test_suites.py`.
 """
 
 from __future__ import annotations

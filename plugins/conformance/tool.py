@@ -1,7 +1,7 @@
 """Checks that every tool representation must pass. Each takes one and raises an AssertionError that says what is wrong.
 
 A representation that gives tools (`ToolRepresentation.given`) is checked by what it gives; the others have to write and
-read tools. Covered by `tests/plugins/conformance/test_suites.py`.
+read tools.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Checks that every model must pass. Each takes a model and raises an AssertionError that says what is wrong.
 
 They send three small requests, which cost money where a model does. A reply may be an error; its content is not
-checked. Covered by `tests/plugins/conformance/test_suites.py`.
+checked.
 """
 
 from __future__ import annotations

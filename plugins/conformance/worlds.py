@@ -1,7 +1,4 @@
-"""Provide what the checks give a simulator: small worlds, sticks as tools, an arm that waits or moves.
-
-Covered by `tests/plugins/simulators/test_conformance.py`.
-"""
+"""Provide what the checks give a simulator: small worlds, sticks as tools, an arm that waits or moves."""
 
 from __future__ import annotations
 
