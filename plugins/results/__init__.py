@@ -1,6 +1,8 @@
 """What one does with finished runs: reports, galleries, and tools for the workshop.
 
 ``pages`` is what the other rooms draw with; ``report`` and ``workshop`` do not know each other, ``gallery`` uses both.
+Without tests of their name are `solid` (covered by `test_tool.py`), `verdicts` (`test_sheet.py`), the workshop's `ros`,
+`texts` and `command` (`test_export.py`), `results` (`test_methods.py`) and `figure` (`test_figures.py`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Write figures as files: style, ink, and the same bytes each time.
-
-Covered by `tests/plugins/results/report/test_figures.py`.
-"""
+"""Write figures as files: style, ink, and the same bytes each time."""
 
 from __future__ import annotations
 

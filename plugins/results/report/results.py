@@ -1,7 +1,4 @@
-"""The runs of a report, grouped by task and method, and their best tools.
-
-Covered by `tests/plugins/results/report/test_methods.py`.
-"""
+"""The runs of a report, grouped by task and method, and their best tools."""
 
 from __future__ import annotations
 

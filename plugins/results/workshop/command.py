@@ -1,6 +1,6 @@
 """``vlmgineer export RUN_FOLDER [output=DIR]``: write what a lab needs to run the best motion on a real arm.
 
-Nothing here commands a robot. Covered by `tests/plugins/results/workshop/test_export.py`.
+Nothing here commands a robot.
 """
 
 from __future__ import annotations

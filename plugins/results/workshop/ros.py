@@ -1,7 +1,4 @@
-"""Write a motion, a tool and a scene for ROS 2 and MoveIt: messages as YAML, and a small package.
-
-Covered by `tests/plugins/results/workshop/test_export.py`.
-"""
+"""Write a motion, a tool and a scene for ROS 2 and MoveIt: messages as YAML, and a small package."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Take a tool apart into its rigid links, and make solids of their shapes: Manifolds, and meshes of them.
 
 Shapes are in metres, in the frame of the mount, with all joints at 0; solids and meshes are in millimetres.
-Covered by `tests/plugins/results/workshop/test_tool.py`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Fill the texts that an export writes: Markdown, in which others' names are no markup, and programs for controllers.
 
 A robot's template of a program gets ``robot``, ``payload``, ``moves`` (by name, each a `Sampled`), and the function
-``every(move, seconds)``. Covered by `tests/plugins/results/workshop/test_export.py`.
+``every(move, seconds)``.
 """
 
 from __future__ import annotations

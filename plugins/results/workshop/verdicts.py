@@ -1,7 +1,4 @@
-"""Judge whether a tool can be made and borne: what fails, by which figures, and what to change.
-
-Covered by `tests/plugins/results/workshop/test_sheet.py`.
-"""
+"""Judge whether a tool can be made and borne: what fails, by which figures, and what to change."""
 
 from __future__ import annotations
 
