@@ -23,7 +23,7 @@ from core.values.descriptions import (
     rounded,
     rounded_shape,
 )
-from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.rolling import rollers
 
 DIGITS = ".12g"  # of numbers in files
@@ -61,17 +61,11 @@ class PreparedBody:
             offset_of(inertia),
         )
 
-    def place(self, client: int) -> int:
+    def place(self, client: Client) -> int:
         """Place the body in a world and return its number there."""
-        number = p.loadURDF(
-            str(self.file),
-            basePosition=self.position,
-            baseOrientation=self.orientation,
-            useFixedBase=self.fixed,
-            flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_IMPLICIT_CYLINDER,
-            physicsClientId=client,
-        )
-        p.changeDynamics(number, -1, **self.dynamics, physicsClientId=client)
+        flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_IMPLICIT_CYLINDER
+        number = client.loadURDF(str(self.file), self.position, self.orientation, useFixedBase=self.fixed, flags=flags)
+        client.changeDynamics(number, -1, **self.dynamics)
         return int(number)
 
 

@@ -1,7 +1,10 @@
-"""Import PyBullet without the line that its C code prints on import."""
+"""Import PyBullet without the line that its C code prints on import; and call it for one of its worlds."""
 
 import os
 import sys
+import weakref
+from functools import partial
+from typing import Any
 
 from core.errors import UserError
 
@@ -20,4 +23,18 @@ finally:
     os.close(_stderr)
     os.close(_nowhere)
 
-__all__ = ["pybullet"]
+
+class Client:
+    """A world without a window, of this ``number``: PyBullet without ``physicsClientId`` in each of its calls."""
+
+    def __init__(self) -> None:
+        self.number = pybullet.connect(pybullet.DIRECT)
+        weakref.finalize(self, pybullet.disconnect, self.number)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(pybullet, name)
+        self.__dict__[name] = partial(found, physicsClientId=self.number) if callable(found) else found
+        return self.__dict__[name]
+
+
+__all__ = ["Client", "pybullet"]

@@ -9,13 +9,13 @@ import numpy as np
 
 from core.geometry import Array
 from plugins.simulators.forces import TOOL, Impulses, Thing
-from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.engine import Client
 
 
-def pushes(client: int, robot: int, links: Collection[int]) -> tuple[Array, Array]:
+def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, Array]:
     """Return what pushed some links of the robot in the last step, see `core.values.jobs.FeelingWorld`."""
     points, forces = [], []
-    for contact in p.getContactPoints(physicsClientId=client):
+    for contact in client.getContactPoints():
         one, other = (contact[body] == robot and contact[link] in links for body, link in ((1, 3), (2, 4)))
         if one != other:
             points.append(contact[5])
@@ -33,13 +33,13 @@ def _force(contact: Sequence[Any]) -> Array:
 class Forces(Impulses):
     """The impulses of a world; ``things`` maps PyBullet's numbers of a body and its link to what they are."""
 
-    def __init__(self, client: int, things: Mapping[tuple[int, int], Thing], time_step: float) -> None:
+    def __init__(self, client: Client, things: Mapping[tuple[int, int], Thing], time_step: float) -> None:
         super().__init__()
         self._client, self._things, self._time_step = client, things, time_step
 
     def add_step(self) -> None:
         """Add those of the last step."""
-        for point in p.getContactPoints(physicsClientId=self._client):
+        for point in self._client.getContactPoints():
             one, other = self._things[point[1], point[3]], self._things[point[2], point[4]]
             self.add(one, other, point[9] * self._time_step)
             if TOOL in (one, other):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from core.geometry import Array, Box, Pose
 from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
 from plugins.simulators.pybullet.bodies import facets_file
-from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
 from plugins.simulators.rendering import Renderer, joint_positions
 
@@ -25,12 +24,11 @@ _OUT_OF_SIGHT = [0.0, 0.0, -100.0]
 class PyBulletRenderer(Renderer):
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._client = p.connect(p.DIRECT)
-        weakref.finalize(self, p.disconnect, self._client)
+        self._client = Client()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
         client = self._client
-        p.resetSimulation(physicsClientId=client)
+        client.resetSimulation()
         robot = task.robot
         shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
         self._robot = load_robot(client, robot_file(self._folder, robot, shown, visuals=True))
@@ -48,28 +46,30 @@ class PyBulletRenderer(Renderer):
                     self._clear[number] = part.color[3]
 
     def _add(self, part: Geom) -> int:
-        look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1], "physicsClientId": self._client}
+        look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1]}
         match part.shape:
             case Box(size=size):
-                shape = p.createVisualShape(p.GEOM_BOX, halfExtents=[side / 2 for side in size], **look)
+                shape = self._client.createVisualShape(
+                    self._client.GEOM_BOX, halfExtents=[side / 2 for side in size], **look
+                )
             case _:  # PyBullet's own spheres have corners, and its cylinders no edges
                 file = str(facets_file(part.shape, self._folder))
-                shape = p.createVisualShape(p.GEOM_MESH, fileName=file, **look)
-        return int(p.createMultiBody(0, -1, shape, physicsClientId=self._client))
+                shape = self._client.createVisualShape(self._client.GEOM_MESH, fileName=file, **look)
+        return int(self._client.createMultiBody(0, -1, shape))
 
     def _place(self, number: int, pose: Pose) -> None:
         w, x, y, z = pose.quaternion
-        p.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w], physicsClientId=self._client)
+        self._client.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w])
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
         for name, value in joint_positions(self._arm, self._tool, arm, fingers).items():
-            p.resetJointState(self._robot, self._numbers[name], value, physicsClientId=self._client)
+            self._client.resetJointState(self._robot, self._numbers[name], value)
         for name, offset, number in self._parts:
             if name in state.names:
                 self._place(number, state.pose(name) @ offset)
         for name, (soft, number) in self._softs.items():
             if number:
-                p.removeBody(number, physicsClientId=self._client)
+                self._client.removeBody(number)
             self._softs[name] = soft, self._add(Geom(soft.form.surface(state.nodes(name)), color=soft.visuals[0].color))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
@@ -77,12 +77,12 @@ class PyBulletRenderer(Renderer):
         # in where they are nearest.
         picture, numbers = self._draw(camera, width, height)
         if self._clear:
-            poses = {n: p.getBasePositionAndOrientation(n, physicsClientId=self._client) for n in self._clear}
+            poses = {n: self._client.getBasePositionAndOrientation(n) for n in self._clear}
             for number in poses:
-                p.resetBasePositionAndOrientation(number, _OUT_OF_SIGHT, [0, 0, 0, 1], physicsClientId=self._client)
+                self._client.resetBasePositionAndOrientation(number, _OUT_OF_SIGHT, [0, 0, 0, 1])
             behind, _ = self._draw(camera, width, height)
             for number, pose in poses.items():
-                p.resetBasePositionAndOrientation(number, *pose, physicsClientId=self._client)
+                self._client.resetBasePositionAndOrientation(number, *pose)
             opacity = np.ones(max(numbers.max(), *self._clear) + 2)  # by number; the last is the background's, -1
             opacity[list(self._clear)] = list(self._clear.values())
             weight = opacity[numbers][..., None]
@@ -91,7 +91,7 @@ class PyBulletRenderer(Renderer):
 
     def _draw(self, camera: Camera, width: int, height: int) -> tuple[Image, npt.NDArray[np.int64]]:
         """Draw a picture (height, width, 3), and for each pixel (height, width) the number of its body, or -1."""
-        _, _, pixels, _, numbers = p.getCameraImage(
+        _, _, pixels, _, numbers = self._client.getCameraImage(
             width,
             height,
             *_matrices(camera, width / height),
@@ -101,8 +101,7 @@ class PyBulletRenderer(Renderer):
             lightDiffuseCoeff=0.5,
             lightSpecularCoeff=0.05,
             shadow=1,
-            renderer=p.ER_TINY_RENDERER,
-            physicsClientId=self._client,
+            renderer=self._client.ER_TINY_RENDERER,
         )
         picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
         return picture, np.reshape(np.asarray(numbers, dtype=np.int64), (height, width))
@@ -117,5 +116,5 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
         distance = float(np.linalg.norm(target - position))
         fov_deg = 2 * float(np.degrees(np.arctan(camera.height_m / 2 / distance)))
         near, far = near + _AWAY_M, far + _AWAY_M
-    view: list[float] = p.computeViewMatrix(position.tolist(), target.tolist(), up.tolist())
-    return view, p.computeProjectionMatrixFOV(fov_deg, aspect, near, far)
+    view: list[float] = pybullet.computeViewMatrix(position.tolist(), target.tolist(), up.tolist())
+    return view, pybullet.computeProjectionMatrixFOV(fov_deg, aspect, near, far)

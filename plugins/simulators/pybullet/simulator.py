@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task, Vie
 from core.robot.trajectory import at_home
 from core.simulation.playback import play
 from core.support.scratch import intact, temporary_folder
-from plugins.simulators.pybullet.engine import pybullet
+from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.world import PreparedScene, Settings, World, robot_file
 from plugins.simulators.rigid import only_rigid
@@ -46,8 +45,7 @@ class PyBulletSimulator(Simulator):
         check_positive("sim.", **self._settings._asdict())
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
-        self._client = pybullet.connect(pybullet.DIRECT)
-        weakref.finalize(self, pybullet.disconnect, self._client)
+        self._client = Client()
         self._begin()
 
     def _begin(self) -> None:

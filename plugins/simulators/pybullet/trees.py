@@ -15,7 +15,7 @@ from core.robot.description import write
 from core.scene import Body, Inertia, Joint, Scene
 from core.values.descriptions import Description, Limits, Origin, RobotJoint, RobotLink, rounded
 from plugins.simulators.pybullet.bodies import DIGITS, collisions_of, dynamics_of, inertial, offset_of, text_file
-from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.stiffness import Lightness
 
 Place = tuple[int, int]  # of a body: PyBullet's numbers of its multibody and of its link, -1 the base
@@ -74,36 +74,27 @@ class PreparedTree:
         """The highest rate, 1/s, at which springs and latches swing a joint, or dampers stop it."""
         return max(map(self.lightness.rate, self.joints))
 
-    def place(self, client: int, fixed: dict[str, Place]) -> dict[str, Place]:
+    def place(self, client: Client, fixed: dict[str, Place]) -> dict[str, Place]:
         """Place the tree in a world of ``fixed`` bodies, without motors; return where its bodies are."""
-        flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_IMPLICIT_CYLINDER | p.URDF_USE_SELF_COLLISION
-        number = p.loadURDF(
-            str(self.file),
-            basePosition=self.frame.position.tolist(),
-            baseOrientation=list(self.frame.rotation.as_quat()),
-            useFixedBase=self.root is None,
-            flags=flags,
-            physicsClientId=client,
-        )
-        infos = [p.getJointInfo(number, link, physicsClientId=client) for link in range(len(self.joints))]
+        flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_IMPLICIT_CYLINDER | client.URDF_USE_SELF_COLLISION
+        at = self.frame.position.tolist(), list(self.frame.rotation.as_quat())
+        number = client.loadURDF(str(self.file), *at, useFixedBase=self.root is None, flags=flags)
+        infos = [client.getJointInfo(number, link) for link in range(len(self.joints))]
         links = {info[12].decode(): info[0] for info in infos}
         places = {joint.body: (int(number), links[str(i)]) for i, joint in enumerate(self.joints)}
         if self.root is not None:
             places[self.root.name] = int(number), -1
-        p.changeDynamics(number, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
+        client.changeDynamics(number, -1, linearDamping=0, angularDamping=0)
         for body, dynamics in self.dynamics.items():
-            p.changeDynamics(*places[body], **dynamics, physicsClientId=client)
+            client.changeDynamics(*places[body], **dynamics)
         for one, other in combinations(places, 2):
-            self._filter(client, places[one], places[other], frozenset((one, other)) not in self.joined)
+            touch = int(frozenset((one, other)) not in self.joined)
+            client.setCollisionFilterPair(number, number, places[one][1], places[other][1], touch)
         for joint in self.joints:
             if joint.parent in fixed:
-                self._filter(client, places[joint.body], fixed[joint.parent], False)
+                parent, link = fixed[joint.parent]
+                client.setCollisionFilterPair(number, parent, places[joint.body][1], link, 0)
         return places
-
-    @staticmethod
-    def _filter(client: int, one: Place, other: Place, touch: bool) -> None:
-        (body, link), (body_b, link_b) = one, other
-        p.setCollisionFilterPair(body, body_b, link, link_b, int(touch), physicsClientId=client)
 
 
 def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
@@ -138,7 +129,7 @@ class Mechanism:
     """The joints of a tree in a world: friction, springs, latches, dampers and drives."""
 
     def __init__(
-        self, client: int, tree: PreparedTree, places: dict[str, Place], gain: float, time_step: float
+        self, client: Client, tree: PreparedTree, places: dict[str, Place], gain: float, time_step: float
     ) -> None:
         """``places`` are those of bodies; ``gain`` is the share of its error that a drive makes up in a step."""
         self._client, self._gain, self._time_step = client, gain, time_step
@@ -146,26 +137,18 @@ class Mechanism:
         joints = [(places[joint.body], joint) for joint in tree.joints]
         for place, joint in joints:
             self._resist(place, joint)
-            p.changeDynamics(*place, jointDamping=joint.damping, physicsClientId=client)
+            client.changeDynamics(*place, jointDamping=joint.damping)
         self._driven = [(place, joint) for place, joint in joints if joint.drive]
         self._pulled = [(place, joint) for place, joint in joints if joint.stiffness or joint.latches]
 
     def _resist(self, place: Place, joint: Joint) -> None:
         """Set a motor at rest, which is dry friction; PyBullet's own would hold the joint."""
-        most = joint.friction
+        client, most = self._client, joint.friction
         if joint.kind == "ball":
-            p.setJointMotorControlMultiDof(
-                *place,
-                p.POSITION_CONTROL,
-                targetPosition=[0, 0, 0, 1],
-                targetVelocity=[0, 0, 0],
-                positionGain=0,
-                velocityGain=1,
-                force=[most] * 3,
-                physicsClientId=self._client,
-            )
-            return
-        p.setJointMotorControl2(*place, p.VELOCITY_CONTROL, targetVelocity=0, force=most, physicsClientId=self._client)
+            still = {"targetPosition": [0, 0, 0, 1], "targetVelocity": [0, 0, 0], "positionGain": 0, "velocityGain": 1}
+            client.setJointMotorControlMultiDof(*place, client.POSITION_CONTROL, **still, force=[most] * 3)
+        else:
+            client.setJointMotorControl2(*place, client.VELOCITY_CONTROL, targetVelocity=0, force=most)
 
     def launch(self) -> None:
         """Begin the time of drives."""
@@ -182,16 +165,15 @@ class Mechanism:
 
     def _pull(self, place: Place, joint: Joint) -> None:
         """Add what its spring and latches pull a joint with to the forces of the next step."""
+        client = self._client
         if joint.kind == "ball":
-            quaternion = p.getJointStateMultiDof(*place, physicsClientId=self._client)[0]
+            quaternion = client.getJointStateMultiDof(*place)[0]
             torques = -joint.stiffness * Rotation.from_quat(quaternion).as_rotvec()
-            p.setJointMotorControlMultiDof(
-                *place, p.TORQUE_CONTROL, force=torques.tolist(), physicsClientId=self._client
-            )
-            return
-        position = np.array([joint.start + p.getJointState(*place, physicsClientId=self._client)[0]])
-        force = joint.stiffness * (joint.rest - position) + joint.latch_force(position)
-        p.setJointMotorControl2(*place, p.TORQUE_CONTROL, force=float(force[0]), physicsClientId=self._client)
+            client.setJointMotorControlMultiDof(*place, client.TORQUE_CONTROL, force=torques.tolist())
+        else:
+            position = np.array([joint.start + client.getJointState(*place)[0]])
+            force = joint.stiffness * (joint.rest - position) + joint.latch_force(position)
+            client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=float(force[0]))
 
     def _aim(self, place: Place, joint: Joint) -> None:
         """Drive a joint to where its schedule is at the end of the step."""
@@ -199,19 +181,11 @@ class Mechanism:
         begins = 0.0 if self._steps is None else self._steps * self._time_step
         ends = begins if self._steps is None else begins + self._time_step
         before, after = joint.drive.sample(np.array([begins, ends])).tolist()
-        away = after - before
-        target = after - joint.start
+        away, target = after - before, after - joint.start
         if joint.kind == "hinge" and not joint.limited:  # the schedule of a wheel begins again a turn behind
             away -= 2 * np.pi * round(away / (2 * np.pi))
-            value = p.getJointState(*place, physicsClientId=self._client)[0]
+            value = self._client.getJointState(*place)[0]
             target += 2 * np.pi * round((value - target) / (2 * np.pi))
-        p.setJointMotorControl2(
-            *place,
-            p.POSITION_CONTROL,
-            targetPosition=target,
-            targetVelocity=away / self._time_step,
-            force=joint.drive.force,
-            positionGain=self._gain,
-            velocityGain=1.0,
-            physicsClientId=self._client,
-        )
+        aim = {"targetPosition": target, "targetVelocity": away / self._time_step, "force": joint.drive.force}
+        gains = {"positionGain": self._gain, "velocityGain": 1.0}
+        self._client.setJointMotorControl2(*place, self._client.POSITION_CONTROL, **aim, **gains)

@@ -23,6 +23,7 @@ from core.values.descriptions import RobotLink
 from core.values.robots import Robot
 from plugins.simulators.forces import Thing
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
+from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces, pushes
 from plugins.simulators.pybullet.trees import Mechanism, Place, prepare_trees
@@ -107,7 +108,7 @@ class World:
 
     def __init__(
         self,
-        client: int,
+        client: Client,
         scene: PreparedScene,
         robot: Robot,
         file: Path,
@@ -117,23 +118,17 @@ class World:
         forces: bool = False,
     ) -> None:
         """``file`` describes the robot with ``tool``; with ``forces`` contact forces are summed up."""
-        self.client = client
+        self.client, self._number = client, client.number
         self.time_step = settings.time_step / scene.steps(settings.time_step)
         self._gain = 1.0 - float(np.exp(-settings.tracking_rate * self.time_step))
         separation = 1.0 - float(np.exp(-settings.separation_rate * self.time_step))
-        p.resetSimulation(physicsClientId=client)
-        p.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=client)
-        p.setPhysicsEngineParameter(
-            fixedTimeStep=self.time_step,
-            numSolverIterations=settings.solver_iterations,
-            numSubSteps=0,
-            contactERP=separation,
-            contactBreakingThreshold=_CONTACT_DRIFT,
-            deterministicOverlappingPairs=1,
-            physicsClientId=client,
-        )
+        client.resetSimulation()
+        client.setGravity(0.0, 0.0, -GRAVITY)
+        steps = {"fixedTimeStep": self.time_step, "numSolverIterations": settings.solver_iterations, "numSubSteps": 0}
+        contacts = {"contactERP": separation, "contactBreakingThreshold": _CONTACT_DRIFT}
+        client.setPhysicsEngineParameter(**steps, **contacts, deterministicOverlappingPairs=1)
         if scene.trees:  # else a joint leaves its limit a fifth as fast as it came
-            p.setPhysicsEngineParameter(erp=separation, physicsClientId=client)
+            client.setPhysicsEngineParameter(erp=separation)
         self._scene = scene
         places = {body.name: (body.place(client), -1) for body in scene.bodies}
         for tree in scene.trees:
@@ -151,7 +146,7 @@ class World:
         moving = robot.joints(tool.gripper)
         self._arm, grip = len(robot.arm_joints), robot.gripper if tool.gripper else None
         self._joints = [numbers[name] for name in moving]
-        efforts = [p.getJointInfo(self.robot, joint, physicsClientId=client)[10] for joint in self._joints]
+        efforts = [client.getJointInfo(self.robot, joint)[10] for joint in self._joints]
         self._forces = [*efforts[: self._arm], *([grip.force_n] * len(grip.joints) if grip else ())]
         self._idle = np.zeros(len(robot.finger_joints))
         self._gains = [self._gain] * len(moving)
@@ -160,41 +155,37 @@ class World:
         self._driven: tuple[list[float], list[float]] | None = None
         start = [*trajectory.arm[0], *([trajectory.fingers[0]] * self._fingers)]
         for joint, angle in zip(self._joints, start, strict=True):
-            p.resetJointState(self.robot, joint, angle, physicsClientId=client)
+            client.resetJointState(self.robot, joint, angle)
         self._links, self._held = links, (robot, tool)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
             friction = tool.friction if name in tool.borne_on else robot.friction
             if grip is not None and name in GRIPPER_MOUNTS:
                 friction = grip.friction
-            p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)
+            client.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction))
         for name, inertia in driven_links(robot).items():
             moments = inertia.moments.tolist()
-            p.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments, physicsClientId=client)
+            client.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments)
         if tool.bearers:  # Bullet brakes everything that moves, by 4 % in a second
-            p.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
+            client.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0)
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
         self._noted = [*self._joints, *self._loose]
         self._hung = [*zip(self._loose, (bearer.joint for bearer in tool.bearers), strict=True)]
         self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
         for number in self._loose:  # held until then
-            p.setJointMotorControl2(
-                self.robot, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD, physicsClientId=client
-            )
+            client.setJointMotorControl2(self.robot, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD)
 
     def _filter_contacts(self, robot: Robot, tool: Tool, links: dict[str, int]) -> None:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
         own, joined = {*tool.borne_on}, [{bearer.name, bearer.parent} for bearer in tool.bearers]
         bearers = set(robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount)
-        base = p.getBodyInfo(self.robot, physicsClientId=self.client)[0].decode()
+        base = self.client.getBodyInfo(self.robot)[0].decode()
         everything = {base: -1, **links}
         for one, other in combinations(everything, 2):
             pair = {one, other}
             at_flange = pair & bearers and pair & {*tool.mounts}
             touch = bool(pair & own) and not at_flange and pair not in joined
-            p.setCollisionFilterPair(
-                self.robot, self.robot, everything[one], everything[other], int(touch), physicsClientId=self.client
-            )
+            self.client.setCollisionFilterPair(self.robot, self.robot, everything[one], everything[other], int(touch))
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
@@ -212,15 +203,15 @@ class World:
                 self._forces,
                 self._gains,
                 self._velocity_gains,
-                self.client,
+                self._number,
             )
         for number, spring in self._springs:
-            value = p.getJointState(self.robot, number, physicsClientId=self.client)[0]
+            value = self.client.getJointState(self.robot, number)[0]
             torque = spring.stiffness * (spring.rest - value)
-            p.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque, physicsClientId=self.client)
+            self.client.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque)
         for mechanism in self._mechanisms:
             mechanism.drive()
-        p.stepSimulation(self.client)
+        p.stepSimulation(self._number)
         if self.forces:
             self.forces.add_step()
 
@@ -236,8 +227,9 @@ class World:
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""
         for number, joint in self._hung:  # a motor at rest is dry friction
-            motion = {"targetVelocity": 0, "force": joint.friction, "physicsClientId": self.client}
-            p.setJointMotorControl2(self.robot, number, p.VELOCITY_CONTROL, **motion)
+            self.client.setJointMotorControl2(
+                self.robot, number, p.VELOCITY_CONTROL, targetVelocity=0, force=joint.friction
+            )
         self._springs = [(number, joint) for number, joint in self._hung if joint.stiffness > 0]
         for mechanism in self._mechanisms:
             mechanism.launch()
@@ -245,15 +237,15 @@ class World:
             number, _ = self._places[body.name]
             linear = np.array(body.velocity, dtype=np.float64)
             if offset := self._scene.offsets[body.name]:  # PyBullet takes the velocity of the centre of mass
-                _, quaternion = p.getBasePositionAndOrientation(number, physicsClientId=self.client)
+                _, quaternion = self.client.getBasePositionAndOrientation(number)
                 linear -= np.cross(body.spin, Rotation.from_quat(quaternion).as_matrix() @ offset.position)
-            p.resetBaseVelocity(number, linear.tolist(), body.spin, physicsClientId=self.client)
+            self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
     def _things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
         _, links = joint_numbers(self.client, self.robot)
         own = {link: "tool" if name in tool.borne_on else name for name, link in links.items()}
-        own[-1] = p.getBodyInfo(self.robot, physicsClientId=self.client)[0].decode()
+        own[-1] = self.client.getBodyInfo(self.robot)[0].decode()
         things = {(self.robot, link): (-1, name) for link, name in own.items()}
         return things | {place: (self._scene.ranks[name], name) for name, place in self._places.items()}
 
@@ -278,17 +270,17 @@ class World:
         return *self._joints_of(angles), self._states_of(bodies)
 
     def _angles(self) -> list[float]:
-        return [state[0] for state in p.getJointStates(self.robot, self._noted, self.client)]
+        return [state[0] for state in p.getJointStates(self.robot, self._noted, self._number)]
 
     def _bodies(self) -> list[tuple[float, ...]]:
         """Position, quaternion (x, y, z, w) and velocities of each free body's centre of mass, 13 numbers."""
         found = []
         for body, link in self._free:
             if link < 0:
-                position, quaternion = p.getBasePositionAndOrientation(body, self.client)
-                linear, angular = p.getBaseVelocity(body, self.client)
+                position, quaternion = p.getBasePositionAndOrientation(body, self._number)
+                linear, angular = p.getBaseVelocity(body, self._number)
             else:
-                moving = p.getLinkState(body, link, 1, 1, physicsClientId=self.client)
+                moving = self.client.getLinkState(body, link, 1, 1)
                 position, quaternion, linear, angular = moving[0], moving[1], moving[6], moving[7]
             found.append((*position, *quaternion, *linear, *angular))
         return found
@@ -335,17 +327,17 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
     return inertias
 
 
-def load_robot(client: int, file: Path) -> int:
+def load_robot(client: Client, file: Path) -> int:
     """Load the arm and return its number in the world."""
     flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_SELF_COLLISION
-    return int(p.loadURDF(str(file), useFixedBase=True, flags=flags, physicsClientId=client))
+    return int(client.loadURDF(str(file), useFixedBase=True, flags=flags))
 
 
-def joint_numbers(client: int, robot: int) -> tuple[dict[str, int], dict[str, int]]:
+def joint_numbers(client: Client, robot: int) -> tuple[dict[str, int], dict[str, int]]:
     """Map the names of joints, and of links but the base, to PyBullet's numbers."""
     joints, links = {}, {}
-    for number in range(p.getNumJoints(robot, physicsClientId=client)):
-        info = p.getJointInfo(robot, number, physicsClientId=client)
+    for number in range(client.getNumJoints(robot)):
+        info = client.getJointInfo(robot, number)
         joints[info[1].decode()] = number
         links[info[12].decode()] = number
     return joints, links

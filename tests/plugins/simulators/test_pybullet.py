@@ -56,22 +56,19 @@ def test_motors_keep_targets_that_do_not_change(monkeypatch):
 
 def test_joints_have_the_inertia_of_their_motors(monkeypatch):
     """Bullet takes a joint's inertia only as a link's, so that the joints before it carry it too."""
-    from plugins.simulators.pybullet.engine import pybullet as p
 
     def inertia(joint):
         """What a torque of 1 Nm accelerates while the other joints are held."""
         sim = installed().create("sim", "pybullet")  # its worlds end with it
         world = sim.world(Bodies(table()), BARE)
-        p.setGravity(0, 0, 0, physicsClientId=world.client)
+        p = world.client
+        p.setGravity(0, 0, 0)
         for number in world._joints:
             force = 0.0 if number == world._joints[joint] else 1e9
-            args = {"targetVelocity": 0.0, "force": force, "physicsClientId": world.client}
-            p.setJointMotorControl2(world.robot, number, p.VELOCITY_CONTROL, **args)
-        p.setJointMotorControl2(
-            world.robot, world._joints[joint], p.TORQUE_CONTROL, force=1.0, physicsClientId=world.client
-        )
-        p.stepSimulation(physicsClientId=world.client)
-        speed = p.getJointState(world.robot, world._joints[joint], physicsClientId=world.client)[1]
+            p.setJointMotorControl2(world.robot, number, p.VELOCITY_CONTROL, targetVelocity=0.0, force=force)
+        p.setJointMotorControl2(world.robot, world._joints[joint], p.TORQUE_CONTROL, force=1.0)
+        p.stepSimulation()
+        speed = p.getJointState(world.robot, world._joints[joint])[1]
         return world.time_step / speed
 
     heavy = np.array([inertia(joint) for joint in range(7)])
