@@ -81,12 +81,15 @@ def read_description(
     if root.tag != "robot":
         raise UserError(f"{file} is no URDF: its root is <{shorten(root.tag)[1:-1]}> instead of <robot>")
     try:
-        return _read(root, file, without, taken)
+        return read_tree(root, file, without, taken)
     except UserError as error:
         raise type(error)(f"{file}: {error}") from error
 
 
-def _read(root: Element, file: Path, without: Collection[str], taken: Collection[str] | None) -> Description:
+def read_tree(
+    root: Element, file: Path, without: Collection[str] = (), taken: Collection[str] | None = None
+) -> Description:
+    """Read links and joints, the children of ``root``; see `read_description`."""
     colors = {m.get("name", ""): _color(m) for m in root.iter("material") if m.find("color") is not None}
     links, joints = (_unique(root, tag, taken) for tag in ("link", "joint"))
     bearers: dict[str, tuple[Element, str]] = {}  # of each link: the joint, and the link that it hangs on
@@ -230,11 +233,8 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
         package, _, inner = rest.partition("/")
         above = file.resolve().parents
         roots = [Path(root) for path in PACKAGE_PATHS for root in os.environ.get(path, "").split(os.pathsep) if root]
-        folders = [
-            *above,
-            *(folder / package for folder in [*above, *roots, *(root / "share" for root in roots)]),
-            *roots,
-        ]
+        places = [*above, *roots, *(root / "share" for root in roots)]
+        folders = [*above, *(folder / package for folder in places), *roots]
         home = next((folder for folder in folders if folder.name == package and folder.is_dir()), None)
         if home is None:
             mend = f"put it there, or add the folder that holds it to {PACKAGE_PATHS[0]}"
@@ -257,11 +257,7 @@ def _joint(element: Element, parent: str, child: str) -> RobotJoint:
 
     def numbers(tag: str, **defaults: float | None) -> list[Any]:
         part = element.find(tag)
-        written = (
-            {}
-            if part is None
-            else {n: _number(part, n, f"{where}: {tag}") for n in defaults if part.get(n) is not None}
-        )
+        written = {} if part is None else {n: _number(part, n, f"{where}: {tag}") for n in defaults if n in part.attrib}
         return [*(defaults | written).values()]
 
     about, follows = element.find("axis"), element.find("mimic")
@@ -272,7 +268,9 @@ def _joint(element: Element, parent: str, child: str) -> RobotJoint:
     damping, friction = numbers("dynamics", damping=0.0, friction=0.0)
     factors = numbers("mimic", multiplier=1.0, offset=0.0)
     mimic = None if follows is None else Mimic(follows.get("joint", ""), *factors)
-    return RobotJoint(name, kind, parent, child, _origin(element, where), (x, y, z), limits, mimic, damping, friction)
+    spring = None if element.find("spring") is None else tuple(numbers("spring", stiffness=0.0, rest=0.0))
+    origin = _origin(element, where)
+    return RobotJoint(name, kind, parent, child, origin, (x, y, z), limits, mimic, damping, friction, spring)
 
 
 def _child(element: Element, tag: str, where: str) -> Element:
@@ -309,7 +307,7 @@ def _numbers(
             raise UserError(f"{where}: {name} is missing")
         return default
     try:
-        values = tuple(float(word) for word in text.split())
+        values = tuple(float(word) for word in text.split() if text.isascii() and "_" not in text)
     except ValueError:
         values = ()
     if len(values) != count or not all(math.isfinite(v) and abs(v) <= MAX_NUMBER for v in values):

@@ -1,32 +1,37 @@
-"""Build a tool from URDF elements: read links and joints, then hang each box from the component that it touches."""
+"""Build a tool from URDF: read links and joints as a robot's are, then hang each box from the one that it touches.
+
+A model wrote the text, so it is untrusted: DTD and entities are refused, and length and number of elements limited.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal, NamedTuple
-from xml.etree.ElementTree import Element
-
-import numpy as np
+from xml.etree.ElementTree import Element, SubElement
 
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import MAX_COMPONENTS
+from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Robot
 from core.robot.solids import gap
 from core.scene import Color
 from core.support.text import shorten
+from core.values.descriptions import RobotJoint, RobotLink
+from core.values.urdf import read_tree, read_xml
 from plugins.tools.components import default_mass, parents_first, robot_names
-from plugins.tools.urdf.parsing import attribute, only_child, read_numbers, read_origin
 
+MAX_CHARACTERS = 1_000_000
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
 MAX_NAME = {"link": 64, "joint": 70}  # `core.robot` names a joint after its link, with "_joint" added
 DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
 
 _MOVES: dict[str, Literal["hinge", "slider"]] = {"revolute": "hinge", "prismatic": "slider"}
-_NAME = re.compile(r"[A-Za-z0-9_.-]+")
+_NAME, _DECLARATION = re.compile(r"[A-Za-z0-9_.-]+"), re.compile(r"\s*<\?xml[^>]*\?>")
+_MANY = ("link", "joint", "material", "collision", "visual")  # what an element may have several of
 _MIN_OPACITY = 0.2  # what collides must be visible
 
 
@@ -36,18 +41,6 @@ class _Shape(NamedTuple):
     box: Box
     pose: Pose
     color: Color
-
-
-class _Link(NamedTuple):
-    shapes: list[_Shape]
-    mass: float
-
-
-class _Joint(NamedTuple):
-    parent: str
-    child: str
-    pose: Pose
-    moving: ToolJoint | None  # its axis in the child's frame
 
 
 class _Holder(NamedTuple):
@@ -62,150 +55,129 @@ class _Holder(NamedTuple):
 _Holders = tuple[list[_Holder], Pose | None]
 
 
-def build_tool(root: Element, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False) -> Tool:
-    """The tool whose links and joints are the children of ``root``, for ``robot``; ``masses``: read those too.
+def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False) -> Tool:
+    """The tool whose links and joints are in ``text``, for ``robot``; ``masses``: read those too.
 
     Raises:
         DesignError: they are not boxes on joints that lead to a mount, fixed ones or, if ``loose``, hinges and sliders.
     """
-    _check_counts(root)
-    mounts = Tool(gripper=gripper).mounts
-    own, aliases = robot_names(robot), dict(robot.aliases)
-    materials = _read_materials(root)
-    links: dict[str, _Link] = {}
-    joints: dict[str, _Joint] = {}  # by child
-    joint_names: set[str] = set()
-    for element in root:
-        if element.tag == "link":
-            name = _check_name(element.get("name"), "link", links, own)
-            links[name] = _read_link(element, f"link {name!r}", materials, masses)
-        elif element.tag == "joint":
-            joint_names.add(_check_name(element.get("name"), "joint", joint_names, own))
-            joint = _read_joint(element, f"joint {element.get('name')!r}", aliases, loose)
-            if joint.child in joints:
-                raise DesignError(f"link {joint.child!r} is the child of two joints; a link has one parent")
-            joints[joint.child] = joint
-        elif element.tag != "material":
-            raise DesignError(f"<{shorten(element.tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>")
-    for name in joints.keys() - links.keys():
-        raise DesignError(f"a joint's child is {shorten(name)}, which is not a link of the tool")
-    for name in links.keys() - joints.keys():
-        raise DesignError(f"no joint holds link {name!r}; hang it from {' or '.join(mounts)} or another link")
+    mounts, aliases = Tool(gripper=gripper).mounts, dict(robot.aliases)
+    root = _parse(text)
+    names = _check(root, robot_names(robot), " or ".join(mounts))
+    bare = {link.get("name") for link in root.iterfind("link") if link.find("inertial") is None or not masses}
+    for link in root.iterfind("link") if not masses else ():
+        link[:] = [element for element in link if element.tag != "inertial"]
+    for name in (*mounts, *(alias for alias, mount in aliases.items() if mount in mounts)):
+        SubElement(root, "link", name=name)
+        if name != mounts[0]:  # the others hang from the first one here: a description has one base
+            joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
+            SubElement(joint, "parent", link=mounts[0])
+            SubElement(joint, "child", link=name)
+    try:
+        tree = read_tree(root, Path("tool_urdf"))
+    except UserError as error:
+        raise DesignError(str(error)) from error
     components: list[Component] = []
     holders: dict[str, _Holders] = {mount: ([_Holder(mount, None, Pose())], None) for mount in mounts}
-    taken = {*links, *own}
-    for name in parents_first({name: joints[name].parent for name in links}, mounts, "link"):
-        boxes, holders[name] = _hang(name, links[name], joints[name], holders[joints[name].parent], taken)
+    taken = {*names, *robot_names(robot)}
+    parents = {name: aliases.get(tree.joints[name].parent, tree.joints[name].parent) for name in names}
+    for name in parents_first(parents, mounts, "link"):
+        shapes, mass = _boxes(tree.links[name]), tree.links[name].inertial.mass
+        if name in bare:
+            mass = default_mass(math.fsum(shape.box.volume for shape in shapes)) if shapes else Component.mass
+        moving = _moving(tree.joints[name], loose)
+        pose = tree.joints[name].origin.pose
+        boxes, holders[name] = _hang(name, shapes, mass, pose, moving, holders[parents[name]], taken)
         components += boxes
     return Tool(tuple(components), gripper)
 
 
-def _check_name(name: str | None, what: str, taken: Container[str], own: frozenset[str]) -> str:
-    if name is None:
-        raise DesignError(f"a {what} has no name")
-    if not _NAME.fullmatch(name) or len(name) > MAX_NAME[what]:
-        raise DesignError(f"{what} name {shorten(name)} is not 1 to {MAX_NAME[what]} letters, digits, '_', '.' or '-'")
-    if name in own:
-        raise DesignError(f"{what} {name!r} is the robot's own; the block holds only the tool's links and joints")
-    if name in taken:
-        raise DesignError(f"two {what}s are named {name!r}; each needs a name of its own")
-    return name
+def _parse(text: str) -> Element:
+    """Parse the text; the children of what is returned are the tool's elements."""
+    if len(text) > MAX_CHARACTERS:
+        raise DesignError(f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed")
+    declaration = _DECLARATION.match(text)
+    block = text[declaration.end() :] if declaration else text
+    try:
+        root = read_xml(f"<robot>{block}\n</robot>".encode(errors="surrogatepass"), Path("tool_urdf"))
+    except UserError as error:
+        raise DesignError(str(error)) from error
+    return root[0] if len(root) == 1 and root[0].tag == "robot" else root
 
 
-def _check_counts(root: Element) -> None:
-    """Refuse too many links and shapes, before anything compares them with one another."""
-    for tag, what, most in (
-        ("visual", "boxe", MAX_COMPONENTS),
-        ("collision", "boxe", MAX_COMPONENTS),
-        ("link", "link", MAX_LINKS),
-        ("joint", "joint", MAX_LINKS),
-    ):
+def _check(root: Element, own: frozenset[str], mounts: str) -> list[str]:
+    """Refuse what can't be in a tool, before anything is compared with all others; list the names of the links."""
+    names: dict[str, list[str]] = {"link": [], "joint": [], "material": []}
+    for element in root:
+        if (tag := element.tag) not in names:
+            raise DesignError(f"<{shorten(tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>")
+        name = element.get("name", "")
+        names[tag].append(name)
+        if tag in MAX_NAME and (not _NAME.fullmatch(name) or len(name) > MAX_NAME[tag]):
+            raise DesignError(
+                f"{tag} name {shorten(name)} is not 1 to {MAX_NAME[tag]} letters, digits, '_', '.' or '-'"
+            )
+        if tag in MAX_NAME and name in own:
+            raise DesignError(f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints")
+    limits = {"visual": MAX_COMPONENTS, "collision": MAX_COMPONENTS, "link": MAX_LINKS, "joint": MAX_LINKS}
+    for tag, most in limits.items():
         if (count := sum(1 for _ in root.iter(tag))) > most:
-            raise DesignError(f"the tool has {count} {what}s; at most {most} are allowed")
+            raise DesignError(f"the tool has {count} <{tag}> elements; at most {most} are allowed")
+    for element in root.iter():
+        tags = [child.tag for child in element if child.tag not in _MANY]
+        if twice := next((tag for number, tag in enumerate(tags) if tag in tags[:number]), None):
+            raise DesignError(f"a <{element.tag}> has {tags.count(twice)} <{twice}> elements; give one")
+    held = {child.get("link") for child in root.iterfind("joint/child")}
+    for name in names["link"]:
+        if name not in held:
+            raise DesignError(f"no joint holds link {name!r}; hang it from {mounts} or another link")
+    return names["link"]
 
 
-def _read_materials(root: Element) -> dict[str, Color]:
-    """Colours by material name; in URDF a colour given anywhere holds for all uses of the name."""
-    colors: dict[str, Color] = {}
-    for material in root.iter("material"):
-        name, color = material.get("name"), material.find("color")
-        if name and color is not None:
-            colors.setdefault(name, _read_color(color, f"material {shorten(name)}"))
-    return colors
-
-
-def _read_color(element: Element, where: str) -> Color:
-    rgba = read_numbers(attribute(element, "color", "rgba", where), 4, f"{where}: color rgba")
-    red, green, blue, opacity = np.clip(rgba, (0.0, 0.0, 0.0, _MIN_OPACITY), 1.0)
-    return float(red), float(green), float(blue), float(opacity)
-
-
-def _read_link(element: Element, where: str, materials: Mapping[str, Color], masses: bool) -> _Link:
-    """Read a link: its collision boxes, where there are none its visual ones.
+def _boxes(link: RobotLink) -> list[_Shape]:
+    """Return a link's collision boxes, where there are none its visual ones.
 
     Where there are as many of both, collision boxes have the colours of the visual ones.
     """
-    visuals, shapes = (
-        [_read_shape(shape, f"{where}: {tag}", materials) for shape in element.findall(tag)]
-        for tag in ("visual", "collision")
-    )
-    if len(visuals) == len(shapes):
-        shapes = [shape._replace(color=visual.color) for shape, visual in zip(shapes, visuals, strict=True)]
-    shapes = shapes or visuals
-    mass = default_mass(math.fsum(shape.box.volume for shape in shapes)) if shapes else Component.mass
-    inertial = only_child(element, "inertial", where) if masses else None
-    if inertial is not None:
-        value = attribute(only_child(inertial, "mass", where), "mass", "value", f"{where}: inertial")
-        (mass,) = read_numbers(value, 1, f"{where}: mass")
-    return _Link(shapes, mass)
+    collisions, visuals = link.collisions or link.visuals, link.visuals
+    painted = visuals if len(visuals) == len(collisions) else collisions
+    made = []
+    for shape, looks in zip(collisions, painted, strict=True):
+        if not isinstance(shape.shape, Box):
+            found = "mesh" if isinstance(shape.shape, Path) else type(shape.shape).__name__.lower()
+            raise DesignError(f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>')
+        red, green, blue, opacity = looks.color or DEFAULT_COLOR
+        made.append(_Shape(shape.shape, shape.origin.pose, (red, green, blue, max(opacity, _MIN_OPACITY))))
+    return made
 
 
-def _read_shape(element: Element, where: str, materials: Mapping[str, Color]) -> _Shape:
-    geometry = only_child(element, "geometry", where)
-    shapes = [] if geometry is None else list(geometry)
-    if len(shapes) != 1 or shapes[0].tag != "box":
-        found = ", ".join(f"<{shorten(shape.tag)[1:-1]}>" for shape in shapes[:3]) or "nothing"
-        raise DesignError(f'{where}: boxes only; expected one <geometry><box size="x y z"/>, found {found}')
-    text = attribute(shapes[0], "box", "size", where)
-    x, y, z = read_numbers(text, 3, f"{where}: box size")
-    if min(x, y, z) <= 0:
-        raise DesignError(f"{where}: box size is {shorten(text)}; sides must be positive, in metres")
-    color, material = DEFAULT_COLOR, only_child(element, "material", where)
-    if material is not None:
-        inline, named = only_child(material, "color", where), materials.get(material.get("name", ""), DEFAULT_COLOR)
-        color = named if inline is None else _read_color(inline, where)
-    return _Shape(Box((x, y, z)), read_origin(element, where), color)
-
-
-def _read_joint(element: Element, where: str, aliases: Mapping[str, str], loose: bool) -> _Joint:
-    moves = element.get("type", "")
-    if moves != "fixed" and not (loose and moves in _MOVES):
+def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
+    """Return how a joint moves, with its axis in its own frame."""
+    where = f"joint {joint.name!r}"
+    if joint.kind == "fixed":
+        return None
+    if not (loose and joint.kind in _MOVES):
         wanted = 'use type "fixed", "revolute" or "prismatic"' if loose else 'tools are rigid: use type "fixed"'
-        raise DesignError(f"{where} is of type {shorten(moves)}; {wanted}")
-    parent = attribute(only_child(element, "parent", where), "parent", "link", where)
-    child = attribute(only_child(element, "child", where), "child", "link", where)
-    moving = _read_moving(element, where) if moves != "fixed" else None
-    return _Joint(aliases.get(parent, parent), child, read_origin(element, where), moving)
-
-
-def _read_moving(element: Element, where: str) -> ToolJoint:
-    """Read how a joint moves; its axis is in its own frame."""
-    axis, limit = only_child(element, "axis", where), only_child(element, "limit", where)
-    way = "1 0 0" if axis is None else attribute(axis, "axis", "xyz", where)
-    x, y, z = read_numbers(way, 3, f"{where}: axis")
-    texts = {name: attribute(limit, "limit", name, where) for name in ("lower", "upper")}
-    for tag, names in (("dynamics", ("damping", "friction")), ("spring", ("stiffness", "rest"))):
-        found = only_child(element, tag, where)
-        texts |= {name: "0" if found is None else found.get(name, "0") for name in names}
-    numbers = {name: read_numbers(text, 1, f"{where}: {name}")[0] for name, text in texts.items()}
+        raise DesignError(f"{where} is of type {shorten(joint.kind)}; {wanted}")
+    lower, upper, *_ = joint.limits
+    if lower is None or upper is None:
+        raise DesignError(f'{where} needs <limit lower="..." upper="..."/>')
+    stiffness, rest = joint.spring or (0.0, 0.0)
+    numbers = {"damping": joint.damping, "friction": joint.friction, "stiffness": stiffness, "rest": rest}
     try:
-        return ToolJoint(_MOVES[element.get("type", "")], (x, y, z), origin=(0.0, 0.0, 0.0), **numbers)
+        return ToolJoint(_MOVES[joint.kind], joint.axis, lower, upper, (0.0, 0.0, 0.0), **numbers)
     except DesignError as error:
         raise DesignError(f"{where}: {error}") from error
 
 
 def _hang(
-    name: str, link: _Link, joint: _Joint, holders: _Holders, taken: set[str]
+    name: str,
+    shapes: list[_Shape],
+    mass: float,
+    pose: Pose,
+    moving: ToolJoint | None,
+    holders: _Holders,
+    taken: set[str],
 ) -> tuple[list[Component], _Holders]:
     """Make a link's components, and what its children may hang from.
 
@@ -213,24 +185,25 @@ def _hang(
     link without boxes is only a frame: its children hang from the boxes of its parent.
     """
     parents, frame = holders
-    base = joint.pose if frame is None else frame @ joint.pose
-    if not link.shapes and joint.moving is not None:
+    base = pose if frame is None else frame @ pose
+    if not shapes and moving is not None:
         raise DesignError(f"link {name!r} hangs on a joint that moves, and has no box; give it one")
-    if not link.shapes:
+    if not shapes:
         return [], (parents, base)
-    volume = math.fsum(shape.box.volume for shape in link.shapes)
+    volume = math.fsum(shape.box.volume for shape in shapes)
     components: list[Component] = []
     own: list[_Holder] = []
-    for box, pose, color in link.shapes:
-        parent, place = _nearest(own or parents, box, pose if own else base @ pose)
-        share = box.volume / volume if volume > 0 else 1 / len(link.shapes)
-        part = Component(_free_name(name, taken) if own else name, parent, place, box, link.mass * share, color)
-        if joint.moving is not None and not own:
-            inverse = pose.inverse()
-            (x, y, z), (ax, ay, az) = inverse.position.tolist(), inverse.rotation.apply(joint.moving.axis).tolist()
-            part = replace(part, joint=replace(joint.moving, axis=(ax, ay, az), origin=(x, y, z)))
+    for box, place, color in shapes:
+        parent, there = _nearest(own or parents, box, place if own else base @ place)
+        part = Component(
+            _free_name(name, taken) if own else name, parent, there, box, mass * box.volume / volume, color
+        )
+        if moving is not None and not own:
+            inverse = place.inverse()
+            (x, y, z), (ax, ay, az) = inverse.position.tolist(), inverse.rotation.apply(moving.axis).tolist()
+            part = replace(part, joint=replace(moving, axis=(ax, ay, az), origin=(x, y, z)))
         components.append(part)
-        own.append(_Holder(part.name, box, pose.inverse()))
+        own.append(_Holder(part.name, box, place.inverse()))
     return components, (own, None)
 
 

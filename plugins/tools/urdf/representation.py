@@ -26,7 +26,6 @@ from core.support.text import kind, short_numbers
 from plugins.tools.components import describe_springs, weight_rules
 from plugins.tools.mounting import describe_mount, first_box
 from plugins.tools.urdf.building import build_tool
-from plugins.tools.urdf.parsing import parse_xml
 from plugins.tools.varying import VariedTools
 
 
@@ -50,7 +49,7 @@ class UrdfTools(VariedTools):
         if not isinstance(text, str):
             raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
         masses = self.material.density_kg_m3 is None
-        return build_tool(parse_xml(text), gripper, self.robot, masses=masses, loose=self.joints)
+        return build_tool(text, gripper, self.robot, masses=masses, loose=self.joints)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {"tool_urdf": tool_urdf(tool)}

@@ -38,7 +38,8 @@ def shape(tag, geometry=BOX, origin="", material=""):
     return f"<{tag}>{origin}{geometry}{material}</{tag}>"
 
 
-A = link("a") + joint("tool_mount", "a")
+HELD = joint("tool_mount", "a")
+A = link("a") + HELD
 
 
 def test_schema_names_the_field_that_parse_reads_and_dump_writes():
@@ -82,7 +83,7 @@ def test_a_robots_other_names_of_mounts_are_read(alias, mount):
     assert named == usual
     assert [c.parent for c in named.components] == [mount]
     ur5 = installed().create("tool", "urdf", robot=installed().create("robot", "ur5"))
-    with pytest.raises(DesignError, match=f"'{alias}', which is neither"):
+    with pytest.raises(DesignError, match=f"no link '{alias}'"):
         ur5.parse({"tool_urdf": link("a") + joint(alias, "a")}, gripper=gripper)
 
 
@@ -172,59 +173,68 @@ def test_a_missing_field():
 
 
 HOSTILE = {
-    "external entity": ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot>&x;</robot>', "DOCTYPE"),
-    "external DTD": ('<!DOCTYPE r SYSTEM "http://example.com/r.dtd"><robot/>', "DOCTYPE"),
-    "DOCTYPE after a declaration": ("<?xml version='1.0'?><!DOCTYPE r><robot/>", "DOCTYPE"),
+    "external entity": ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot>&x;</robot>', "malformed XML"),
+    "external DTD": ('<!DOCTYPE r SYSTEM "http://example.com/r.dtd"><robot/>', "malformed XML"),
+    "DOCTYPE after a declaration": ("<?xml version='1.0'?><!DOCTYPE r><robot/>", "malformed XML"),
     "undefined entity": (f"{A}&x;", "undefined entity"),
-    "nesting": ("<link>" * 2000 + "</link>" * 2000, "nests elements"),
-    "too many elements": ("<link/>" * 20_000, "more than 10000 elements"),
+    "nesting": ("<link>" * 2000 + "</link>" * 2000, "link name '' is not 1 to 64"),
+    "too many elements": ("<link name='a'/>" * 20_000, "20000 <link> elements; at most"),
     "too long": ("x" * 1_000_001, "1000001 characters"),
     "a way out of the root": (f"</robot><robot>{A}", "junk after document element"),
-    "null character": ("\0", "not well-formed XML"),
-    "lone surrogate": ("\ud800", "surrogates"),
-    "not closed": (f"{A}\n<link name='b'>", "not well-formed XML: mismatched tag in line 3"),
+    "null character": ("\0", "malformed XML"),
+    "lone surrogate": ("\ud800", "malformed XML"),
+    "not closed": (f"{A}\n<link name='b'>", "malformed XML: mismatched tag: line 3"),
     "mesh": (
-        link("a", shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>')),
+        link("a", shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>')) + HELD,
         "boxes only.*<mesh>",
     ),
-    "package": (link("a", shape("visual", '<geometry><mesh filename="package://x/y.stl"/></geometry>')), "boxes only"),
-    "cylinder": (link("a", shape("collision", '<geometry><cylinder radius="1" length="1"/></geometry>')), "boxes only"),
-    "sphere": (link("a", shape("collision", '<geometry><sphere radius="1"/></geometry>')), "boxes only"),
-    "two shapes": (link("a", shape("collision", BOX.replace("<box", '<box size="1 1 1"/><box'))), "boxes only"),
-    "no geometry": (link("a", "<collision/>"), "found nothing"),
+    "package": (
+        link("a", shape("visual", '<geometry><mesh filename="package://x/y.stl"/></geometry>')) + HELD,
+        "boxes only",
+    ),
+    "cylinder": (
+        link("a", shape("collision", '<geometry><cylinder radius="1" length="1"/></geometry>')) + HELD,
+        "boxes only",
+    ),
+    "sphere": (link("a", shape("collision", '<geometry><sphere radius="1"/></geometry>')) + HELD, "boxes only"),
+    "two shapes": (link("a", shape("collision", BOX.replace("<box", '<box size="1 1 1"/><box'))), "2 <box> elements"),
+    "no geometry": (link("a", "<collision/>") + HELD, "has no <geometry>"),
     "two geometries": (link("a", f"<collision>{BOX * 2}</collision>"), "2 <geometry> elements"),
-    "no size": (link("a", "<collision><geometry><box/></geometry></collision>"), 'needs <box size="..."'),
+    "no size": (link("a", "<collision><geometry><box/></geometry></collision>") + HELD, "size is missing"),
     "duplicate links": (A + link("a"), "two links are named 'a'"),
-    "duplicate joints": (A + link("b") + joint("tool_mount", "a"), "two joints are named"),
-    "cycle": (link("a") + link("b") + joint("a", "b") + joint("b", "a"), "circle"),
-    "its own parent": (link("a") + joint("a", "a"), "circle"),
+    "duplicate joints": (A + joint("tool_mount", "a"), "two joints are named"),
+    "cycle": (link("a") + link("b") + joint("a", "b") + joint("b", "a"), "links form a loop: a -> b -> a"),
+    "its own parent": (link("a") + joint("a", "a"), "links form a loop: a -> a"),
     "unreachable": (A + link("b") + link("c") + joint("b", "c"), "no joint holds link 'b'"),
-    "unknown child": (A + joint("a", "ghost"), "'ghost', which is not a link"),
-    "unknown parent": (link("a") + joint("ghost", "a"), "'ghost', which is neither"),
-    "hand as mount": (link("a") + joint("panda_hand", "a"), "its mount"),
-    "finger as mount of a rigid tool": (link("a") + joint("left_finger", "a"), r"its mount \(tool_mount\)"),
-    "moves the robot": (A + joint("a", "panda_link7"), "not a link of the tool"),
-    "two parents": (A + link("b") + joint("tool_mount", "b") + joint("a", "b"), "child of two joints"),
+    "unknown child": (A + joint("a", "ghost"), "no link 'ghost' in joint 'a-ghost'"),
+    "unknown parent": (link("a") + joint("ghost", "a"), "no link 'ghost' in joint 'ghost-a'; possible: .*tool_mount"),
+    "hand as mount": (link("a") + joint("panda_hand", "a"), "no link 'panda_hand'.*possible: .*tool_mount"),
+    "finger as mount of a rigid tool": (
+        link("a") + joint("left_finger", "a"),
+        "no link 'left_finger'.*possible: .*tool_mount",
+    ),
+    "moves the robot": (A + joint("a", "panda_link7"), "no link 'panda_link7'"),
+    "two parents": (A + link("b") + joint("tool_mount", "b") + joint("a", "b"), "link 'b' hangs on two joints"),
     "robot's link": (link("panda_link7"), "robot's own"),
     "the mount itself": (link("tool_mount"), "robot's own"),
     "the mount by its other name": (link("panda_virtual"), "robot's own"),
-    "finger by its other name": (link("a") + joint("panda_leftfinger", "a"), r"its mount \(tool_mount\)"),
+    "finger by its other name": (link("a") + joint("panda_leftfinger", "a"), "no link 'panda_leftfinger'"),
     "a mount of other tools": (link("left_finger"), "robot's own"),
     "robot's joint": (A.replace("tool_mount-a", "panda_joint1"), "robot's own"),
     "name with a space": (link("a b"), "letters, digits"),
     "long name": (link("a" * 65), "1 to 64"),
     "empty name": (link(""), "letters, digits"),
-    "no name": ("<link/>", "a link has no name"),
+    "no name": ("<link/>", "link name '' is not 1 to 64"),
     "hinge": (link("a") + joint("tool_mount", "a", kind="revolute"), "'revolute'; tools are rigid"),
-    "no type": (A.replace('type="fixed"', ""), "tools are rigid"),
-    "no parent": (A.replace('<parent link="tool_mount"/>', ""), 'needs <parent link="..."'),
-    "no child": (A.replace('<child link="a"/>', "<child/>"), 'needs <child link="..."'),
+    "no type": (A.replace('type="fixed"', ""), "no type '' in joint"),
+    "no parent": (A.replace('<parent link="tool_mount"/>', ""), 'names no parent; add <parent link="..."'),
+    "no child": (A.replace('<child link="a"/>', "<child/>"), "no joint holds link 'a'"),
     "two origins": (A.replace('<origin xyz="0 0 -0.05"/>', "<origin/><origin/>"), "2 <origin> elements"),
     "foreign element": (A + "<gazebo/>", "<gazebo> is not allowed"),
-    "massless inertial": (link("a", "<inertial/>"), 'needs <mass value="..."'),
+    "massless inertial": (link("a", "<inertial/>") + HELD, "inertial has no <mass>"),
     "colour of three numbers": (
-        link("a", shape("visual", material='<material><color rgba="1 0 0"/></material>')),
-        "4 plain numbers, not '1 0 0'",
+        link("a", shape("visual", material='<material><color rgba="1 0 0"/></material>')) + HELD,
+        "rgba is '1 0 0'; expected 4 numbers",
     ),
 }
 
@@ -240,19 +250,19 @@ def test_hostile_text_gets_a_reason(text, reason):
 @pytest.mark.parametrize(
     ("numbers", "reason"),
     [
-        ("nan 1 1", "3 plain numbers, not 'nan 1 1'"),
-        ("inf 1 1", "3 plain numbers"),
-        ("1e999 1 1", "'1e999 1 1'; metres"),
-        ("1e9 1 1", "far below 1000"),
-        ("1 1", "3 plain numbers, not '1 1'"),
-        ("1 1 1 1", "3 plain numbers"),
-        ("1,1,1", "3 plain numbers, not '1,1,1'"),
-        ("0x1 1 1", "3 plain numbers"),
-        ("1_0 1 1", "3 plain numbers"),
-        ("\N{FULLWIDTH DIGIT ONE} 1 1", "3 plain numbers"),
-        ("9" * 5000 + " 1 1", r"far below"),
-        ("", "3 plain numbers, not ''"),
-        ("${size} 1 1", "3 plain numbers"),
+        ("nan 1 1", "is 'nan 1 1'; expected 3 numbers"),
+        ("inf 1 1", "expected 3 numbers, finite"),
+        ("1e999 1 1", "expected 3 numbers, finite"),
+        ("1e9 1 1", "finite and at most"),
+        ("1 1", "is '1 1'; expected 3 numbers"),
+        ("1 1 1 1", "expected 3 numbers"),
+        ("1,1,1", "is '1,1,1'; expected 3 numbers"),
+        ("0x1 1 1", "expected 3 numbers"),
+        ("1_0 1 1", "expected 3 numbers"),
+        ("\N{FULLWIDTH DIGIT ONE} 1 1", "expected 3 numbers"),
+        ("9" * 5000 + " 1 1", "finite and at most"),
+        ("", "is ''; expected 3 numbers"),
+        ("${size} 1 1", "expected 3 numbers"),
     ],
 )
 @pytest.mark.parametrize("place", ["size", "xyz", "rpy"])
@@ -266,8 +276,8 @@ def test_bad_numbers(numbers, reason, place):
 
 @pytest.mark.parametrize("size", ["0 1 1", "-0.1 1 1"])
 def test_sides_are_positive(size):
-    with pytest.raises(DesignError, match="sides must be positive"):
-        parse(link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>')))
+    with pytest.raises(DesignError, match="must be greater than 0"):
+        parse(link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>')) + HELD)
 
 
 def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
@@ -335,7 +345,7 @@ def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
     heavy = link("a", f'<collision>{BOX}</collision><inertial><mass value="as much as you like"/></inertial>')
     data = {"tool_urdf": heavy + joint("tool_mount", "a")}
     assert len(made_of_pla.parse(data, gripper=False).components) == 1
-    with pytest.raises(DesignError, match="mass must be 1 plain number"):
+    with pytest.raises(DesignError, match="value is 'as much as you like'; expected a number"):
         URDF.parse(data, gripper=False)
 
 
