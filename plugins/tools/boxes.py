@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from core.design import DesignError
-from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
 from core.geometry import Array, Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
 from core.support.text import shorten
 from plugins.tools.components import (
@@ -24,24 +23,6 @@ from plugins.tools.components import (
 FIELD = "tool_components"
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}
 _KEYS = ("shape", "size", "radius", "length")
-
-_RULES = f"""\
-Write each tool as a list of components in `{FIELD}`, at most {MAX_COMPONENTS}.
-
-{{mount}}
-
-Each component is an object with these keys:
-- `shape` and its sizes in metres, every side or diameter {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. A shape is centred on its
-  own frame:
-  "box", which may be left out, with `size` [x, y, z], full side lengths along its own axes;
-  "cylinder" with `radius` and `length`, along its own z;
-  "capsule", the same with half a sphere added at each end, which `length` leaves out;
-  "sphere" with `radius`.
-{{rules}}
-- Tools of several well-placed components (hooks, walls, scoops, bends) tend to do better than a plain bar.
-
-Example of a list with one component:
-{{example}}"""
 
 
 def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
@@ -66,7 +47,7 @@ def _positive(value: float, where: str) -> float:
 class BoxTools(ComponentTools):
     """A tool is one field, ``tool_components``: boxes and round shapes."""
 
-    shapes, field, keys, rules = tuple(_SIZES), FIELD, _KEYS, _RULES
+    shapes, field, keys, template = tuple(_SIZES), FIELD, _KEYS, "boxes"
     shape_schemas = (
         {"shape": {"type": "string", "enum": ["box"]}, "size": TRIPLE},
         {"shape": {"type": "string", "enum": ["cylinder", "capsule"]}, "radius": NUMBER, "length": NUMBER},

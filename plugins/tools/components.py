@@ -13,39 +13,16 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.rules import (
-    MAX_BEND_M_N,
-    MAX_COMPONENT_KG,
-    MAX_COMPONENTS,
-    MAX_DENSITY,
-    MAX_EXTENT_M,
-    MAX_LOAD_N,
-    MIN_COMPONENT_KG,
-    MIN_DENSITY,
-    MIN_TOOL_KG,
-    NAME,
-)
-from core.designs.statics import (
-    MAX_DAMPING,
-    MAX_GAP_M,
-    MAX_HZ,
-    MAX_JOINTS,
-    MAX_SPRING,
-    MAX_SPRINGS_J,
-    MIN_MOVED_KG,
-    describe_weight,
-    mass_limit,
-    spring_share,
-)
+from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY, NAME
 from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.support.text import kind, shorten
-from core.values.materials import Material
-from plugins.tools.mounting import describe_mount, first_box
+from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
 
 MAX_NUMBER = 1000.0  # far above every length, angle and mass of a tool; keeps products finite
@@ -63,55 +40,6 @@ TRIPLE = {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}
 # position and rpy give.
 ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape | Compound, Pose]]
 
-_RULES = f"""\
-- `name`: letters, digits, '_', '.', '-'; each component has its own.
-- `parent`: the component that it is fixed to, or {{mounts}}. Every component touches or overlaps its
-  parent; a gap of more than {MAX_GAP_M * 1000:g} mm between their surfaces is an error.
-- `position` [x, y, z] and `rpy` [roll, pitch, yaw]: where the component's own frame is in the frame of its mount,
-  {{mount_frame}}, whatever its parent is; metres and radians. All components are placed in that one frame.
-{{weight}}
-- `color`: red, green and blue in hexadecimal, such as "#3373cc".
-- In elites, `color` and an `rpy` of zeros are left out.
-- The tool ends within {MAX_EXTENT_M:g} m of its mount. It is rigid: it is an error if 1 N at any end would bend it by
-  more than {MAX_BEND_M_N * 1000:g} mm {{bend}}."""
-
-_MASSES = f"""\
-- `mass` in kilograms. A few grams per component help the arm to move well; the limits are
-  {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a component, {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its
-  density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
-
-
-_JOINTS = f"""
-- `joint`: null, or how the component moves against its parent, without a motor. An object with `kind`, "hinge" or
-  "slider"; `axis` [x, y, z], and for a hinge `at` [x, y, z], a point of its axis, both in the same frame as `position`;
-  `lower` and `upper`, its range in radians or metres, 0 being the pose that is given; `damping` in N m s/rad or N s/m;
-  `friction`, the largest torque or force of dry friction, in N m or N; `stiffness` of a spring in N m/rad or N/m, and
-  `rest`, where it is relaxed; 0 where there is none. At most {MAX_JOINTS} joints; what a spring moves may swing at
-  {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. {{springs}}.
-  A component with a joint passes through its parent, and touches everything else. Over the whole range, what moves on
-  the joint touches what bears it: give a slider a rail, a component of its own or of its parent.
-  Joints are held at 0 until the motion begins."""
-
-
-def weight_rules(material: Material, robot: Robot, masses: str) -> tuple[str, str]:
-    """Write what tools may weigh, by ``masses`` where a model says what they do; and when they are not rigid."""
-    if material.density_kg_m3 is None:
-        bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
-        return masses.format(payload=f"{mass_limit(robot, material)[0]:g}"), bend
-    return describe_weight(material, robot), f"or {MAX_LOAD_N:g} N would break it"
-
-
-def describe_springs(material: Material) -> str:
-    """Write the part of a prompt that says how strong springs and dampers of joints may be."""
-    share = spring_share(material)
-    torque, force, energy = (share * most for most in (*MAX_SPRING.values(), MAX_SPRINGS_J))
-    turning, sliding = MAX_DAMPING.values()
-    return (
-        f"At the end of its range that is farther from `rest` a spring exerts {torque:.2g} N m or {force:.2g} N at "
-        f"most;\n  all together hold {energy:.2g} J at most. Damping is at most {turning:g} N m s/rad or {sliding:g} "
-        f"N s/m,\n  dry friction {MAX_SPRING['hinge']:g} N m or {MAX_SPRING['slider']:g} N"
-    )
-
 
 class ComponentTools(VariedTools):
     """A representation as one field, a list of components with their poses in the mount's frame.
@@ -122,14 +50,15 @@ class ComponentTools(VariedTools):
         field: the name of the list.
         keys: those of a component that say its shape.
         shape_schemas: the JSON schemas of these keys, one for each way to write a shape.
-        rules: the instructions, with places for the mount, the rules for all of a component but its shape, and an
-            example.
+        template: of the instructions.
+        limits: what else the template names.
     """
 
     field: str
     keys: tuple[str, ...]
     shape_schemas: tuple[dict[str, Any], ...]
-    rules: str
+    template: str
+    limits: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, joints: bool = False) -> None:
         self.joints = joints
@@ -163,13 +92,8 @@ class ComponentTools(VariedTools):
         mount, name, size, at = first_box(brief)
         example = {"name": name, "parent": mount, **self.example_shape(size), "position": rounded(at)}
         example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
-        frame = " or ".join(f"`{mount}`" for mount in Tool(gripper=brief.gripper).mounts)
-        weight, bend = weight_rules(self.material, brief.task.robot, _MASSES)
-        weight += "" if self.material.density_kg_m3 is None else "\n- `mass`: 0"
-        rules = _RULES + _JOINTS if self.joints else _RULES
-        springs = describe_springs(self.material)
-        rules = rules.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend, springs=springs)
-        return self.rules.format(mount=describe_mount(brief), rules=rules, example=json.dumps([example]))
+        given = {"field": self.field, "joints": self.joints, "example": json.dumps([example]), **self.limits}
+        return instruct(self.template, brief, self.material, **given)
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
         """Read a tool; components may come in any order.

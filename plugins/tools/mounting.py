@@ -1,21 +1,66 @@
-"""Describe the mounts that tools hang from, for the instructions of every tool representation."""
+"""Write the instructions of every tool representation, by templates; and describe the mounts that tools hang from."""
 
 from __future__ import annotations
 
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import jinja2
 import numpy as np
 
-from core.design import RIGID_MOUNT
+from core.design import RIGID_MOUNT, Tool
+from core.designs import rules, statics
 from core.geometry import Array
-from core.interfaces import Brief, Robot, Task
+from core.interfaces import Brief, Robot
 from core.robot.extents import Finger, fingers_of
 from core.support.text import short_number
+from core.values.materials import Material
 
 _MEET_M = 0.0005  # fingers nearer than this meet
 
 
 def describe_mount(brief: Brief) -> str:
     """Write which links the tool hangs from, where their axes point, and what must be touched."""
-    return _gripper_mount(brief.task.robot) if brief.gripper else _rigid_mount(brief.task)
+    robot, upright = brief.task.robot, np.allclose(brief.task.home.rpy, 0.0, atol=1e-3)
+    if not brief.gripper:
+        return _write("mount", gripper=False, robot=robot, upright=upright)
+    gap = finger_gap(robot)
+    closed = max(0.0, gap - 2 * robot.opening_m)
+    meet = "meet when it is closed" if closed < _MEET_M else f"{short_number(closed, 3)} m when it is closed"
+    fingers = [*map(_finger, fingers_of(robot))]
+    return _write("mount", gripper=True, fingers=fingers, gap=short_number(gap, 3), closed=meet)
+
+
+def instruct(template: str, brief: Brief, material: Material, **given: Any) -> str:
+    """Write how a model writes tools of a material: a template, with what tools weigh, and more that is ``given``."""
+    robot = brief.task.robot
+    return _write(
+        template,
+        mount=describe_mount(brief),
+        frame=" or ".join(f"`{mount}`" for mount in Tool(gripper=brief.gripper).mounts),
+        elites=brief.elites,
+        weight="" if material.density_kg_m3 is None else statics.describe_weight(material, robot),
+        payload=statics.mass_limit(robot, material)[0],
+        share=statics.spring_share(material),
+        **given,
+    )
+
+
+def _write(template: str, /, **given: Any) -> str:
+    """Fill in a template, which finds the limits of `core.designs.rules` and `core.designs.statics` by their names."""
+    return _templates().get_template(template).render({**vars(rules), **vars(statics), **given})
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    folder = files("plugins.tools") / "templates"
+    loader = jinja2.FunctionLoader(lambda name: (folder / f"{name}.md.j2").read_text("utf-8"))
+    made = jinja2.Environment(  # noqa: S701 - a prompt is plain text
+        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    made.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
+    return made
 
 
 def first_box(brief: Brief) -> tuple[str, str, Array, Array]:
@@ -33,39 +78,6 @@ def first_box(brief: Brief) -> tuple[str, str, Array, Array]:
     at = np.mean(finger.extent, axis=0) * (1 - out - down)
     at += out * finger.face(-finger.opens) + 0.0075 * finger.opens + down * finger.face(finger.tip)
     return finger.name, "left_pad", size, at + 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
-
-
-_RIGID_MOUNT = """\
-The tool is rigid{place}. It hangs from the link `tool_mount` on the arm's flange, whose
-axes are the world's when its roll, pitch and yaw are 0{home}: x forward, y left, z up. The arm is above
-it, so the tool extends toward -z. What hangs from `tool_mount` must touch the flange, a disc of
-{diameter:g} mm diameter and {thickness:g} mm thickness centred at its origin and square to z."""
-
-_GRIPPER_MOUNT = """\
-The tool is a pair of attachments to the gripper's fingers, which open and close them: the left part hangs from the link
-`left_finger`, the right part from `right_finger`; each must touch its finger. The frames part says how their axes lie.
-{fingers}
-The inner faces are {gap} m apart when the gripper is open, and {closed}."""
-
-
-def _rigid_mount(task: Task) -> str:
-    robot, disc = task.robot, task.robot.flange.disc
-    return _RIGID_MOUNT.format(
-        place=" and takes the place of the gripper" if robot.gripper else "",
-        home=", as they are at home" if np.allclose(task.home.rpy, 0.0, atol=1e-3) else "",
-        diameter=2000 * disc.radius,
-        thickness=1000 * disc.length,
-    )
-
-
-def _gripper_mount(robot: Robot) -> str:
-    gap = finger_gap(robot)
-    closed = max(0.0, gap - 2 * robot.opening_m)
-    return _GRIPPER_MOUNT.format(
-        fingers="\n".join(map(_finger, fingers_of(robot))),
-        gap=short_number(gap, 3),
-        closed="meet when it is closed" if closed < _MEET_M else f"{short_number(closed, 3)} m when it is closed",
-    )
 
 
 def _finger(finger: Finger) -> str:

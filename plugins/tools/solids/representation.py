@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from core.design import DesignError
-from core.designs.rules import MAX_COMPONENTS, MIN_SIDE_M
 from core.geometry import Array, Box, Compound, Pose, Shape
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
@@ -15,31 +15,6 @@ from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
 from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZES, Node, TreeReader, dump_node
 
 FIELD = "tool_solids"
-
-_RULES = f"""\
-Write each tool as a list of components in `{FIELD}`, at most {MAX_COMPONENTS}.
-
-{{mount}}
-
-Each component is an object with these keys:
-- `solid`: its shape, a tree written as JSON text. A node is an object with one of these keys; lengths in metres from
-  {MIN_SIDE_M:g} to {MAX_SIZE_M:g}, angles in radians:
-  "box": [x, y, z], full side lengths; "sphere": radius; "cylinder": [radius, length], along z; "capsule": the same with
-  half a sphere added at each end; "cone": [bottom radius, top radius, length], along z. All are centred.
-  "extrude": [[x, y], ...], an outline's corners in order, with "height": along z, centred on z = 0.
-  "revolve": [[r, z], ...], an outline turned about the z axis, r from 0, with "angle": from the x axis, a full turn
-  if left out.
-  "hull": [[x, y, z], ...], the convex hull of points.
-  "union", "difference" (the first less all others), "intersection": a list of nodes.
-  "at": [x, y, z] or [x, y, z, roll, pitch, yaw] moves and turns any node in the frame of the node above it; for the
-  topmost node that is the component's own frame.
-  A tool has at most {MAX_NODES} nodes, an outline at most {MAX_POINTS} corners, and a component is of one piece.
-{{rules}}
-- What is not convex collides as convex parts that keep within {WITHIN_M * 1000:g} mm of the solid, at most {MAX_PARTS}
-  for a tool. Flat walls need few parts, deep round bowls many: one of 3 mm wall fits up to about 50 mm of radius.
-
-Example of a list with one component, a bar with a hole across:
-{{example}}"""
 
 
 class _Reader:
@@ -79,7 +54,11 @@ class SolidTools(ComponentTools):
     """
 
     shapes = ("box", "cylinder", "capsule", "sphere")
-    field, keys, rules = FIELD, ("solid",), _RULES
+    field, keys, template = FIELD, ("solid",), "solids"
+    limits = MappingProxyType(
+        {"MAX_SIZE_M": MAX_SIZE_M, "MAX_NODES": MAX_NODES, "MAX_POINTS": MAX_POINTS}
+        | {"WITHIN_M": WITHIN_M, "MAX_PARTS": MAX_PARTS}
+    )
     shape_schemas = ({"solid": TEXT | {"description": "the tree of shapes, as JSON"}},)
 
     def example_shape(self, size: Array) -> dict[str, Any]:
