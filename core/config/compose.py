@@ -128,7 +128,7 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
         return UsageError(f"{error.full_key} has no value; give one with {error.full_key}=VALUE")
     found = re.search(r"Could not override '([^']+)'", str(error))
     cause = error.__cause__
-    if found and isinstance(cause, ConfigAttributeError | ConfigKeyError):
+    if found and ("in the defaults list" in str(error) or isinstance(cause, ConfigAttributeError | ConfigKeyError)):
         unknown = _unknown_key(found.group(1), name, overrides)
         if unknown is not None:
             return unknown

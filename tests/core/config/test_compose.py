@@ -29,9 +29,10 @@ def test_a_plus_adds_no_unknown_key(words, reason):
     assert str(error.value).startswith(reason)
 
 
-def test_a_plus_adds_no_key_that_belongs_to_another_command():
+@pytest.mark.parametrize("word", ["+vlm.model=x", "vlm=gemini"])
+def test_no_key_that_belongs_to_another_command_is_taken(word):
     with pytest.raises(UsageError, match=r"no key 'vlm' in the configuration; possible: .*designs, "):
-        load("evaluate", ["+vlm.model=x"])
+        load("evaluate", [word])
 
 
 def test_a_plus_before_a_key_that_is_there_changes_nothing():
