@@ -21,7 +21,7 @@ from defusedxml.ElementTree import fromstring
 
 from core.errors import UserError, choices
 from core.geometry import Box, Color, Cylinder, Sphere
-from core.support.text import shorten
+from core.support.text import shorten, visible
 from core.values.descriptions import (
     MOMENTS,
     MOVING,
@@ -245,7 +245,7 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     except OSError:  # a name that is too long
         there = False
     if not there:
-        raise UserError(f"{where}: there is no mesh file {found} (named {shorten(name, 200)})")
+        raise UserError(f"{where}: there is no mesh file {visible(str(found))} (named {shorten(name, 200)})")
     return found.resolve()
 
 

@@ -30,7 +30,7 @@ from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
 from core.scene import Camera, Color, Goal, Joint
 from core.values.layouts import NONE
-from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX_FRICTION
+from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX_FRICTION, SHORTEST_M
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
@@ -50,7 +50,7 @@ WORDS = {
     "json_invalid": "it holds a character that is no text, such as half of a pair; leave it out",
 }
 
-Length = Annotated[float, Field(gt=0, le=LONGEST_M)]
+Length = Annotated[float, Field(gt=SHORTEST_M, le=LONGEST_M)]
 Coordinate = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]

@@ -18,7 +18,7 @@ from core.scene import Body, Geom, Joint, Scene
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
 LIGHTEST, HEAVIEST = 1e-5, 1e4  # kg
-LONGEST_M, MAX_FRICTION = 20.0, 10.0
+SHORTEST_M, LONGEST_M, MAX_FRICTION = 1e-6, 20.0, 10.0
 _NAME, _RENAME = re.compile(r"[A-Za-z0-9_.-]{1,96}"), "its name is not of letters, digits, '_', '.' or '-'; rename it"
 
 
@@ -64,6 +64,9 @@ def _check(body: Body) -> None:
         if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
             far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
             raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")
+    thinnest = min((geom.shape.bounds[1].min() for geom in body.collisions), default=SHORTEST_M)
+    if thinnest < SHORTEST_M:
+        raise UserError(f"{where} has a collision shape of {thinnest:.3g} m; at least {SHORTEST_M:g} m is read")
 
 
 def joined_body(
