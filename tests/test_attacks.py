@@ -1,0 +1,124 @@
+"""Play recorded attacks again: designs of `tests/attacks` that once earned without the work (docs/attacks.md).
+
+Each is tried as it is, and once more in MuJoCo with what stops it taken away: it must pay then, or it tests nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.simulation.rollout import evaluate_batch
+from tests.benchmarks.absurd import Watched
+from tests.engines import mujoco_first, simulator
+
+FOLDER = Path(__file__).parent / "attacks"
+RULE, NO_RULE = "core.designs.rules.check_joints", lambda *_: None
+# What stops an attack, what takes its place, and what each of its plans earns then in MuJoCo.
+STOPPED_BY = {
+    "AroundCorner": (RULE, NO_RULE, [1.0]),
+    "LeverStone": (RULE, NO_RULE, [1.0]),
+    "HangRing": ("tasks.hardtoolbench.hang_ring.SINKS", 0.011, [1.0, 0.6]),  # 51 mm, as it was, for a ring of 40 mm
+    "SweepCards": ("tasks.hardtoolbench.sweep_cards.PRESS_N", math.inf, [6 / 13]),
+}
+
+
+def candidates(name):
+    """Read an attack as a model's answer, and make its task."""
+    document, task = json.loads((FOLDER / f"{name}.json").read_text()), installed().create("task", name)
+    assert document["task"] == name
+    tools, plans = installed().create("tool", "boxes", {"joints": True}), installed().create("action", "anchored")
+    return task, read_designs(document, tools, SpawnRules(task, 0), actions=plans)
+
+
+def played(name, engine="mujoco", **settings):
+    """Play an attack: evaluations, and what was recorded."""
+    task, read = candidates(name)
+    watched = Watched(simulator(engine))
+    evaluations = evaluate_batch(task, watched, read, 0, RolloutSettings(**settings))
+    return evaluations, [outcome.recording for outcome in watched.outcomes]
+
+
+def test_every_recorded_attack_is_played():
+    assert {file.stem for file in FOLDER.glob("*.json")} == {*STOPPED_BY, "StopCart", "TwoStations"}
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("AroundCorner", r"'plate' leaves what bears it, .* at 0.00545 m"),
+        ("LeverStone", r"too strong a spring: it exerts 49.6 N m .* at most 3 N m"),
+    ],
+)
+def test_what_breaks_a_rule_is_refused(name, reason):
+    _, (candidate,) = candidates(name)
+    assert re.search(reason, candidate.problem or "")
+
+
+@pytest.mark.slow
+@mujoco_first
+def test_a_ring_on_top_of_the_peg_earns_its_way_there_alone(engine):
+    evaluations, _ = played("HangRing", engine)
+    assert [evaluation.reward for evaluation in evaluations] == pytest.approx([0.116, 0.116], abs=0.002)
+
+
+@pytest.mark.slow
+@mujoco_first
+def test_cards_that_are_pressed_press_the_board(engine):
+    (evaluation,), (recording,) = played("SweepCards", engine)
+    assert evaluation.reward == 0
+    if engine == "mujoco":  # its plate is made for this engine's contacts
+        assert ("tool", "board") not in recording.forces
+        assert max(float(np.max(force)) for pair, force in recording.forces.items() if pair[0] == "board") > 15
+
+
+@pytest.mark.slow
+@mujoco_first
+def test_a_claw_that_is_pulled_through_its_stop_earns_nothing(engine):
+    (evaluation,), _ = played("TwoStations", engine)
+    assert evaluation.reward == 0
+    assert "so that its reward of 0.50 does not count" in evaluation.reason
+
+
+@pytest.mark.slow
+@mujoco_first
+def test_a_spring_waits_until_the_motion_begins(engine):
+    """Then it pushes the cart that passes, which is work: it earns 1."""
+    (evaluation,), (recording,) = played("StopCart", engine)
+    carts = recording.states.position("cart")[recording.times <= 0]
+    assert len(carts) > 5
+    assert np.linalg.norm(carts - carts[0], axis=-1).max() < 1e-3
+    assert evaluation.reward == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STOPPED_BY)
+def test_without_what_stops_it_an_attack_pays(name, monkeypatch):
+    target, instead, rewards = STOPPED_BY[name]
+    monkeypatch.setattr(target, instead)
+    evaluations, _ = played(name)
+    assert [evaluation.reward for evaluation in evaluations] == pytest.approx(rewards, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_joint_that_is_not_held_fires_before_the_motion(monkeypatch):
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr("plugins.simulators.mujoco.world.Joints.hold", lambda *_, held: None)
+    _, (recording,) = played("StopCart")
+    carts = recording.states.position("cart")[recording.times <= 0]
+    assert np.linalg.norm(carts[-1] - carts[0]) > 0.1
+
+
+@pytest.mark.slow
+def test_a_joint_beyond_its_stop_pays_where_penetration_is_ignored():
+    (evaluation,), _ = played("TwoStations", penetration="ignore")
+    assert evaluation.reward == 0.5
