@@ -22,6 +22,7 @@ def main(words: list[str]) -> None:
         raise UsageError(f"can't read {' '.join(words)!r}; {USAGE}")
     plugins = installed()
     offers = [plugins.offers[kind, name] for kind in KINDS for name in plugins.names(kind)]
+    offers += plugins.extensions.values()
     rows = [(offer.kind, offer.name, offer.entry_point, offer.distribution) for offer in offers]
     print_table(("kind", "name", "entry point", "distribution"), rows)
     if SWITCH in os.environ:

@@ -32,7 +32,7 @@ from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Task
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
-from core.store.rows import MAX_BYTES, dump_details, dump_plan
+from core.store.rows import MAX_BYTES, Best, GenerationFigures, Unseen, dump_details, dump_plan
 from core.support.files import read_untrusted, write_whole
 from core.support.secrets import scrub
 
@@ -301,16 +301,10 @@ def report(run: Run, result: Result) -> dict[str, Any]:
 
 def best_figures(result: Result) -> dict[str, Any] | None:
     """Return the figures of the best candidate, as in ``result.json``; None: no candidate could be tried."""
-    best = result.best
-    if best is None:
+    if (best := result.best) is None:
         return None
-    return {
-        "reward": best.reward,
-        "distance_m": best.distance_m,
-        "generation": best.candidate.generation,
-        "candidate": best.candidate.id,
-        "margin": asdict(least) if (least := best.least_margin) is not None else None,
-    }
+    candidate = best.candidate
+    return asdict(Best(best.reward, best.distance_m, candidate.generation, candidate.id, best.least_margin))
 
 
 def unseen_figures(result: Result) -> dict[str, Any] | None:
@@ -318,9 +312,7 @@ def unseen_figures(result: Result) -> dict[str, Any] | None:
     if not result.unseen:
         return None
     rewards = min(result.unseen.values(), key=statistics.fmean)
-    mean = statistics.fmean(rewards)
-    engines = {engine: list(of) for engine, of in result.unseen.items()}
-    return {"layouts": len(rewards), "mean": mean, "worst": min(rewards), "rewards": list(rewards), "engines": engines}
+    return asdict(Unseen(len(rewards), statistics.fmean(rewards), min(rewards), rewards, dict(result.unseen)))
 
 
 @lru_cache
@@ -336,14 +328,8 @@ def versions() -> dict[str, str]:
 
 def summary(generation: Generation) -> dict[str, Any]:
     """Return a generation's figures, as in ``result.json``."""
-    return {
-        "index": generation.index,
-        "best_reward": generation.best_reward,
-        "mean_reward": generation.mean_reward,
-        "n_candidates": len(generation.evaluations),
-        "n_rejected": generation.count("rejected"),
-        "n_failed": generation.count("failed"),
-    }
+    earned, counts = (generation.best_reward, generation.mean_reward), map(generation.count, ("rejected", "failed"))
+    return asdict(GenerationFigures(generation.index, *earned, len(generation.evaluations), *counts))
 
 
 def _pictures(request: Request) -> list[Picture]:
