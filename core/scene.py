@@ -232,14 +232,11 @@ class Scene:
     def state(self) -> State:
         """The state of the free bodies at their initial poses, at rest."""
         free = self.free
+        poses = [Pose(body.form.weights @ body.placed) if isinstance(body, Soft) else body.pose for body in free]
         return State(
             tuple(body.name for body in free),
-            np.array(
-                [body.form.weights @ body.placed if isinstance(body, Soft) else body.pose.position for body in free]
-            ).reshape(len(free), 3),
-            np.array([(Pose() if isinstance(body, Soft) else body.pose).quaternion for body in free]).reshape(
-                len(free), 4
-            ),
+            np.array([pose.position for pose in poses]).reshape(len(free), 3),
+            np.array([pose.quaternion for pose in poses]).reshape(len(free), 4),
             np.zeros((len(free), 3)),
             np.zeros((len(free), 3)),
             places=self.places,

@@ -5,9 +5,9 @@ Pictures: a still and a film of the reference solution for each task, and a shee
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
 sizes and the whole prompt of ``docs/prompts.md``. Levels: its table of ``prompt.told``.
-Ranges: the tables of what varies, of both sets of tasks. Strips: a
-picture for each task of HardToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a
-throw, for ``docs/designs.md``. Table (takes hours): the
+Ranges: the tables of what varies, of all sets of tasks. Strips: a picture for each task of
+HardToolBench and SoftToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a throw, for
+``docs/designs.md``. Table (takes hours): the
 rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
 ``docs/tasks.md``.
 """
@@ -235,7 +235,7 @@ def tasks_of(plugin: str) -> list[str]:
 
 
 def strips(names: list[str]) -> None:
-    """Draw the reference solutions of HardToolBench in a layout of the test."""
+    """Draw the reference solutions of HardToolBench and SoftToolBench in a layout of the test."""
     simulator, settings = installed().create("sim", "mujoco"), RolloutSettings(perception=Perception(0.002, 0.01))
     for name in names:
         task = installed().create("task", name, variation="wide")
@@ -316,7 +316,7 @@ def main() -> None:
     if given.what == "pictures":
         pictures(tasks)
     elif given.what == "strips":
-        strips(given.tasks or tasks_of("hardtoolbench"))
+        strips(given.tasks or [*tasks_of("hardtoolbench"), *tasks_of("softtoolbench")])
     elif given.what == "scene":
         scene(DOCS / "images" / "scene")
     elif given.what == "diagrams":
@@ -334,6 +334,7 @@ def main() -> None:
     elif given.what == "ranges":
         fill(DOCS / "layouts.md", ranges("robotoolbench"))
         fill(DOCS / "hardtoolbench.md", ranges("hardtoolbench"))
+        fill(DOCS / "softtoolbench.md", ranges("softtoolbench"))
     elif given.what == "notebook":
         notebook(DOCS / "example.ipynb")
     else:

@@ -1,4 +1,4 @@
-"""Read the anchored reference solutions of both benchmarks."""
+"""Read the anchored reference solutions of all benchmarks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from core.interfaces import RolloutSettings, ToolRepresentation
 from core.plugins import installed
 
 TASKS = Path(__file__).parent / "tasks"
-FILES = {file.stem: file for place in ("anchored", "hardtoolbench") for file in (TASKS / place).glob("*.json")}
+PLACES = ("anchored", "hardtoolbench", "softtoolbench")
+FILES = {file.stem: file for place in PLACES for file in (TASKS / place).glob("[A-Z]*.json")}
 
 
 def anchored(name: str, material: str = "paper") -> Candidate:

@@ -235,7 +235,9 @@ def test_each_test_that_the_page_of_attacks_names_is_there():
         assert f"def {name}(" in (ROOT / file).read_text(), f"{file}::{name}"
 
 
-@pytest.mark.parametrize(("page", "plugin"), [("layouts", "robotoolbench"), ("hardtoolbench", "hardtoolbench")])
+@pytest.mark.parametrize(
+    ("page", "plugin"), [("layouts", "robotoolbench"), *[(page, page) for page in ("hardtoolbench", "softtoolbench")]]
+)
 def test_the_ranges_in_the_docs_are_those_of_the_tasks(page, plugin):
     text = (ROOT / f"docs/{page}.md").read_text()
     assert text.partition("<!-- table -->\n")[2].startswith(build.ranges(plugin)), "python docs/build.py ranges"

@@ -83,11 +83,14 @@ class State:
         """The pose of one body in one world."""
         return Pose(self.position(name), self.quaternion(name))
 
-    def nodes(self, name: str) -> Array:
-        """The nodes of a soft body, (..., N, 3); a rope's in order, a cloth's and a solid's as `core.values.softs`."""
+    def nodes(self, name: str, to: str | None = None) -> Array:
+        """The nodes of a soft body, (..., N, 3), in the world or in the frame of another body; a rope's in order."""
         if name not in self.soft:
             raise KeyError(f"no soft body {name!r} in the state; there are: {', '.join(self.soft) or 'none'}")
-        return self.soft[name]
+        if to is None:
+            return self.soft[name]
+        turn, place = (array[..., None, :] for array in (self.quaternion(to), self.position(to)))
+        return rotate(turn * [1.0, -1.0, -1.0, -1.0], self.soft[name] - place)
 
     def extent(self, name: str) -> Array:
         """The size of the box along the world's axes around a soft body's nodes, (..., 3)."""

@@ -68,7 +68,7 @@ def settings(words: Sequence[str], of: type[T]) -> T:
 
 
 def tasks(names: Sequence[str]) -> list[str]:
-    """Return the named tasks; all if ``names`` is empty.
+    """Return the named tasks; all that every engine can play if ``names`` is empty.
 
     Raises:
         UsageError: no task has such a name.
@@ -77,7 +77,7 @@ def tasks(names: Sequence[str]) -> list[str]:
     for name in names:
         if name not in there:
             raise choices("task", name, there)
-    return list(names) or there
+    return list(names) or [name for name in there if not installed().create("task", name).scene(0).softs]
 
 
 def workers(number: int | None) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.scene import Scene, Soft, State
-from core.values.softs import sizes
+from core.values.softs import lattice, sizes
 from plugins.simulators.mujoco.contacts import IMPEDANCE, Role, mean_friction
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
@@ -50,6 +50,15 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         if soft.form.kind == "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
             length.solref, length.solimp = reference, HOLDS
+
+
+def hull_boxes(spec: Element) -> None:
+    """Make all boxes convex meshes: a cloth and the middle of a box's edge don't touch, its triangles and a mesh do."""
+    for geom in spec.geoms:
+        if geom.type == mujoco.mjtGeom.mjGEOM_BOX:
+            mesh = f"mesh_{len(spec.meshes)}"
+            spec.add_mesh(name=mesh, uservert=np.ravel(lattice((2, 2, 2)) * geom.size))
+            geom.type, geom.meshname, geom.size = mujoco.mjtGeom.mjGEOM_MESH, mesh, np.zeros(3)
 
 
 def _bends(soft: Soft, gravity: float) -> bool:

@@ -20,7 +20,7 @@ from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
 from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
-from plugins.simulators.mujoco.softs import add_softs
+from plugins.simulators.mujoco.softs import add_softs, hull_boxes
 
 GRAVITY = 9.81
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
@@ -91,6 +91,8 @@ def described(
             geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
             colliders.append(Collider(geom, body.name, bearer.name, Role.SCENE, surface, not body.fixed))
     contacts.set_contacts(spec, colliders, slip_rate, scene.joined)
+    if any(soft.form.kind == "cloth" for soft in scene.softs):
+        hull_boxes(spec)
     return spec
 
 

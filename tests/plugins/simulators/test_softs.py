@@ -53,6 +53,12 @@ def test_a_soft_body_at_rest_stays_where_it_is():
     assert np.abs(end(outcome).position("soft") - outcome.start.position("soft")).max() < 0.002
 
 
+def test_a_long_edge_between_the_nodes_of_a_cloth_bears_it():
+    edges = [Body.of(f"edge{y}", Box((0.4, 0.01, 0.02)), (X, Y + y, 0.29), mass=0.0, color=GREY) for y in (-0.06, 0.06)]
+    state = end(played(Bodies(*edges, soft(Cloth((0.2, 0.25), (5, 6)), Elastic(300, 1e5), 0.302)), 1.0))
+    assert state.nodes("soft")[:, 2].max() > 0.29
+
+
 def test_rollouts_repeat_bit_for_bit():
     first, again = (end(played(Bodies(BAR, TOWEL), 0.5)).nodes("soft") for _ in range(2))
     assert np.array_equal(first, again)

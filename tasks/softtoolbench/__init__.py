@@ -1,0 +1,12 @@
+"""The tasks of SoftToolBench, with ropes, cloths and soft solids. MuJoCo alone plays them."""
+
+from collections.abc import Mapping
+
+from core.hooks import hookimpl
+
+
+@hookimpl
+def tasks() -> Mapping[str, str]:
+    return {
+        "HangCloth": "tasks.softtoolbench.hang_cloth:HangCloth",
+    }

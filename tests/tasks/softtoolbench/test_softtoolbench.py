@@ -1,0 +1,88 @@
+"""Requirements for every task of SoftToolBench: its reference solution fits layouts that it was not made for, and what
+does not do the work earns little.
+
+``cheats/TASK.json`` has five designs that don't, and ``bare.json`` the plan of a bare gripper for each task.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from core.config.compose import load, node
+from core.design import Candidate, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.interfaces import RolloutSettings, Waypoints
+from core.plugins import installed
+from core.simulation.rollout import evaluate_batch
+from plugins.fitness.layouts import UNSEEN
+from tests.engines import simulator
+from tests.solutions import representation
+
+pytestmark = pytest.mark.slow
+
+HERE, ROOT = Path(__file__).parent, Path(__file__).parents[3]
+OFFERS = installed().offers.items()
+TASKS = [name for (kind, name), offer in OFFERS if kind == "task" and offer.entry_point == "softtoolbench"]
+PROTOCOL = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
+BARE = json.loads((HERE / "bare.json").read_text())
+
+every_task = pytest.mark.parametrize("name", TASKS)
+
+
+@cache
+def task_of(name):
+    return installed().create("task", name, variation="wide")
+
+
+def designs(file):
+    task = task_of(file.stem)
+    found = read_designs(load_designs(file), representation(file, "pla"), SpawnRules(task, 0))
+    assert [candidate.problem for candidate in found] == [None] * len(found)
+    return found
+
+
+def trials(name, candidates, seeds=(0,)):
+    """The rewards of designs that are played, with a layout in each row."""
+    found = [evaluate_batch(task_of(name), simulator("mujoco"), candidates, seed, PROTOCOL) for seed in seeds]
+    assert not [trial.reason for row in found for trial in row if trial.status != "ok"]
+    return np.array([[trial.reward for trial in row] for row in found])
+
+
+@every_task
+def test_names_words_and_configs(name):
+    task = task_of(name)
+    assert all(words.endswith(".") and len(words) > 80 for words in (task.description, task.in_words))
+    assert f"class {name}(Task):" in task.source()
+    assert set(task.variations) == {"near", "wide"}
+    assert all(heading in type(task).__doc__ for heading in ("Task: ", "Layouts: ", "Success: "))
+    assert yaml.safe_load((ROOT / "conf" / "task" / f"{name}.yaml").read_text())["name"] == name
+    scenes = [task.scene(seed) for seed in range(3)]
+    assert len({scene.bodies[-1].pose.position.tobytes() for scene in scenes}) == 3
+    assert all(len(soft.form.nodes) <= 50 for scene in scenes for soft in scene.softs)
+
+
+@every_task
+@pytest.mark.parametrize(
+    "seeds", [range(UNSEEN, UNSEEN + 2), pytest.param(range(UNSEEN, UNSEEN + 20), marks=pytest.mark.thorough)]
+)
+def test_the_reference_solution_fits_layouts_that_it_was_not_made_for(name, seeds):
+    assert trials(name, designs(HERE / f"{name}.json"), seeds).mean() >= 0.9
+
+
+@every_task
+def test_doing_nothing_and_the_bare_gripper_earn_little(name):
+    home, plan = task_of(name).home, installed().create("action", "anchored").parse(BARE[name], gripper=True)
+    nothing = Candidate(Tool(), Waypoints(np.array([[*home.position, *home.rpy]])))
+    assert trials(name, [nothing, Candidate(Tool(gripper=True), plan)]).max() < 0.1
+
+
+@every_task
+def test_cheats_earn_little(name):
+    cheats = designs(HERE / "cheats" / f"{name}.json")
+    assert len(cheats) == 5
+    assert trials(name, cheats).max() < 0.2
