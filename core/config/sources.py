@@ -157,4 +157,11 @@ def run_folder(name: str) -> str:
     return new_folder(name)
 
 
+def task_folder(task: DictConfig) -> str:
+    """Name a task in the names of folders: one that stands in a file by the file's name."""
+    file = task.get("file")
+    return (Path(file).stem.strip(".") if isinstance(file, str) else "") or str(task.name)
+
+
 OmegaConf.register_new_resolver("new_folder", run_folder, replace=True)
+OmegaConf.register_new_resolver("task_folder", task_folder, replace=True)

@@ -20,7 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.config.schemas import PromptSettings, Sampling
-from core.config.sources import new_folder, stamp
+from core.config.sources import new_folder, stamp, task_folder
 from core.config.trust import refuse_keys
 from core.design import TIE, Candidate
 from core.designs.composer import PromptComposer
@@ -351,7 +351,7 @@ class Experiment:
         Raises:
             UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
         """
-        given = folder if folder is not None else new_folder(f"runs/{self.config.task.name}/{stamp()}")
+        given = folder if folder is not None else new_folder(f"runs/{task_folder(self.config.task)}/{stamp()}")
         self.folder = Path(given)
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)

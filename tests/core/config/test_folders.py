@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from core.config.sources import new_folder
+from core.config.compose import load
+from core.config.sources import new_folder, task_folder
 
 WORDS = ["task=BringCube", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
 WORDS += ["film=false", "listener=[]", "executor.workers=1", "seed=5"]
@@ -50,3 +51,15 @@ def test_runs_begun_in_one_second_have_a_folder_each(sweep, tmp_path):
     assert len(found) == (4 if sweep else 2)
     parents = {folder.parent.name if sweep else folder.name for folder in found}
     assert parents == {"2026-01-31_12-00-00", "2026-01-31_12-00-00_2"}
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["task=OneBook"], "OneBook"),
+        (["task=file", "task.file=../bench/turn_gate.yaml"], "turn_gate"),
+        (["task=file", "task.file=.."], "file"),
+    ],
+)
+def test_a_run_lies_in_a_folder_named_by_its_task_or_the_task_s_file(words, name):
+    assert task_folder(load("config", words).task) == name
