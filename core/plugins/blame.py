@@ -33,7 +33,8 @@ def culprit(error: BaseException, plugins: Plugins | None = None) -> Offer | Non
     parts in one module it is the one whose method is deepest; the first, if no method is in the traceback.
     """
     own: dict[str, list[Offer]] = {}
-    for offer in (plugins or installed()).offers.values():
+    found = plugins or installed()
+    for offer in (*found.offers.values(), *found.extensions.values()):
         own.setdefault(_module(offer), []).append(offer)
     packages: dict[str, set[str]] = {}
     for module in own:

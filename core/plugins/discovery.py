@@ -54,7 +54,7 @@ class Failure:
 
 
 class Discovery:
-    """The installed plugins: ``offers`` by (kind, name), ``extensions`` by (hook, name), packages of Hydra
+    """The installed plugins: ``offers`` by (kind, name), ``extensions`` likewise, packages of Hydra
     ``configs`` by distribution, ``failures``.
 
     Raises:
@@ -96,22 +96,19 @@ class Discovery:
         for hook in HOOKS:
             try:
                 for given in getattr(manager.hook, hook)():
-                    if hook in kinds:
-                        for part, factory in dict(given).items():
-                            self._offer(Offer(kinds[hook], part, name, distribution, factory))
-                    elif hook != "config_path":
-                        for extension, factory in dict(given).items():
-                            offer = Offer(hook.removesuffix("s"), extension, name, distribution, factory)
-                            self.extensions.setdefault((hook, extension), offer)
-                    else:
+                    if hook == "config_path":
                         _check_config_path(given)
                         self.configs.setdefault(distribution, []).append(given)
+                        continue
+                    kind, offers = (kinds[hook], self.offers) if hook in kinds else (hook[:-1], self.extensions)
+                    for part, factory in dict(given).items():
+                        self._offer(Offer(kind, part, name, distribution, factory), offers)
             except RAISED as error:  # a third-party hook may raise anything
                 reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
 
-    def _offer(self, offer: Offer) -> None:
-        taken = self.offers.get((offer.kind, offer.name))
+    def _offer(self, offer: Offer, offers: dict[tuple[str, str], Offer]) -> None:
+        taken = offers.get((offer.kind, offer.name))
         if offer.kind == "command" and not isinstance(offer.factory, Command):
             reason = f"is {offer.factory!r}; it must be a core.hooks.Command"
         elif offer.kind != "command" and not isinstance(offer.factory, str) and not callable(offer.factory):
@@ -119,7 +116,7 @@ class Discovery:
         elif taken is not None:
             reason = f"is taken by {taken.entry_point} of {taken.distribution}"
         else:
-            self.offers[offer.kind, offer.name] = offer
+            offers[offer.kind, offer.name] = offer
             return
         self.failures.append(Failure(offer.entry_point, offer.distribution, f"{offer.kind} {offer.name!r} {reason}"))
 

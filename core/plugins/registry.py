@@ -59,28 +59,31 @@ class Plugins(Discovery):
         """
         offer = self.offers.get((kind, name))
         if offer is None:
-            failed = "".join(f"; plugin {f.entry_point!r} failed to load: {f.reason}" for f in self.failures)
-            switched = f"; {SWITCH}={os.environ[SWITCH]} leaves out other plugins" if SWITCH in os.environ else ""
-            raise UserError(f"{choices(kind, name, self.names(kind))}{failed}{switched}")
+            raise UserError(f"{choices(kind, name, self.names(kind))}{self._missing()}")
         if isinstance(offer.factory, Command):
             return lambda command=offer.factory: command
         return _imported(offer, offer.factory)
 
-    def extension(self, hook: str, name: str | None = None, where: str = "") -> Any:
-        """Import what is offered by a hook of `core.hooks.Configs`; without a name the first.
+    def extension(self, kind: str, name: str | None = None, where: str = "") -> Any:
+        """Import what is offered by a hook of `core.hooks.Configs`, such as a ``level``; without a name the first.
 
         Raises:
             UserError: there is none, named in a setting ``where``, or it can't be imported.
         """
-        offers = {other: offer for (own, other), offer in self.extensions.items() if own == hook}
+        offers = {other: offer for (own, other), offer in self.extensions.items() if own == kind}
         name = next(iter(offers), "") if name is None else name
         if name not in offers:
-            raise choices(hook.removesuffix("s"), name, offers, where)
+            raise UsageError(f"{choices(kind, name, offers, where)}{self._missing()}")
         return _imported(offers[name], offers[name].factory)  # type: ignore[arg-type]
 
-    def extensions_of(self, hook: str) -> dict[str, Any]:
-        """Import all that is offered by a hook, by name; see `extension`."""
-        return {name: self.extension(hook, name) for own, name in self.extensions if own == hook}
+    def _missing(self) -> str:
+        """Say why something may not be there."""
+        failed = "".join(f"; plugin {f.entry_point!r} failed to load: {f.reason}" for f in self.failures)
+        return failed + (f"; {SWITCH}={os.environ[SWITCH]} leaves out other plugins" if SWITCH in os.environ else "")
+
+    def extensions_of(self, kind: str) -> dict[str, Any]:
+        """Import all that is offered by such a hook, by name; see `extension`."""
+        return {name: self.extension(kind, name) for own, name in self.extensions if own == kind}
 
     def run_command(self, name: str, arguments: list[str]) -> int | None:
         """Call a command with its arguments, and return its exit status; None: 0.

@@ -92,7 +92,7 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     if strategy.learns:
         events.register(designer, "designer")
     if (refine := config["evolution"].get("refine", 0)) != 0:
-        strategy = installed().extension("refinements")(strategy, designer, refine)
+        strategy = installed().extension("refinement")(strategy, designer, refine)
     twice = config["evolution"].get("near_duplicates", False)
     if type(twice) is not bool:
         raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")
@@ -239,7 +239,7 @@ def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: b
         plan = resolve(candidate.plan, task, this.seed, this.settings)
         motion = plan_task_motion(plan, task, this.settings)
         save_design(candidate, this.representation, folder)
-        for export in installed().extensions_of("exports").values():
+        for export in installed().extensions_of("export").values():
             export(candidate, task.robot, motion, folder)
         if film and result.stopped != INTERRUPTED:
             try:

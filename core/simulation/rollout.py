@@ -316,7 +316,7 @@ class _Batch:
         if not self.settings.observe or attempt.contacts is None or attempt.outcome is None:
             return Trial()
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
-        observe: Observe = installed().extension("observers")
+        observe: Observe = installed().extension("observer")
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
         found = () if seen.result == "solved" else foresee(self.task, self.scene, attempt.motion, attempt.job)
         outcome = f"{seen.result} {seen.what}".strip()
