@@ -1,7 +1,4 @@
-"""Say where modules and names went that a plugin may know, as ``moved.yaml`` lists them.
-
-Covered by `tests/core/plugins/test_moved.py`.
-"""
+"""Say where modules and names went that a plugin may know, as ``moved.yaml`` lists them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Bound the gaps between two solids at many samples at once.
 
-Along any direction the gap between two convex solids is no larger than their distance. Covered by
-`tests/core/solids/test_gap_bounds.py`.
+Along any direction the gap between two convex solids is no larger than their distance.
 """
 
 from __future__ import annotations

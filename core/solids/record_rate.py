@@ -1,7 +1,4 @@
-"""Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves.
-
-Covered by `tests/core/solids/test_record_rate.py`.
-"""
+"""Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Divide ropes, cloths and soft solids into nodes and elements, weigh them and draw them; see `core.scene.Soft`.
-
-Covered by `tests/core/values/test_softs.py`.
-"""
+"""Divide ropes, cloths and soft solids into nodes and elements, weigh them and draw them; see `core.scene.Soft`."""
 
 from __future__ import annotations
 

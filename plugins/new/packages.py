@@ -1,7 +1,4 @@
-"""``vlmgineer new KIND NAME``: write a plugin package to start from, or a scene file.
-
-Covered by `tests/plugins/new/test_packages.py`.
-"""
+"""``vlmgineer new KIND NAME``: write a plugin package to start from, or a scene file."""
 
 from __future__ import annotations
 
