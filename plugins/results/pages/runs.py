@@ -59,9 +59,9 @@ class FinishedRun:
         return (so_far + so_far[-1:] * length)[:length]
 
     def recordings(self) -> dict[str, Path]:
-        """The recordings that it left, by kind."""
-        files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}
-        return {what: file for what, file in files.items() if self._holds(file)}
+        """The recordings and the films that it left, by what they are; of several tasks each has its own."""
+        found = {file.stem: file for file in sorted(self.folder.glob("recording*.rrd")) if self._holds(file)}
+        return found | {f"film {film.parent.name}".removesuffix(" best"): film for film in self.films()}
 
     def films(self) -> list[Path]:
         """The films of the best candidate, one for each of its tasks."""

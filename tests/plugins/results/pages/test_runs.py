@@ -37,6 +37,14 @@ def test_a_finished_run(tmp_path):
     assert run.recordings() == {}
 
 
+def test_recordings_of_several_tasks(tmp_path):
+    folder = write_run(tmp_path / "run")
+    for file in ("recording_A.rrd", "recording_B.rrd", "best/A/rollout.gif", "best/rollout.gif"):
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).touch()
+    assert [*read_run(folder).recordings()] == ["recording_A", "recording_B", "film", "film A"]
+
+
 def test_reading_leaves_a_folder_as_it_was(tmp_path):
     folder = write_run(tmp_path / "run")
     before = folder_state(folder)
