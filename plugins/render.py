@@ -13,11 +13,9 @@ from omegaconf import MISSING, DictConfig
 
 from core.config.compose import check_seed, load, part, task_part, tool_part
 from core.config.schemas import SceneConfig
-from core.design import Tool
-from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
-from core.errors import UsageError, UserError
-from core.interfaces import Image, Task
+from core.designs.reading import load_tool
+from core.errors import UsageError
+from core.interfaces import Image
 from core.plugins import SIMULATOR
 from core.simulation.pictures import png
 from core.support.cli import arguments, say, write_bytes
@@ -53,20 +51,11 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
             raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
     task = task_part(cfg).create()
     simulator = part(SIMULATOR, cfg.sim).create()
-    tool = None if cfg.designs is None else _tool(cfg, task)
+    tool = None
+    if cfg.designs is not None:
+        tool = load_tool(Path(cfg.designs), cfg.strategy, tool_part(cfg).create(), task)
     picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)
     return picture, simulator.drawn_by
-
-
-def _tool(cfg: DictConfig, task: Task) -> Tool:
-    file, number = Path(cfg.designs), cfg.strategy
-    candidates = read_designs(load_designs(file), tool_part(cfg).create(), SpawnRules(task, cfg.seed))
-    for candidate in candidates:
-        if candidate.strategy == number:
-            if candidate.tool is None:
-                raise UserError(f"{file}: strategy {number} can't be drawn: {candidate.problem}")
-            return candidate.tool
-    raise UserError(f"{file} has {candidates[-1].strategy + 1} strategies; there is no strategy={number}")
 
 
 def main(words: list[str]) -> None:

@@ -19,7 +19,7 @@ from core.design import Candidate, DesignError, Tool
 from core.designs.planning import NO_PLAN, guarded, named_actions, parse_plan
 from core.designs.rules import SpawnRules, check_tool, given_tool
 from core.errors import UserError
-from core.interfaces import ActionRepresentation, ToolRepresentation, Waypoints
+from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import describe_part
 from core.support.files import read_text
 from core.support.text import clean, kind, shorten
@@ -325,6 +325,25 @@ def load_designs(path: Path) -> object:
     except (ValueError, RecursionError) as error:
         raise UserError(f"{what} can't be read as JSON: {_reason(error)}") from error
     return document
+
+
+def load_tool(path: Path, number: int, representation: ToolRepresentation, task: Task) -> Tool:
+    """Read the tool of a strategy in a designs file, whatever rules it breaks.
+
+    Raises:
+        UserError: there is no such strategy, or its tool can't be read.
+    """
+    strategies, given = _strategies(load_designs(path)), representation.given(task)
+    if number not in range(len(strategies)):
+        raise UserError(f"{path} has {len(strategies)} strategies; there is no strategy={number}")
+    strategy = strategies[number]
+    try:
+        if not isinstance(strategy, dict):
+            raise DesignError(f"it is {kind(strategy)}, not an object")  # noqa: TRY301
+        gripper = _read_gripper(strategy, given)
+        return _parsed(representation, strategy, gripper) if given is None else given
+    except DesignError as error:
+        raise UserError(f"{path}: the tool of strategy {number} can't be read: {error}") from error
 
 
 def save_design(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:

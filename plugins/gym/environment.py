@@ -14,9 +14,9 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import load, part, task_part, tool_part
-from core.design import Tool
-from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
+from core.design import DesignError, Tool
+from core.designs.reading import load_tool
+from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Recording, Task, ToolRepresentation, World
@@ -229,10 +229,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
 
 def _tool(designs: Path, strategy: int, representation: ToolRepresentation, task: Task) -> Tool:
-    candidates = read_designs(load_designs(designs), representation, SpawnRules(task, 0))
-    for candidate in candidates:
-        if candidate.strategy == strategy:
-            if candidate.tool is None or candidate.problem is not None:
-                raise UserError(f"{designs}: strategy {strategy} can't be used: {candidate.problem}")
-            return candidate.tool
-    raise UserError(f"{designs} has {candidates[-1].strategy + 1} strategies; there is no strategy={strategy}")
+    tool = load_tool(designs, strategy, representation, task)
+    try:
+        if tool.components:
+            check_tool(tool, task.robot, representation.material)
+        SpawnRules(task, 0).check(tool)
+    except DesignError as error:
+        raise UserError(f"{designs}: the tool of strategy {strategy} can't be mounted: {error}") from error
+    return tool

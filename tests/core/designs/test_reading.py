@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.design import Component, DesignError, Tool
-from core.designs.reading import MAX_SAVED, dump_design, load_designs, parse_reply, read_designs
+from core.designs.reading import MAX_SAVED, dump_design, load_designs, load_tool, parse_reply, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
@@ -397,6 +397,21 @@ def test_designs_files_are_read(tmp_path):
     path = tmp_path / "designs.json"
     path.write_bytes(b"\xef\xbb\xbf" + TEXT.encode())
     assert load_designs(path) == DOCUMENT
+
+
+def test_a_tool_is_read_alone_whatever_rules_it_breaks(tmp_path):
+    path = tmp_path / "designs.json"
+    path.write_text(json.dumps({"strategies": [{"length": 9.0}, {"length": 99.0}, "none"]}))
+    task = on_panda(CubeOnTable())
+    assert load_tool(path, 0, Rod(), task).components[0].shape.size[2] == 9.0
+    for number, reason in (
+        (1, "the tool of strategy 1 can't be read: length must be"),
+        (2, "the tool of strategy 2 can't be read: it is a text, not an object"),
+        (3, "has 3 strategies; there is no strategy=3"),
+        (-1, "has 3 strategies; there is no strategy=-1"),
+    ):
+        with pytest.raises(UserError, match=f"designs.json.*{reason}"):
+            load_tool(path, number, Rod(), task)
 
 
 @pytest.mark.parametrize(

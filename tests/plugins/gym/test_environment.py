@@ -141,7 +141,7 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
     tool = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.4)), Box((0.02, 0.02, 0.2))),))
     document["strategies"][0] |= installed().create("tool", "urdf").dump(tool)
     file.write_text(json.dumps(document))
-    with pytest.raises(UserError, match=r"floating.json: strategy 0 can't be used: .* 295.0 mm away"):
+    with pytest.raises(UserError, match=r"floating.json: the tool of strategy 0 can't be mounted: .* 295.0 mm away"):
         gymnasium.make("RoboToolBench/BringCube-v0", designs=file)
 
 
