@@ -161,7 +161,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         except (TypeError, ValueError) as error:
             raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}") from error
         if numbers.shape != shape or not np.isfinite(numbers).all():
-            raise gymnasium.error.InvalidAction(f"{wanted}; got an array of shape {numbers.shape}: {numbers.tolist()}")
+            said = numbers.tolist() if numbers.shape == shape else f"an array of shape {numbers.shape}"
+            raise gymnasium.error.InvalidAction(f"{wanted}; got {said}")
         return numbers
 
     def _target(self, action: Numbers) -> Array:

@@ -406,7 +406,7 @@ def test_a_tool_is_read_alone_whatever_rules_it_breaks(tmp_path):
     assert load_tool(path, 0, Rod(), task).components[0].shape.size[2] == 9.0
     for number, reason in (
         (1, "the tool of strategy 1 can't be read: length must be"),
-        (2, "the tool of strategy 2 can't be read: it is a text, not an object"),
+        (2, "the tool of strategy 2 can't be read: it is the text 'none', not an object"),
         (3, "has 3 strategies; there is no strategy=3"),
         (-1, "has 3 strategies; there is no strategy=-1"),
     ):
