@@ -156,6 +156,7 @@ def elite_feedback(trial: Trial, seen: Observation, sight: Sight | None = None) 
     """Describe what was observed of an elite's trial; with ``sight`` without the numbers of bodies."""
     described: dict[str, Any] = {"trial": _where(trial), "result": _said(_result(seen), sight)}
     described["goals"] = {name: _percent(share) for name, share in trial.goals}
+    described["margins"] = [_said(str(margin), sight) for margin in trial.margins[:_BODIES]]
     described["moved"] = dict(_moves(seen, 2 * _BODIES, sight))
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))

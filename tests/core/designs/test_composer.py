@@ -217,6 +217,18 @@ def test_only_distance_is_left_to_gain(tie: float, reward: float, left: bool, gi
         assert ("from a higher reward" in rules) != left
 
 
+def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_change_a_little() -> None:
+    for reward in (0.5, 0.999):
+        elites = (make_elite(0, reward), make_elite(1, 0.4))
+        text = " ".join(words(PromptComposer(judged="In two layouts.").compose(make_brief(elites=elites))).split())
+        assert "count as equal: of them, where no further trials decide, the pair with the shortest way" in text
+        assert ("what is left to gain is room to spare" in text) == (reward > 0.99)
+        assert ("leaves the elites little room to spare" in text) == (reward > 0.99)
+        assert ("change some numbers a little, of one component or of several" in text) == (reward > 0.99)
+        assert "only distance" not in text
+    assert "further trials" not in prompt(elites=ELITES)
+
+
 # --- measurements of elites ------------------------------------------------------------------------------------
 
 FIGURES = {

@@ -76,6 +76,13 @@ def test_a_line_of_several_trials_says_what_became_of_each_and_is_about_the_wors
     assert trial_lines(tried(trials=(*both, *good)))[1] == "1.000 solved in layouts 3 mujoco, 5 mujoco"
 
 
+def test_an_elite_has_its_least_margins_with_their_limits():
+    margins = tuple(Margin.clearance(name, gap) for name, gap in (("vase", 0.004), ("cup", 0.01), ("pan", 0.02)))
+    found = elite_feedback(Trial("mujoco", observation=SEEN, margins=margins), SEEN)
+    assert found["margins"] == ["clearance to vase 0.004 m, limit 0 m", "clearance to cup 0.01 m, limit 0 m"]
+    assert "margins" not in elite_feedback(Trial("mujoco", observation=SEEN), SEEN)
+
+
 def test_what_was_not_tried_names_what_it_hardly_differs_from():
     (line,) = lines(tried(same_as="g0-a1-s0-p0"))
     assert line.startswith("- g0-a0-s0-p0: 0.500 (not tried, as it hardly differs from g0-a1-s0-p0) missed; cube by")
