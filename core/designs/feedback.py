@@ -166,9 +166,9 @@ def elite_feedback(trial: Trial, seen: Observation, sight: Sight | None = None) 
         described["times_s"] = list(seen.instants)
         described["path_m"] = {name: " ".join(_point(point) for point in path) for name, path in seen.paths.items()}
     robot = [contact for contact in seen.contacts if contact.kind != "body"]
-    unwanted = [contact for contact in robot if contact.kind == "arm" or contact.other not in seen.errors]
-    wanted = [contact for contact in seen.contacts if contact not in unwanted]
-    described |= {"contacts": _contacts(wanted, sight), "unwanted_contacts": _contacts(unwanted, sight)}
+    others = [contact for contact in robot if contact.kind == "arm" or contact.other not in seen.errors]
+    wanted = [contact for contact in seen.contacts if contact not in others]
+    described |= {"contacts": _contacts(wanted, sight), "other_contacts": _contacts(others, sight)}
     near = [] if sight else sorted(seen.clearances.items(), key=lambda item: item[1])[:_BODIES]
     described |= {"clearance_m": dict(near), "missed": _miss(seen), "lag": _lag(seen)}
     return {key: value for key, value in described.items() if value}

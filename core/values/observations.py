@@ -52,7 +52,7 @@ class Observation:
         at_s: when it happened.
         left: the bodies of the goal that are not in place.
         moved: the free bodies that moved, and those of the goal.
-        errors: for each body of the goal, its place at the end minus the wanted one; None: a coordinate is free.
+        errors: for each body of a goal, its place at the end minus the wanted one; None: a coordinate is free.
         contacts: the first contacts, the robot's before those of bodies with each other.
         clearances: the least distance of the robot to each body that it did not touch.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.

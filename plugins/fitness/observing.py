@@ -66,7 +66,6 @@ def observe(
         if part.bodies and set(part.bodies) <= set(start.names)
     ]  # a goal is a hint, and may be wrong
     goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
-    bodies = goal.bodies if goal is not None else start.names
     lags = _lags(motion, taken)
     names = tuple(dict.fromkeys(name for goal in goals for name in goal.bodies)) or start.names
     enough = all if task.every else any
@@ -77,7 +76,7 @@ def observe(
     result, what, at = _Case(task, scene, motion, start, end, names, left, contacts, lags).judge(reward)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
     shifts = {name: _moved(scene, start, end, name) for name in start.names}
-    moved = {name: m for name, m in shifts.items() if name in bodies or _stirred(m)}
+    moved = {name: m for name, m in shifts.items() if name in names or _stirred(m)}
     found = sorted(contacts.all, key=lambda contact: contact.kind == "body")
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
@@ -90,7 +89,9 @@ def observe(
         at_s=None if at is None else round(at, 2),
         left=left,
         moved=moved,
-        errors={name: _offset(goal, end.position(name)) for name in bodies} if goal is not None else {},
+        errors={name: _offset(goal if name in goal.bodies else wanted[name][0], end.position(name)) for name in names}
+        if goal is not None
+        else {},
         contacts=tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
         touch_m=None if contacts.touch_m is None else round(contacts.touch_m, 4),

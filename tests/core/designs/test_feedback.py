@@ -209,7 +209,7 @@ def test_what_is_said_of_an_elite():
         "times_s": [0.0, 3.4],
         "path_m": {"cube": "(1, 0, 0.035) (0.7, 0.012, 0.035)"},
         "contacts": ["tip with cube 1.20-3.40 s, 1.2 mm deep", "stem with cube 1.50-1.60 s"],
-        "unwanted_contacts": ["panda_link7 with shelf 2.00-2.20 s, 12.0 N"],
+        "other_contacts": ["panda_link7 with shelf 2.00-2.20 s, 12.0 N"],
         "clearance_m": {"table": 0.0123, "floor": 0.6},
         "missed": "way to waypoint 3 missed by 12 mm, 0.02 rad",
         "lag": "lag 0.03 rad at 2.10 s (to waypoint 3)",

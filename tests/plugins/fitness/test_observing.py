@@ -273,4 +273,5 @@ def test_goals_of_joints_and_axes_are_reached_or_not(opened, tilt, left):
     (evaluation,) = evaluate_batch(Drawer(), Told(opened, tilt), [candidate(0)], 0, settings)
     found = evaluation.observation
     assert found.left == left
+    assert set(found.errors) == {"box", "cube"}  # the bodies of all goals
     assert (found.result == "placed") == (left == ())
