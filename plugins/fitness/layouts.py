@@ -16,6 +16,7 @@ from core.errors import UsageError, choices
 from core.interfaces import Simulator, Task
 from core.plugins import PluginPart
 from core.simulation.rollout import Evaluator
+from core.support.templates import fill
 from core.values.layouts import NONE, Ranges
 from plugins.fitness.robustness import CheckedEvaluator, mean
 from plugins.fitness.several import SeveralTrials
@@ -112,24 +113,17 @@ class Layouts(SeveralTrials):
         return {name: [kind(base.task, sim, seed, base.settings) for seed in seeds] for name, sim in sims.items()}
 
     def instructions(self) -> str:
-        task, many = self._evaluator.task.create(), len(self._sims) > 1
-        drawn = f" In each, these numbers are drawn at random: {describe_ranges(task.ranges)}." if task.ranges else ""
-        noise = self._evaluator.settings.perception
-        if noise.position or noise.yaw:
-            drawn += (
-                " What a plan sees of a body's pose differs from the truth by normal noise: the standard deviations "
-                f"are {noise.position:g} in x and in y, and {noise.yaw:g} of yaw, drawn for each body and layout."
-            )
-        where = f" in each of the engines {', '.join(self._sims)}" if many else ""
-        elsewhere = f", in each of {', '.join(self._unseen_sims)}" if self._unseen_sims is not self._sims else ""
-        final = f"of plans that earn alike, up to {self._final} more layouts choose the best; " if self._final else ""
-        lowest = ", in the engine where that is the lowest" if many else ""
-        return (
-            f"A plan is tried with its tool in {len(self._seeds)} layouts{where}. The one that is shown here is the "
-            f"first; {final}at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are "
-            f"in metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
-            "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as "
-            "that, and the tool must be clear of each at the start."
+        return fill(
+            "plugins.fitness",
+            "layouts",
+            layouts=len(self._seeds),
+            sims=[*self._sims],
+            elsewhere=[] if self._unseen_sims is self._sims else [*self._unseen_sims],
+            drawn=describe_ranges(self._evaluator.task.create().ranges),
+            noise=self._evaluator.settings.perception,
+            counts=self._counts,
+            final=self._final,
+            unseen=self._unseen,
         )
 
     def final(self) -> dict[str, list[Evaluator]]:

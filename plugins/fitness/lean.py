@@ -9,6 +9,7 @@ from typing import Any
 from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.simulation.rollout import Evaluator
+from core.support.templates import fill
 from core.values.efforts import HOLDS, Effort
 from plugins.fitness.layouts import Layouts
 
@@ -45,13 +46,7 @@ class Lean(Layouts):
             raise UsageError(f"fitness.references.{task} must be {form}: {error}") from error
 
     def instructions(self) -> str:
-        known = self._reference
-        room = "" if known.margin is None else f", and a margin to its limits of {known.margin:.2g} on the mean"
-        return (
-            f"{super().instructions()} A plan whose mean is at least {HOLDS:g} earns more the faster its motion, the "
-            "lighter its tool and the larger its margins are, in equal parts and without a limit. The design that it "
-            f"is compared with takes {known.motion_s:.3g} s and has a tool of {1000 * known.mass_kg:.3g} g{room}."
-        )
+        return fill("plugins.fitness", "lean", layouts=super().instructions(), known=self._reference, holds=HOLDS)
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         return [self._weighed(evaluation) for evaluation in super().__call__(candidates)]

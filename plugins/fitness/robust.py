@@ -7,6 +7,7 @@ from typing import Any
 
 from core.config.compose import engines
 from core.simulation.rollout import Evaluator
+from core.support.templates import fill
 from plugins.fitness.robustness import PerturbationRange, check_draws, mean, perturbed
 from plugins.fitness.several import SeveralTrials
 
@@ -40,14 +41,5 @@ class Robust(SeveralTrials):
         self._draws, self._perturbation = len(seeds), perturbation
 
     def instructions(self) -> str:
-        one, most = len(self.evaluators) == 1, self._perturbation
-        times = f"{self._draws} times" if self._draws > 1 else "once"
-        where = f"{'the engine' if one else 'each of the engines'} {', '.join(self.evaluators)}"
-        counts = "the mean of its rewards" if one else "the lowest of the engines' mean rewards"
-        return (
-            f"A plan is tried with its tool {times} in {where}, each time in a scene that differs a little, "
-            "at random, from the one described here: bodies that can move "
-            f"are moved by up to {most.position:g} m along x and along y and turned by up to {most.yaw:g} rad about z, "
-            f"masses differ by up to {most.mass:.0%}, friction by up to {most.friction:.0%}. "
-            f"What counts is {counts}; a trial that fails counts 0. So leave margins."
-        )
+        given = {"draws": self._draws, "sims": [*self.evaluators], "most": self._perturbation}
+        return fill("plugins.fitness", "robust", **given)

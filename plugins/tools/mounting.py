@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from core.design import RIGID_MOUNT, Tool
@@ -14,6 +11,7 @@ from core.designs import rules, statics
 from core.geometry import Array
 from core.interfaces import Brief, Robot
 from core.robot.extents import Finger, fingers_of
+from core.support.templates import fill
 from core.support.text import short_number
 from core.values.materials import Material
 
@@ -49,18 +47,7 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
 
 def _write(template: str, /, **given: Any) -> str:
     """Fill in a template, which finds the limits of `core.designs.rules` and `core.designs.statics` by their names."""
-    return _templates().get_template(template).render({**vars(rules), **vars(statics), **given})
-
-
-@cache
-def _templates() -> jinja2.Environment:
-    folder = files("plugins.tools") / "templates"
-    loader = jinja2.FunctionLoader(lambda name: (folder / f"{name}.md.j2").read_text("utf-8"))
-    made = jinja2.Environment(  # noqa: S701 - a prompt is plain text
-        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    made.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
-    return made
+    return fill("plugins.tools", template, **{**vars(rules), **vars(statics), **given})
 
 
 def first_box(brief: Brief) -> tuple[str, str, Array, Array]:

@@ -1,0 +1,25 @@
+"""Fill in templates of prose, such as a part of a prompt: files ``templates/NAME.md.j2`` of a package."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import jinja2
+
+
+def fill(package: str, template: str, /, **given: Any) -> str:
+    """Render a template as plain text; its filter ``g`` writes a number with six digits, or as many as it is given."""
+    return _environment(package).get_template(template).render(given)
+
+
+@cache
+def _environment(package: str) -> jinja2.Environment:
+    folder = files(package) / "templates"
+    loader = jinja2.FunctionLoader(lambda name: (folder / f"{name}.md.j2").read_text("utf-8"))
+    made = jinja2.Environment(  # noqa: S701 - nothing is markup
+        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    made.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
+    return made
