@@ -238,7 +238,7 @@ def as_good(name: str, said: str, earned: Mapping[str, float], asked: Mapping[st
 
 def checklist(made: Export, moves: Mapping[str, Sampled]) -> str:
     """Write what to do at the arm, in order, with the figures of this motion."""
-    start = np.round(moves["approach"].positions[0], 3).tolist()
+    start = (np.round(moves["approach"].positions[0], 3) + 0.0).tolist()  # no -0.0
     return filled("checklist.md.j2", made=made, moves=moves, start=start, nearest=made.nearest[:LINES], slow=SLOW)
 
 
