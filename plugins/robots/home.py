@@ -152,8 +152,8 @@ def main(words: list[str]) -> None:
     room = np.minimum(home - arm.lower, arm.upper - home)
     place = short_numbers(part.pose.apply(arm.forward(home).position), 3, ", ")
     say(
-        f"the flange {robot.mount_link!r} is at ({place}) and looks down; joint "
-        f"{robot.arm_joints[int(room.argmin())]!r} is nearest to a limit, {room.min():.2f} rad from it"
+        f"the flange {robot.mount_link!r}, borne by {', '.join(robot.arm_joints)}, is at ({place}) and looks down; "
+        f"joint {robot.arm_joints[int(room.argmin())]!r} is nearest to a limit, {room.min():.2f} rad from it"
     )
     say(f"robot.home=[{short_numbers(home, _DIGITS, ',')}]")
     if not robot.gripper and (beyond := _beyond(description, robot.mount_link)):

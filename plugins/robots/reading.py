@@ -142,9 +142,9 @@ def _flange(description: Description, flange: str | None) -> str:
         return leaves[0]
     turns = {link: sum(joint.kind in TURNING for joint in _between(description, link)) for link in description.links}
     most = max((count for count in turns.values() if count <= _JOINTS), default=0)
-    ends = [link for link in description.links if turns[link] == most][:_NAMED]
-    after = f"after {most} joints that turn there are: {', '.join(ends)}"
-    raise UsageError(f"which link bears tools? Choose it with robot.flange=LINK; {after}")
+    after = [(count, [link for link in description.links if turns[link] == count]) for count in (most, most - 1)]
+    ends = "; ".join(f"after {count}: {', '.join(links[:_NAMED])}" for count, links in after if count > 0)
+    raise UsageError(f"which link bears tools? Choose it with robot.flange=LINK; by the joints that turn, {ends}")
 
 
 def _between(description: Description, link: str) -> list[RobotJoint]:
