@@ -16,6 +16,7 @@ LID_RADIUS, LID_THICKNESS = 0.108, 0.008
 BRIDGE, BRIDGE_HEIGHT = 0.08, 0.04  # the lid's handle, a bar on two posts
 BOWL_RADIUS, BOWL_HEIGHT = 0.045, 0.035
 ASIDE = (0.13, 0.25)  # of the lid's middle from the pot's, m: from the first on it counts, from the second on fully
+STILL_M_S = 0.05
 GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
 
 IRON, TIN, YELLOW, CLAY = (
@@ -61,8 +62,8 @@ class LidAndBall(Task):
     Task: the lid must be put down on the table, and the ball end in the bowl.
     Layouts: in ``near`` the pot moves and turns a little; in ``wide`` pot and bowl stand anywhere before the robot,
     the lid is turned, and lid and ball are lighter or heavier, smoother or rougher.
-    Success: the lid lies flat on the table, clear of the pot, and never fell faster than 0.4 m/s; the ball rests in the
-    bowl.
+    Success: the lid rests flat on the table, clear of the pot, and never fell faster than 0.4 m/s; the ball rests in
+    the bowl.
     """
 
     name = "LidAndBall"
@@ -125,10 +126,11 @@ class LidAndBall(Task):
         flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
         down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
         fell = (-trace.states.linear_velocity("lid")[..., 2]).max(axis=-1)
-        off = np.interp(aside, ASIDE, (0.0, 1.0)) * flat * down * np.interp(fell, GENTLE, (1.0, 0.0))
+        lying = flat & down & (np.linalg.norm(end.linear_velocity("lid"), axis=-1) < STILL_M_S)
+        off = np.interp(aside, ASIDE, (0.0, 1.0)) * lying * np.interp(fell, GENTLE, (1.0, 0.0))
         left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))
         out = np.linalg.norm((end.position("ball") - end.position("pot"))[..., :2], axis=-1) > POT_RADIUS + WALL
-        still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < 0.05
+        still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < STILL_M_S
         x, y, z = np.moveaxis(end.relative("ball", "bowl"), -1, 0)
         lies = (np.hypot(x, y) < BOWL_RADIUS) & (z < BOWL_HEIGHT) & ~trace.touching_at_end("ball", "robot")
         near = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0)

@@ -118,7 +118,9 @@ class PourGrains(Task):
         for name in GRAINS:
             x, y, z = np.moveaxis(end.relative(name, "bowl"), -1, 0)
             slow = np.linalg.norm(end.linear_velocity(name), axis=-1) < STILL_M_S
-            carried = trace.held(name)[..., -1]  # in the crucible too, while the robot carries that
+            across, along, up = np.moveaxis(end.relative(name, "crucible"), -1, 0)
+            # By the tool, or in the crucible, even if that rests on other grains.
+            carried = trace.held(name)[..., -1] | ((np.hypot(across, along) < OUTSIDE) & (up > 0) & (up < HEIGHT))
             inside.append((np.hypot(x, y) < BOWL_RADIUS) & (z > 0) & (z < BOWL_HEIGHT) & slow & ~carried)
         reward: Array = np.mean(inside, axis=0) * ~trace.touching_at_end("crucible", "bowl")
         return reward

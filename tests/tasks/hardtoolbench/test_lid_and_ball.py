@@ -23,9 +23,10 @@ POT, BOWL = START.position("pot"), START.position("bowl")
 ASIDE = POT + np.array([0.0, 0.28, LID_THICKNESS / 2])
 
 
-def reward(lid: Array = ASIDE, ball: Array = BOWL, fall: float = 0.1, held: bool = False) -> float:
-    """The reward of a lid and a ball that end elsewhere, after the lid fell at most so fast."""
-    end = replace(START, positions=np.stack([lid, ball]))
+def reward(lid: Array = ASIDE, ball: Array = BOWL, fall: float = 0.1, held: bool = False, slides: float = 0.0) -> float:
+    """The reward of a lid and a ball that end elsewhere, after the lid fell at most so fast and slides."""
+    velocities = np.array([[slides, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    end = replace(START, positions=np.stack([lid, ball]), linear_velocities=velocities)
     falling = replace(START, linear_velocities=np.array([[0.0, 0.0, -fall], [0.0, 0.0, 0.0]]))
     touching = {("tool", "cradle", "ball"): np.array([False, True, held])}
     return float(TASK.reward(START, end, Trace.of(START, falling, end, touching=touching)))
@@ -54,6 +55,7 @@ def test_the_reward_rises_on_the_ball_s_way() -> None:
     ("case", "most"),
     [
         pytest.param({"fall": 1.2}, 0.0, id="the lid was dropped"),
+        pytest.param({"slides": 0.3}, 0.0, id="the lid still slides"),
         pytest.param({"lid": ASIDE + np.array([0.0, 0.0, 0.1])}, 0.0, id="the lid is held"),
         pytest.param({"lid": POT + np.array([0.1, 0.0, 0.1])}, 0.0, id="the lid was pushed aside"),
         pytest.param({"lid": ASIDE - np.array([0.0, 0.0, 0.6])}, 0.0, id="the lid is on the floor"),

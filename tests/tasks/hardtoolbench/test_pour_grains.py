@@ -48,5 +48,20 @@ def test_grains_that_the_robot_still_carries_do_not_count():
     assert reward(len(GRAINS), more=[on_tool, *in_bowl]) == 1.0
 
 
+def test_grains_in_a_crucible_that_rests_on_others_in_the_bowl_do_not_count():
+    """They touch what touches the bowl, so that they are not held."""
+    positions = START.positions.copy()
+    positions[START.names.index("crucible")] = SCENE["bowl"].pose.position + np.array([0.0, 0.0, 0.02])
+    for name in GRAINS:
+        under = name in GRAINS[:3]
+        positions[START.names.index(name)] = SCENE["bowl"].pose.position + np.array(
+            [0.0, 0.0, 0.012 if under else 0.033]
+        )
+    end = replace(START, positions=positions)
+    touching = [*(("body", name, "bowl") for name in GRAINS[:3]), *(("body", "crucible", name) for name in GRAINS)]
+    flags = dict.fromkeys([*touching, ("tool", "rack", "crucible")], np.array([False, True]))
+    assert float(TASK.reward(START, end, Trace.of(START, end, touching=flags))) == pytest.approx(3 / len(GRAINS))
+
+
 def test_nothing_counts_while_the_crucible_touches_the_bowl():
     assert reward(len(GRAINS), touching=True) == 0.0
