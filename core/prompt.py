@@ -13,7 +13,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load
-from core.design import Evaluation, best_first
+from core.design import Candidate, Evaluation, Tool, best_first
 from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
@@ -24,6 +24,7 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
 from core.search.orchestration import make_asking
+from core.search.several import NO_PLANS
 from core.support.cli import arguments, command, say, write_bytes
 
 USAGE = (
@@ -43,10 +44,15 @@ class NoModel(VLM):
         raise TypeError("prompts are composed here, not sent")
 
 
-@refuse_exit()
 def compose(cfg: DictConfig) -> Request:
+    """Compose the first of the `requests`."""
+    return requests(cfg)[0]
+
+
+@refuse_exit()
+def requests(cfg: DictConfig) -> list[Request]:
     """Compose the first request of agent ``cfg.agent`` in a run with this configuration; with ``cfg.designs`` the one
-    after a generation in which these were the elites.
+    after a generation in which these were the elites. For several tasks those for plans for the best elite follow.
 
     Raises:
         UserError: a part, a setting or the designs file is wrong.
@@ -57,8 +63,12 @@ def compose(cfg: DictConfig) -> Request:
     elites: list[Evaluation] = []
     if cfg.designs is not None:
         elites, designer.tried = elites_of(cfg, designer.task, designer.representation, fitness)
-    (request,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
-    return request
+    (first,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
+    if designer.planner is None:
+        return [first]
+    tool = elites[0].candidate if elites else Candidate(Tool(gripper=first.brief.gripper), NO_PLANS)
+    known = first.brief, first.temperature
+    return [first, *(designer.planner.request(part, tool, elites[:1], *known) for part in designer.task.parts)]
 
 
 def elites_of(
@@ -122,13 +132,16 @@ def _json(value: object) -> bytes:
 def main(words: list[str]) -> None:
     cfg = load("prompt", arguments(USAGE, words))
     OmegaConf.resolve(cfg)
-    request = compose(cfg)
+    request, *plans = requests(cfg)
     model, estimate = reckon(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
-    if not request.brief.n_action:
-        each = f"{request.brief.n_tool} tools and {len(request.brief.task.parts)} tasks"
-        say(f"then come requests for plans, at most {request.brief.n_tool * len(request.brief.task.parts)}: for {each}")
+    if plans:
+        tools, agents, paid = request.brief.n_tool, cfg.budget.n_agent, estimate.usd_per_prompt_token
+        tokens = agents * (estimate.prompt_tokens + tools * sum(reckon(cfg, of)[1].prompt_tokens for of in plans))
+        cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
+        most = f"at most {agents * (1 + tools * len(plans))} requests with some {tokens} tokens{cost}"
+        say(f"a generation has {most}: of each agent one for {tools} tools, then one for each tool and task")
     if cfg.prompt.critic:
         say(f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first")
     say(str(Path(cfg.output)))

@@ -31,6 +31,7 @@ KILLED = {  # settings of the runs that are killed
     "map_elites": ["evolution=map_elites"],
     "islands": ["evolution=islands"],
     "refined": ["evolution.refine=12"],
+    "several": ["task=several", "task.of=[BringCube,ElevatePlate]"],
     "layouts": ["task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0", "fitness.final=0"],
 }
 TIMES = ("wall_time_s", "rollouts_per_s")

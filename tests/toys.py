@@ -85,7 +85,7 @@ def answer(brief) -> str:
             [[round(float(rng.uniform(0.4, 0.6)), 3), round(float(rng.uniform(-0.2, 0.2)), 3), 0.5, 0, 0, 0]]
             for _ in range(brief.n_action)
         ]
-        if number == 1:
+        if number == 1 and plans:
             plans[0] = [[9.0, 0.0, 0.0, 0.0, 0.0, 0.0]]  # breaks a rule
         strategies.append(
             {

@@ -19,17 +19,8 @@ CRITIQUES = "critiques"  # the part that is left out without a critic
 INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolution_rules", *_RULES)
 GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
-TOOLS = (
-    "mission_tools",
-    "tasks",
-    "elites",
-    LAST,
-    CRITIQUES,
-    "evolution_rules",
-    "tool_rules",
-    "spawn_rules",
-    *_REPLY[:3],
-)
+_OF_TOOLS = ("tasks", "elites", LAST, CRITIQUES, "evolution_rules", "tool_rules", "spawn_rules", *_REPLY[:3])
+TOOLS = ("mission_tools", *_OF_TOOLS)
 FEEDBACK = ("paper", "numbers", "full")
 PHOTOGRAPHS = ("beside", "alone", "none")
 

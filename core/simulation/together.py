@@ -109,7 +109,7 @@ def _untried(evaluation: Evaluation) -> Trial:
 def of_task(evaluation: Evaluation, task: str) -> Evaluation:
     """Return what a candidate earned in one of its tasks, as the evaluation of a candidate with that plan alone."""
     if task not in evaluation.figures:
-        return evaluation
+        return replace(evaluation, candidate=evaluation.candidate.of(task))
     trials = tuple(replace(trial, task="") for trial in evaluation.trials if trial.task == task)
     said = (warning.partition(": ") for warning in evaluation.warnings)
     return replace(

@@ -18,7 +18,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from rich.console import Console
 from rich.progress import track
 
-from core.config.compose import check_seed, engines, listed, node, part, robot_part, task_part, tool_part
+from core.config.compose import check_seed, engines, listed, node, part, robot_part, task_part, task_parts, tool_part
 from core.design import Candidate, Evaluation
 from core.designs.feedback import statistics
 from core.designs.rules import SpawnRules
@@ -88,7 +88,7 @@ def attempt(candidates: Sequence[Candidate]) -> list[Evaluation]:
 
 
 def transfer(cfg: DictConfig) -> dict[str, Any]:
-    """Try every design on every robot in every engine, in the scene as it is and with each perturbation.
+    """Try every design in every task on every robot in every engine, in the scene as it is and with each perturbation.
 
     Returns:
         The content of the output file.
@@ -98,7 +98,13 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     """
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
-    task = task_part(cfg)
+    each = {task.create().name: _transfer(cfg, task) for task in task_parts(cfg)}
+    designs = [{"task": task, **of} for task, found in each.items() for of in found["designs"]]
+    return {"task": task_part(cfg).name} | next(iter(each.values())) | {"designs": designs}
+
+
+def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
+    """Try every design in one task (see `transfer`)."""
     robots = _arms(OmegaConf.to_container(cfg.robots), robot_part(cfg.robot))  # type: ignore[arg-type]
     tasks = {robot: replace(task, robot=part) for robot, part in robots.items()}
     candidates = on_each(cfg, tasks)
@@ -122,7 +128,6 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
             assert isinstance(trial, CandidateInWorld)
             tried[trial.id, trial.world] = evaluation
     return {
-        "task": task.name,
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
         "perturbation": asdict(ranges),
@@ -184,7 +189,7 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str,
         try:
             rules = SpawnRules(own.create(robot=arm), cfg.seed)
             chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), rules)
-            read[robot] = [evaluation.candidate for evaluation in chosen]
+            read[robot] = [evaluation.candidate.of(own.create().name) for evaluation in chosen]
         except UserError as error:
             problems[robot] = str(error)
     if not read:
@@ -237,11 +242,12 @@ def show(result: Mapping[str, Any]) -> None:
     for design in result["designs"]:
         missed = design["ik_error_m"]
         once = f"{design['robust']:.3f}", "–" if missed is None else f"{1000 * missed:.0f}"
+        names = design["design"], design["task"], design["robot"]
         for engine, figures in design["engines"].items():
             perturbed = f"{figures['mean']:.3f} ± {figures['std']:.3f}"
-            rows.append((design["design"], design["robot"], engine, f"{figures['nominal']:.3f}", perturbed, *once))
+            rows.append((*names, engine, f"{figures['nominal']:.3f}", perturbed, *once))
             once = "", ""
-    print_table(("design", "robot", "engine", *numbers), rows, numbers)
+    print_table(("design", "task", "robot", "engine", *numbers), rows, numbers)
     count = len(result["seeds"])
     lines = [
         f"perturbed: mean ± standard deviation over {count} small perturbation{'s' if count > 1 else ''} of the scene",
@@ -249,5 +255,7 @@ def show(result: Mapping[str, Any]) -> None:
     ]
     for design in result["designs"]:
         remarks = [design["reason"]] if design["reason"] else design["warnings"]
-        lines += [f"{design['design']}, {design['robot']}: {clean(remark, 2000)}" for remark in remarks]
+        lines += [
+            f"{design['design']}, {design['task']}, {design['robot']}: {clean(remark, 2000)}" for remark in remarks
+        ]
     say(*lines)

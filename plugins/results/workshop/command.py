@@ -18,16 +18,18 @@ from typing import Any
 import numpy as np
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from core.config.compose import check_seed, engines, node, task_part, tool_part
+from core.config.compose import check_seed, engines, node, task_part, task_parts, tool_part
 from core.design import Candidate, Evaluation, Tool
 from core.designs.planning import resolve
 from core.designs.reading import save_design
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Task
+from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.simulation.rollout import Evaluator
+from core.simulation.together import of_task
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.values.materials import Material
@@ -91,6 +93,7 @@ class Export:
     contact_s: float | None
     printed: PrintedTool
     mounted: dict[str, float]  # rewards with what fixes the tool to the arm
+    checks: tuple[Check, ...]  # of the motion
     verdicts: tuple[Check, ...]
 
     def figures(self) -> dict[str, Any]:
@@ -110,15 +113,26 @@ class Export:
         }
 
 
-def export(cfg: DictConfig) -> Export:
-    """Write the files of the first design of ``cfg.designs`` to ``cfg.output``.
+def export(cfg: DictConfig) -> list[Export]:
+    """Write the files of the first design of ``cfg.designs`` to ``cfg.output``: the tool, and its motion in the task.
+
+    Of several tasks each has a folder of its own beside the tool.
 
     Raises:
         UserError: the design or a setting can't be used, there is something in the folder, or it can't be written.
     """
     check_seed(cfg.seed)
+    made = list[Export]()
     with whole(Path(cfg.output)) as output:
-        return _export(cfg, output)
+        task, representation = task_part(cfg).create(), tool_part(cfg).create()
+        best = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))[0]
+        if best.candidate.tool is None or best.candidate.problem is not None:
+            raise UserError(f"the design can't be used: {best.candidate.problem}")
+        fit, printer = node(cfg.fit, Fit), node(cfg.printer, Printer)
+        solid = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
+        for part in task_parts(cfg):
+            made.append(_export(cfg, part, best, solid, [check for one in made for check in one.checks], output))
+    return made
 
 
 @contextlib.contextmanager
@@ -161,19 +175,22 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _export(cfg: DictConfig, output: Path) -> Export:
-    settings = node(cfg.rollout, RolloutSettings)
-    task, representation = task_part(cfg).create(), tool_part(cfg).create()
+def _export(
+    cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, solid: PrintedTool, earlier: list[Check], output: Path
+) -> Export:
+    """Write what the motion of one task needs, and the tool, with the checks of the ``earlier`` motions and of this."""
+    settings, task = node(cfg.rollout, RolloutSettings), part.create()
     robot, arm, scene = task.robot, arm_of(task.robot), task.scene(cfg.seed)
-    best = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))[0]
-    candidate = best.candidate
+    best, in_tool = of_task(chosen, task.name), output / "tool"
+    candidate, of = best.candidate, ""
+    if candidate.plan is not chosen.candidate.plan:  # of several tasks
+        of, output = f" of {task.name}", output / task.name
     if candidate.tool is None or candidate.problem is not None:
-        raise UserError(f"the design can't be used: {candidate.problem}")
+        raise UserError(f"the design can't be used in {task.name}: {candidate.problem}")
     tool = candidate.tool
     waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
     planned = plan_task_motion(waypoints, task, settings)
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
-    solid = make_tool(tool, robot, representation.material, node(cfg.printer, Printer), node(cfg.fit, Fit))
     built = solid.printed
     start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
     moves = {
@@ -187,9 +204,9 @@ def _export(cfg: DictConfig, output: Path) -> Export:
         return play(task, sims[engine].create(), of, motion, scene, cfg.seed, settings)
 
     replays = {name: replay(name, tool) for name in sims}
-    searched = {name: _earned(Evaluator(task_part(cfg), sim, cfg.seed, settings), best) for name, sim in sims.items()}
+    searched = {name: _earned(Evaluator(part, sim, cfg.seed, settings), best) for name, sim in sims.items()}
     rewards, mounted = {name: played.reward for name, played in replays.items()}, dict[str, float]()
-    checks = [as_good("motion", "as exported", rewards, searched)]
+    checks = [as_good(f"motion{of}", "as exported", rewards, searched)]
     if guarded := [str(number) for number, guard in enumerate(waypoints.guards, 1) if guard]:
         checks.append(
             Check("guards", False, f"exported programs have none: those of waypoint {', '.join(guarded)} are left out")
@@ -197,8 +214,9 @@ def _export(cfg: DictConfig, output: Path) -> Export:
     verdicts = printable((), checks)
     if solid.parts:
         mounted = {name: replay(name, built).reward for name in sims}
-        checks.append(as_good("mounted", "with its mount", mounted, rewards))
-        solid = write_tool(replace(solid, checks=(*checks, *solid.checks)), output / "tool")
+        checks.append(as_good(f"mounted{of}", "with its mount", mounted, rewards))
+        solid = write_tool(replace(solid, checks=(*earlier, *checks, *solid.checks)), in_tool)
+        solid = replace(solid, checks=solid.checks[len(earlier) :])
         verdicts = write_sheet(solid, tool, task, scene, motion, replays, output)
     contact_s = min((at for played in replays.values() if (at := played.first_contact()) is not None), default=None)
     if contact_s is not None:
@@ -207,14 +225,15 @@ def _export(cfg: DictConfig, output: Path) -> Export:
             moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
     near = clearance(scene, robot, tool, next(iter(replays.values())).recording)
     limits, load = margins(robot, built, motion), payload(robot, built)
-    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, mounted, tuple(verdicts))
+    of_motion = near, limits, load, contact_s, solid, mounted, tuple(checks), tuple(verdicts)
+    made = Export(task, candidate, motion, replays, *of_motion)
     for name, move in moves.items():
         write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
         text = json.dumps(to_json(move, robot.arm_joints))
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
     write_programs(robot, made.payload, moves, output / "programs")
-    save_design(candidate, representation, output / "design")
+    save_design(candidate, tool_part(cfg).create(), output / "design")
     save_files(candidate, robot, planned, output / "design")
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
@@ -252,13 +271,21 @@ def main(words: list[str]) -> None:
     if len(folders) > 1:
         raise UsageError(f"one folder at a time; {USAGE}")
     made = export(configured([*(f"designs={folder}" for folder in folders), *words]))
-    rows = [(engine, f"{replay.reward:.3f}", "; ".join(replay.problems)) for engine, replay in made.replays.items()]
-    print_table(("engine", "reward", "problems"), rows, ("reward",))
+    failing = [verdict for one in made for verdict in _told(one)]
+    if failing:
+        count = sum(len(one.verdicts) for one in made)
+        raise UserError(f"{len(failing)} of {count} checks failed; the files are written all the same")
+
+
+def _told(made: Export) -> list[Check]:
+    """Print how the motion played, and what was not or not well checked; return what failed."""
+    played = made.replays.items()
+    rows = [(made.task.name, engine, f"{of.reward:.3f}", "; ".join(of.problems)) for engine, of in played]
+    print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
     most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
     say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
     failing = [verdict for verdict in made.verdicts if verdict.passed is False]
     say(*(f"– {verdict}" for verdict in made.verdicts if verdict.passed is None))
     say(*(f"✗ {verdict}" for verdict in failing))
-    if failing:
-        raise UserError(f"{len(failing)} of {len(made.verdicts)} checks failed; the files are written all the same")
+    return failing

@@ -73,10 +73,10 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     lines = done.stdout.splitlines()
     for design in result["designs"]:  # in a pipe a row is a line, and no figure is cut
         for engine, figures in design["engines"].items():
-            row = f"{design['design']} panda {engine} "
+            row = f"{design['design']} BringCube panda {engine} "
             row += f"{figures['nominal']:.3f} {figures['mean']:.3f} ± {figures['std']:.3f}"
             assert any(" ".join(line.split()).startswith(row) for line in lines), row
-    assert f"{far['design']}, panda: {far['reason']}" in lines
+    assert f"{far['design']}, BringCube, panda: {far['reason']}" in lines
 
 
 def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp_path):
@@ -156,7 +156,7 @@ def test_an_arm_that_stands_elsewhere(tmp_path):
     here, there = json.loads((tmp_path / "out.json").read_text())["designs"]
     assert (here["robot"], there["robot"]) == ("panda", "panda base=[0.05, 0, 0, 0]")
     assert here["robust"] != there["robust"] == pytest.approx(here["robust"], abs=0.02)
-    assert any(line.split()[1:6] == ["panda", "base=[0.05,", "0,", "0,", "0]"] for line in done.stdout.splitlines())
+    assert any(line.split()[2:7] == ["panda", "base=[0.05,", "0,", "0,", "0]"] for line in done.stdout.splitlines())
 
 
 # --- a run's folder ---------------------------------------------------------------------------------------------

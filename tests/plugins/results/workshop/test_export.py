@@ -33,7 +33,8 @@ ANCHORED = "tests/tasks/anchored"
 
 def exported(folder, *words, task="OneBook"):
     given = [f"designs={ANCHORED}/{task}.json", f"task={task}", "tool=boxes", f"output={folder}", "sims=[mujoco]"]
-    return export(configured([*given, *words]))
+    (found,) = export(configured([*given, *words]))
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatc
     failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
     assert [line.partition(":")[0] for line in failing] == ["weight"]
     assert "simulate it with material=" in failing[0]
-    monkeypatch.setattr("plugins.results.workshop.command.export", lambda cfg: found)
+    monkeypatch.setattr("plugins.results.workshop.command.export", lambda cfg: [found])
     with pytest.raises(UserError, match=rf"^1 of {len(found.verdicts)} checks failed"):
         main([f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
     assert f"✗ {failing[0]}" in capsys.readouterr().out.splitlines()
@@ -202,7 +203,7 @@ def test_before_contact_nothing_is_touched(made):
 
 def test_a_run_s_best_is_exported(tmp_path):
     run = write_run(tmp_path / "run", "task=MoveBall", rewards=[[0.2, 0.6]])
-    found = export(configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
+    (found,) = export(configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
     assert found.candidate.id == "g0-a0-s1-p0"
     assert found.task.name == "MoveBall"
     (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
@@ -236,7 +237,7 @@ SEARCHES = [
 @pytest.mark.parametrize("words", SEARCHES, ids=lambda words: words[1])
 def test_what_a_search_found_earns_the_same_as_exported(tmp_path, words):
     run(load("config", ["sim=mujoco", "prompt.picture=false", *SHORT, *words]), tmp_path / "run")
-    found = export(configured([f"designs={tmp_path / 'run'}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
+    (found,) = export(configured([f"designs={tmp_path / 'run'}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
     (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
     earned, searched = map(float, re.findall(r"[\d.]+(?= for| in)", verdict.found))
     assert abs(earned - searched) <= 0.02
