@@ -227,17 +227,22 @@ def _export(
     limits, load = margins(robot, built, motion), payload(robot, built)
     of_motion = near, limits, load, contact_s, solid, mounted, tuple(checks), tuple(verdicts)
     made = Export(task, candidate, motion, replays, *of_motion)
-    for name, move in moves.items():
-        write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
-        text = json.dumps(to_json(move, robot.arm_joints))
-        write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
+    _write(made, moves, output)
     write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
     write_programs(robot, made.payload, moves, output / "programs")
     save_design(candidate, tool_part(cfg).create(), output / "design")
     save_files(candidate, robot, planned, output / "design")
+    return made
+
+
+def _write(made: Export, moves: Mapping[str, Sampled], output: Path) -> None:
+    """Write the moves as samples, what was found as data, and the checklist."""
+    for name, move in moves.items():
+        write_bytes(output / "motion" / f"{name}.csv", to_csv(move, made.task.robot.arm_joints).encode())
+        text = json.dumps(to_json(move, made.task.robot.arm_joints))
+        write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
-    return made
 
 
 def _earned(evaluator: Evaluator, best: Evaluation) -> float:
