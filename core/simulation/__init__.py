@@ -1,1 +1,1 @@
-"""Try candidates: rollout, playback, rendering, pictures, penetration and perturbation."""
+"""Try candidates: rollout, playback, guards, several tasks, pictures."""

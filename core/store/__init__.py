@@ -1,1 +1,1 @@
-"""Keep a run on disk and read it: database, recorder, progress, reader, and the files of the best design."""
+"""Keep a run on disk and read it: database, recorder, progress, and reader."""

@@ -34,7 +34,7 @@ def sheet(robot: Robot) -> str:
     # Nothing is escaped: it is Markdown, and robots are plugins.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)  # noqa: S701
     environment.filters["short"] = short
-    template = environment.from_string((files("plugins.conformance") / "templates" / "facts.md.j2").read_text("utf-8"))
+    template = environment.from_string((files("plugins.vlms.told") / "templates" / "facts.md.j2").read_text("utf-8"))
     timed = segments(arm, arm.forward(arm.home), RolloutSettings())
     reach = as_table(compute_reach(arm))
     return template.render(robot=robot, reach=reach, joints=joints, speed=timed, measured=robot.measured)
