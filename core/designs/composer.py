@@ -185,6 +185,7 @@ class PromptComposer:
             "feedback": self.settings.feedback,
             "picture": bool(pictures),
             "told": self.settings.told,
+            "unseen": not self.level.numbers,
             **NOTHING_TOLD,
             **self.level.values(task, brief.scene_seed),
             "robot": robot,
