@@ -8,8 +8,8 @@ import base64
 import hashlib
 import importlib.metadata
 import importlib.resources
-import math
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -21,7 +21,7 @@ from markupsafe import Markup
 from core.support.text import clean, number
 from plugins.results.pages.drawing import painted
 from plugins.results.pages.figure import INK
-from plugins.results.pages.formats import Cell, links, printed, relative
+from plugins.results.pages.formats import links, printed, relative
 from plugins.results.pages.tools import Winner, size
 
 _LONGEST = 20_000  # characters of any text
@@ -46,7 +46,10 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"printed": printed, "links": links, "sort_key": _sort_key, "number": number}
+    environment.filters |= {"printed": printed, "links": links, "number": number}
+    environment.filters["sort_key"] = lambda cell: (
+        repr(cell) if isinstance(cell, float | int) and isfinite(cell) else ""
+    )
     environment.filters["href"] = lambda target: quote(relative(target, folder), errors="surrogateescape")
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return environment.get_template(template).render(
@@ -70,10 +73,6 @@ def _hash(text: str) -> str:
 def _printable(value: Any) -> Any:
     """``value`` without control characters; what is markup already passes."""
     return clean(value, _LONGEST) if isinstance(value, str) and not isinstance(value, Markup) else value
-
-
-def _sort_key(cell: Cell) -> str:
-    return repr(cell) if isinstance(cell, int | float) and math.isfinite(cell) else ""
 
 
 def figure_address(svg: bytes) -> Markup:

@@ -142,7 +142,8 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
     if figures.best is None:
-        return LeftOutRun(folder, "failed", _why_nothing(store), figures.task, config)
+        first = next((f"; the first reason: {e.reason}" for e in store.evaluations() if e.status != "ok"), "")
+        return LeftOutRun(folder, "failed", f"no candidate could be tried{short(first)}", figures.task, config)
     return FinishedRun(folder, figures, config)
 
 
@@ -212,9 +213,3 @@ def _why_zero(evaluation: StoredEvaluation) -> str:
         return ""
     seen = {trial.observation.result for trial in evaluation.details.trials if trial.observation is not None}
     return f"earned nothing{': ' if seen else ''}{', '.join(sorted(seen))}"
-
-
-def _why_nothing(store: StoredRun) -> str:
-    """The reason why a run that ended has no best candidate."""
-    reason = next((f"; the first reason: {e.reason}" for e in store.evaluations() if e.status != "ok"), "")
-    return "no candidate could be tried" + short(reason)

@@ -69,10 +69,6 @@ class PrintedPart:
     def ready(self) -> bool:
         return all(check.passed for check in self.checks)
 
-    @property
-    def volume_cm3(self) -> float:
-        return float(self.mesh.volume) / 1000
-
 
 def print_part(
     name: str, link: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
@@ -90,7 +86,9 @@ def print_part(
         Check("walls", wall >= printer.min_wall_mm, walls),
         *([] if material.metal else [Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm")]),
     )
-    return PrintedPart(name, link, solid, lying, back, weld_mm, weight_g(lying, material), checks)
+    metres = Mesh(np.asarray(lying.vertices) / 1000, np.asarray(lying.faces))
+    mass_g = 1000 * material.volume_of(metres) * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
+    return PrintedPart(name, link, solid, lying, back, weld_mm, mass_g, checks)
 
 
 def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer) -> Check:
@@ -196,12 +194,6 @@ def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
     data = scene.export(file_type="3mf")
     assert isinstance(data, bytes)
     return data
-
-
-def weight_g(mesh: trimesh.Trimesh, material: Material) -> float:
-    """Weigh a mesh, in grams."""
-    metres = Mesh(np.asarray(mesh.vertices) / 1000, np.asarray(mesh.faces))
-    return 1000 * material.volume_of(metres) * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
 
 
 def grams(parts: Sequence[PrintedPart]) -> float:

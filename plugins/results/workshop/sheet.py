@@ -86,7 +86,7 @@ def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Str
                 "name": part.name,
                 "file": made.file(number),
                 "size_mm": np.round(part.mesh.extents, 2).tolist(),
-                "volume_cm3": round(part.volume_cm3, 3),
+                "volume_cm3": round(float(part.mesh.volume) / 1000, 3),
                 "mass_g": round(part.mass_g, 2),
                 "to_mount": np.round(part.to_mount, 6).tolist(),
             }

@@ -46,7 +46,7 @@ def test_parts_put_together_from_their_files_are_the_tool(written):
         mesh = trimesh.load(folder / made.file(number))
         assert mesh.is_volume
         assert (mesh.extents <= np.array([250, 210, 220]) + 1e-3).all()
-        assert part.volume_cm3 == pytest.approx(mesh.volume / 1000, rel=1e-3)
+        assert part.mesh.volume == pytest.approx(mesh.volume, rel=1e-3)
         together.append(manifold(mesh.apply_transform(part.to_mount)))
     whole = together[0] + together[1]
     simulated = union([(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components])
@@ -58,7 +58,7 @@ def test_parts_put_together_from_their_files_are_the_tool(written):
 
 def test_figures_and_the_list(written):
     folder, made = written
-    assert made.parts[0].mass_g < 1.24 * made.parts[0].volume_cm3  # it is filled to a fifth
+    assert made.parts[0].mass_g < 1.24 * made.parts[0].mesh.volume / 1000  # it is filled to a fifth
     assert 1000 * made.printed.mass == pytest.approx(1000 * made.mounted.mass, rel=0.2)
     text = (folder / "assembly.md").read_text()
     assert "- 4 x M6 x 12" in text
