@@ -93,7 +93,7 @@ def gallery(
             entries.append(Exhibit(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
         if left_out and not finished:
-            raise UserError(f"no tool to show: {_why(left_out[0])}")
+            raise UserError(f"no tool to show: not counted, {left_out[0]}")
         raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
     pictures = {entry.folder: data_address(_write(entry, output)) for entry in entries}
     page = render(
@@ -113,10 +113,6 @@ def gallery(
     )
     write_bytes(output / "index.html", page.encode())
     return entries, left_out
-
-
-def _why(run: LeftOutRun) -> str:
-    return f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}"
 
 
 def _write(entry: Exhibit, output: Path) -> bytes:
@@ -158,5 +154,5 @@ def main(words: list[str]) -> None:
     entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer)
     show(entries)
     for run in left_out:
-        say(_why(run))
+        say(f"not counted, {run}")
     say(str(Path(cfg.output) / "index.html"))

@@ -82,6 +82,9 @@ class LeftOutRun:
     task: str = ""
     config: dict[str, Any] = field(default_factory=dict)
 
+    def __str__(self) -> str:
+        return f"{self.status}: {short(str(self.folder))}: {self.reason}"
+
 
 def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutRun]]:
     """Find the runs in ``folders``, each a run's own or one that holds runs, in order; those of a multirun by number.

@@ -11,7 +11,7 @@ from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from plugins.results.pages.formats import only, printed
-from plugins.results.pages.runs import find_runs, short
+from plugins.results.pages.runs import find_runs
 from plugins.results.report.contents import DATA, contents
 from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_entries, read_entry
 from plugins.results.report.results import Results
@@ -79,7 +79,7 @@ def show(results: Results) -> None:
             digits = [column.name for column in table.columns if column.digits is not None]
             print_table([column.name for column in table.columns], cells, digits)
     for run in results.left_out:
-        say(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}")
+        say(f"not counted, {run}")
 
 
 def main(words: list[str]) -> None:
@@ -101,8 +101,7 @@ def main(words: list[str]) -> None:
     )
     if not results.runs and results.left_out:
         (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
-        why = f"{first.status}: {short(str(first.folder))}: {first.reason}"
-        raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {why}")
+        raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {first}")
     show(results)
     say(str(Path(cfg.output) / "index.html"))
     if wrong := [f"{run.task} with seed {run.seed}" for run in results.verified if not run.same and run.claimed > 0]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from markupsafe import Markup
 
@@ -22,13 +21,6 @@ DATA = "data"  # the folder of tables and figures, beside the page
 FILM_BYTES, FILMS_BYTES = 5_000_000, 20_000_000  # of one, and of all on a page
 
 
-class Live(NamedTuple):
-    """A run that goes on: its title, and lines of which the first changes when there is more to see."""
-
-    title: str
-    status: list[str]
-
-
 def _films(results: Results) -> list[tuple[str, Markup]]:
     """The films of the best runs, with what they show, as far as they are small enough for a page."""
     films, left = [], FILMS_BYTES
@@ -42,8 +34,13 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     return films
 
 
-def contents(results: Results, folder: Path, live: Live | None = None) -> dict[str, Callable[[], bytes]]:
-    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
+def contents(
+    results: Results, folder: Path, title: str = "Tools and their rewards", status: Sequence[str] = ()
+) -> dict[str, Callable[[], bytes]]:
+    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``.
+
+    ``status``: of a run that goes on, lines of which the first changes when there is more to see.
+    """
     listed, drawn = tables(results), figure_pages(results)
     drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
@@ -55,9 +52,9 @@ def contents(results: Results, folder: Path, live: Live | None = None) -> dict[s
             in_viewer(winner, f"{task}, {method}: {winner.name}")
             for (task, method), winner in results.tools.best.items()
         ],
-        title="Tools and their rewards" if live is None else live.title,
-        summary=[f"{runs} of {methods} on {tasks}."] if live is None else live.status,
-        state=live and live.status[0],
+        title=title,
+        summary=status or [f"{runs} of {methods} on {tasks}."],
+        state=status[0] if status else None,
         films=_films(results),
         warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
         tables={table.name: table for table in listed},

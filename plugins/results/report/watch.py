@@ -21,7 +21,7 @@ from core.store.reader import StoredRun
 from core.support.cli import say
 from core.support.files import read_untrusted
 from plugins.results.pages.runs import FinishedRun, read_run, read_so_far, reasons
-from plugins.results.report.contents import Live, contents
+from plugins.results.report.contents import contents
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import RunCost
 
@@ -88,7 +88,7 @@ class Server(ThreadingHTTPServer):
             *(reasons(self._store)[:REASONS] if run is None else ()),
         ]
         title = f"{found.task or 'Run'}: {self._folder.resolve().name}"
-        files = contents(Results((run,) if run else ()), self._folder, Live(title, status))
+        files = contents(Results((run,) if run else ()), self._folder, title, status)
         recordings = run.recordings().values() if run else ()
         return files | {
             str(file.relative_to(self._folder)): partial(read_untrusted, file, MAX_BYTES) for file in recordings
