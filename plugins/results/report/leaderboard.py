@@ -245,13 +245,17 @@ def find_entries(
     entries: list[Entry] = []
     problems: list[str] = []
     for (called, rules, version), runs in grouped.items():
-        for track in _tracks(rules):
-            own = [run for run in runs if run.task in _tracks(rules)[track]]
+        try:
+            chosen = protocol(rules)
+        except UserError:  # runs of a protocol that is not installed are runs like others
+            continue
+        for track, tasks in chosen.tracks.items():
+            own = [run for run in runs if run.task in tasks]
             try:
-                entries += [_entry(called, protocol(rules), version, track, own)] if own else []
+                entries += [_entry(called, chosen, version, track, own)] if own else []
             except UserError as error:
                 every = [run for key, others in grouped.items() if key[1:] == (rules, version) for run in others]
-                apart = differences([run for run in every if run.task in _tracks(rules)[track]])
+                apart = differences([run for run in every if run.task in tasks])
                 problems.append(
                     f"no entry of the track {track}: {called}: {error}{apart and f'; runs differ: {apart}'}"
                 )
@@ -268,13 +272,6 @@ def differences(runs: Sequence[AnyRun]) -> str:
     }
     each = [f"{method} in {', '.join(names[:_NAMED])}{more[method]}" for method, names in named.items()]
     return "; ".join(each) if len(each) > 1 else ""
-
-
-def _tracks(rules: str) -> dict[str, list[str]]:
-    try:
-        return protocol(rules).tracks
-    except UserError:  # runs of a protocol that is not installed are runs like others
-        return {}
 
 
 def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]) -> Entry:
