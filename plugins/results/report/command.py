@@ -92,13 +92,8 @@ def main(words: list[str]) -> None:
         return
     if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
-    results = report(
-        folders,
-        Path(cfg.output),
-        cfg.name,
-        [Path(file) for file in cfg.entries],
-        Path(cfg.verify) if cfg.verify else None,
-    )
+    claimed = Path(cfg.verify) if cfg.verify else None
+    results = report(folders, Path(cfg.output), cfg.name, [*map(Path, cfg.entries)], claimed)
     if not results.runs and results.left_out:
         (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
         raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {first}")
