@@ -106,7 +106,7 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     softs, bodies = {soft.name for soft in scene.softs}, {body.name for body in scene.bodies}
     for (one, other), force in taken.forces.items():  # of soft bodies engines alone know what they touch
         if softs & {one, other}:
-            kind = "tool" if one == "tool" else "body" if one in bodies else "arm"
+            kind = "body" if one in bodies else "tool" if one == "tool" and tool.components else "arm"
             touching[kind, one, other], depths[kind, one, other] = force > 0, 0.0
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())

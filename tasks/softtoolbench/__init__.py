@@ -9,4 +9,5 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "HangCloth": "tasks.softtoolbench.hang_cloth:HangCloth",
+        "PullRope": "tasks.softtoolbench.pull_rope:PullRope",
     }
