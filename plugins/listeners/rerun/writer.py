@@ -29,6 +29,7 @@ from core.scene import Camera, Color, State
 from core.simulation.rollout import played, prepare
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.record_rate import subset
+from core.support.templates import fill
 from core.support.text import clean
 from core.task import reward_of
 
@@ -40,7 +41,6 @@ _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200)}
 _SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
-MAX_NAME = 200
 MAX_TEXT = 4000
 _INDENT = "    "  # before every line of a model's, so that it can't be taken for one of ours
 
@@ -309,37 +309,11 @@ def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") 
     It is shown as plain text, never as Markdown, which can fetch pictures and hide the targets of links.
     """
     candidate = evaluation.candidate
-    lines = [
-        f"candidate {candidate.id}, reward {evaluation.reward:.3f}, distance {evaluation.distance_m:.2f} m",
-        _descent(candidate),
-    ]
-    if replayed is not None and abs(replayed - evaluation.reward) > 1e-6:
-        lines.append(f"the recorded rollout earned {replayed:.3f}")
-    lines += [note] if note else []
-    tool = candidate.tool
-    if tool is not None and tool.components:
-        lines += ["", "tool, in the model's words:", *_quoted(tool.name, tool.description)]
-    lines += ["", "strategy, in the model's words:", *_quoted(candidate.strategy_name, candidate.strategy_description)]
-    if candidate.action_description:
-        lines += ["", "motion, in the model's words:", *_quoted(candidate.action_description)]
-    if tool is not None and tool.components:
-        lines += ["", "components:"]
-        for component in tool.components:
-            name, parent = clean(component.name, MAX_NAME), clean(component.parent, MAX_NAME)
-            lines.append(f"{_INDENT}{name} on {parent}, {1000 * component.mass:.0f} g")
-    return "\n".join(lines) + "\n"
+    parts = candidate.tool.components if candidate.tool is not None else ()
+    given = {"evaluation": evaluation, "candidate": candidate, "replayed": replayed, "note": note, "parts": parts}
+    return fill("plugins.listeners.rerun", "design", **given, quoted=_quoted)
 
 
-def _descent(candidate: Candidate) -> str:
-    match candidate.parents:
-        case ():
-            return "a fresh design"
-        case (parent,):
-            return f"a mutation of {parent}"
-        case parents:
-            return f"a crossover of {' and '.join(parents)}"
-
-
-def _quoted(*texts: str) -> list[str]:
+def _quoted(*texts: str) -> str:
     lines = [line for text in texts for line in clean(text, MAX_TEXT, lines=True).splitlines()]
-    return [f"{_INDENT}{line}" for line in lines] or [f"{_INDENT}(nothing)"]
+    return "\n".join(f"{_INDENT}{line}" for line in lines or ["(nothing)"])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from core.geometry import Array
+from core.robot.solids import body_solids
 from core.scene import Body, Scene
 
 HEAVY_KG, THIN_M, LONG_M, FAR_M = 50.0, 0.0002, 2.0, 1.5
@@ -54,13 +55,8 @@ def _away(body: Body) -> float:
 
 def _box(body: Body) -> Box:
     """Bound a body's collision shapes in the world."""
-    ends = []
-    for part in body.collisions:
-        middle, sides = part.shape.bounds
-        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
-        ends.append(body.pose.apply(part.pose.apply(middle + signs * sides)))
-    points = np.vstack(ends)
-    return points.min(axis=0), points.max(axis=0)
+    middles, halves = map(np.array, zip(*(solid.bounds() for solid in body_solids(body)), strict=True))
+    return (middles - halves).min(axis=0), (middles + halves).max(axis=0)
 
 
 def _gap_below(name: str, boxes: Mapping[str, Box]) -> float:

@@ -168,19 +168,9 @@ class Worlds:
             note,
             self._start.shape,
             [
-                *(
-                    self._step,
-                    self._settle,
-                    self._last,
-                    self._every,
-                    LAG_EVERY,
-                    self._arm,
-                    data.qpos,
-                    data.qvel,
-                    self._aim,
-                ),
-                *(data.overflow, self._crowded, self._start, self._end, self._film, self._lag),
-                *(self._lost, self._astray, self._broken),
+                *(self._step, self._settle, self._last, self._every, LAG_EVERY, self._arm),
+                *(data.qpos, data.qvel, self._aim, data.overflow, self._crowded),
+                *(self._start, self._end, self._film, self._lag, self._lost, self._astray, self._broken),
             ],
         )
 
