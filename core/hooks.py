@@ -99,7 +99,7 @@ class Parts(Protocol):
 
 
 class Configs(Protocol):
-    """What a plugin may bring beside parts. Of observers and refinements core takes the first that is offered."""
+    """What a plugin may bring beside parts. Of strips, observers and refinements the first that is offered counts."""
 
     @hookspec
     def levels(self) -> Factories:
@@ -108,6 +108,10 @@ class Configs(Protocol):
     @hookspec
     def prompt_values(self) -> Factories:
         """Compute what templates of prompts show under a name: a `core.designs.composer.PromptValue`."""
+
+    @hookspec
+    def strips(self) -> Factories:
+        """Draw a film strip of a rollout for prompts: a `core.search.prompt_pictures.Strip`."""
 
     @hookspec
     def exports(self) -> Factories:
