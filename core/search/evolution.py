@@ -95,7 +95,7 @@ def _joined(evaluate: Evaluate, arrived: Sequence[Sequence[Evaluation]]) -> Iter
         now = [e.candidate.key for e in own if e.candidate.generation == len(arrived) - 1]
         if now:
             first = now[0][:3]
-            action = 1 + max(key[3] for key in now if key[:3] == first)
+            action = 1 + max(e.candidate.action for e in arrived[-1] if e.candidate.key[:3] == first)
             made = evaluate.joined(own, (*first, action))
             yield from [made] if made is not None else []
 

@@ -114,8 +114,8 @@ def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(toy,
 
 
 def test_a_replay_tries_the_same_designs(toy, tmp_path):
-    first = run(toys.config(toy.file, *TOYS), tmp_path / "run")
-    cfg = toys.config(toy.file, *TOYS)
+    first = run(toys.several(toy.file, *TOYS[:2]), tmp_path / "run")  # some joined plans follow ones that failed
+    cfg = toys.config(toy.file, *TOYS[:2])
     OmegaConf.update(cfg, "vlm", {"name": "replay", "run": str(tmp_path / "run")}, merge=False)
     again = run(cfg, tmp_path / "again")
     assert rewards(again) == rewards(first)
