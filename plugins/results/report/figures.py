@@ -98,7 +98,7 @@ def by_generation(run: FinishedRun) -> FigurePage:
         rewards = [(g.best_reward, g.mean_reward) for g in run.figures.generations]
         for y, label in zip(np.array(rewards, dtype=np.float64).T, ("best", "mean"), strict=True):
             ax.plot(x, y, "o-", ms=4, label=f"{label} of the generation")
-        ax.set(ylim=(0, 1.02), ylabel="reward (0 to 1)", xlabel="generation", xticks=x)
+        ax.set(ylim=(0, 1.02), ylabel="reward (0 to 1)", xlabel="generation", xticks=x[:: 1 + len(x) // 16])
         _legend(figure, ax)
         return figure
 
