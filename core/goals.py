@@ -239,8 +239,7 @@ class _Judge:
 
     def _hold(self, name: str) -> Array:
         """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
-        held: Array = np.maximum(self.film.held(name), self.film.contact(name, "robot") / 2)
-        return held
+        return np.maximum(self.film.held(name), self.film.contact(name, "robot") / 2)
 
     def _named(self, which: str | int) -> Goal:
         if isinstance(which, int) and 0 <= which < len(self.goals):
@@ -325,8 +324,7 @@ class _Asked:
     unit: str
 
     def left(self, state: State) -> Array:
-        beyond: Array = np.maximum(self.measure(state) - self.most, 0.0)
-        return beyond
+        return np.maximum(self.measure(state) - self.most, 0.0)
 
     def margin(self, end: State) -> Margin | None:
         """Return the margin of one world; None: nothing may be off, so that there is no room."""
@@ -370,8 +368,7 @@ def _unrest(goal: Goal, name: str, state: State) -> Array:
     """Measure how many times as fast as what is at rest a body is, or a joint."""
     if goal.joint is not None:
         slider = state.joints[goal.joint].joint.kind == "slider"
-        unrest: Array = np.abs(state.joint(goal.joint).speed) / (STILL_M_S if slider else STILL_RAD_S)
-        return unrest
+        return np.abs(state.joint(goal.joint).speed) / (STILL_M_S if slider else STILL_RAD_S)
     moved = state.placement(name)
     return np.maximum(_length(moved.linear) / STILL_M_S, _length(moved.angular) / STILL_RAD_S)
 

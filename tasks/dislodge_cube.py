@@ -112,5 +112,4 @@ class DislodgeCube(Task):
         began, ended = start.relative("cube", "pipe"), end.relative("cube", "pipe")
         ahead = 1 - (ended[..., 0] - NEAR) / (began[..., 0] - NEAR)
         aside = 1 - (ended[..., 1] - BRANCH_Y) / (began[..., 1] - BRANCH_Y)
-        reward: Array = np.where(ended[..., 2] > 0, np.clip(np.maximum(ahead, aside), 0.0, 1.0), 0.0)
-        return reward
+        return np.where(ended[..., 2] > 0, np.clip(np.maximum(ahead, aside), 0.0, 1.0), 0.0)

@@ -86,5 +86,4 @@ class HighObject(Task):
         inside = (offset < np.array([BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2])).all(axis=-1)
         way = np.clip(1 - offset.sum(axis=-1) / np.abs(start.position("cube") - center).sum(axis=-1), 0.0, 1.0)
         near = np.minimum(way + 0.2 * (cube[..., 2] < start.position("shelf")[..., 2] + OFF_THE_SHELF), 1.0)
-        reward: Array = np.where(inside, 1.0, near)
-        return reward
+        return np.where(inside, 1.0, near)

@@ -122,5 +122,4 @@ class ScoreGoal(Task):
         inside = (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
         began = start.position("puck") - start.position("goal")
         nearer = 1 - np.hypot(x, y) / np.hypot(began[..., 0], began[..., 1])
-        reward: Array = np.where(inside, 1.0, np.clip(nearer, 0.0, 1.0))
-        return reward
+        return np.where(inside, 1.0, np.clip(nearer, 0.0, 1.0))

@@ -111,5 +111,4 @@ class SnatchCookie(Task):
         highest = end.positions[..., 2].argmax(axis=-1)[..., None]
         now = np.take_along_axis(end.positions[..., 2], highest, axis=-1)[..., 0]
         rest = np.take_along_axis(start.positions[..., 2], highest, axis=-1)[..., 0]
-        reward: Array = np.clip((now - rest) / (OUT_Z - rest), 0.0, 1.0)
-        return reward
+        return np.clip((now - rest) / (OUT_Z - rest), 0.0, 1.0)

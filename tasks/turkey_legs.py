@@ -147,8 +147,7 @@ class TurkeyLegs(Task):
         w, xyz = np.split(end.quaternion("pot")[..., None, :], [1], axis=-1)
         edges = POT_EDGES + 2 * np.cross(xyz, w * POT_EDGES + np.cross(xyz, POT_EDGES))  # rotated with the pot
         pot = inside_box((end.position("pot") - box)[..., None, :] + edges).any(axis=-1)
-        reward: Array = legs * np.where(pot, 0.7, 1.0)
-        return reward
+        return legs * np.where(pot, 0.7, 1.0)
 
 
 def inside_box(position: Array) -> Array:

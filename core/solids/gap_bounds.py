@@ -125,8 +125,7 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     It is an eighth of the acceleration, in units of the interval.
     """
     points = far + reach
-    curved: Array = (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
-    return curved
+    return (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
 
 
 def gap_bounds(pair: Pair, samples: Indices) -> Array:

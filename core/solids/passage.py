@@ -254,5 +254,4 @@ def _closer(pair: Pair, near: Indices, ways: Array, least: float) -> Indices:
     """
     samples, begin = with_next(near)
     gaps = gap_bounds(pair, samples)
-    closer: Indices = near[(gaps[begin] + gaps[begin + 1] - ways) / 2 <= -least]
-    return closer
+    return near[(gaps[begin] + gaps[begin + 1] - ways) / 2 <= -least]

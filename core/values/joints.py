@@ -72,8 +72,7 @@ class Drive:
         """Return the positions at instants, in the shape of ``times``."""
         at = np.maximum(times, 0.0)
         at = np.mod(at, self.times[-1]) if self.repeats else at
-        sampled: Array = np.interp(at, self.times, self.positions)
-        return sampled
+        return np.interp(at, self.times, self.positions)
 
 
 @dataclass(frozen=True)
@@ -257,8 +256,7 @@ class Layout(Protocol):
 def rotate(quaternion: Array, vector: Array) -> Array:
     """Rotate vectors (..., 3) by quaternions (..., 4)."""
     w, axis = np.split(quaternion, [1], axis=-1)
-    rotated: Array = vector + 2 * np.cross(axis, w * vector + np.cross(axis, vector))
-    return rotated
+    return vector + 2 * np.cross(axis, w * vector + np.cross(axis, vector))
 
 
 def multiply(one: Array, other: Array) -> Array:

@@ -231,5 +231,4 @@ def facing(nodes: Array, elements: Elements) -> Elements:
     if corners == 2:
         return elements
     signs = np.linalg.det(edges) if corners == 4 else np.cross(edges[:, 0], edges[:, 1])[:, 2]
-    ordered: Elements = np.where((signs < 0)[:, None], elements[:, [0, 2, 1, 3][:corners]], elements)
-    return ordered
+    return np.where((signs < 0)[:, None], elements[:, [0, 2, 1, 3][:corners]], elements)

@@ -195,8 +195,7 @@ class Trace:
 
     def touched(self, body: str, by: str | None = None) -> Flags:
         """Report whether a body was ever touched, (...)."""
-        found: Flags = np.asarray(self.contact(body, by).any(axis=-1))
-        return found
+        return np.asarray(self.contact(body, by).any(axis=-1))
 
     def touching_at_end(self, body: str, by: str | None = None) -> Flags:
         """Report whether a body is touched at the last instant, (...)."""

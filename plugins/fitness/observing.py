@@ -235,15 +235,13 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
 def _lags(motion: Motion, taken: Recording) -> Array:
     """The largest lag of a joint at each sample (T,), radians; 0 before the motion begins."""
     wanted, _ = motion.trajectory.sample(taken.times)
-    lags: Array = np.where(taken.times < 0, 0.0, np.abs(taken.arm - wanted).max(axis=1))
-    return lags
+    return np.where(taken.times < 0, 0.0, np.abs(taken.arm - wanted).max(axis=1))
 
 
 def _tilts(first: Array, quaternions: Array) -> Array:
     """How far the upward axis of a body has turned since its ``first`` quaternion, degrees, for each of others."""
     turned = Rotation.from_quat(quaternions, scalar_first=True) * Rotation.from_quat(first, scalar_first=True).inv()
-    angles: Array = np.degrees(np.arccos(np.clip(turned.as_matrix()[..., 2, 2], -1.0, 1.0)))
-    return angles
+    return np.degrees(np.arccos(np.clip(turned.as_matrix()[..., 2, 2], -1.0, 1.0)))
 
 
 def _moved(scene: Scene, start: State, end: State, name: str) -> Moved:

@@ -52,8 +52,7 @@ panda, fr3, ur5, ur10, xarm7, kinova, z1 = map(_factory, ("panda", "fr3", "ur5",
 def measured(name: str) -> dict[str, dict[str, float | None]]:
     """Read what ``tests.benchmarks.exactness`` measured of a robot, by engine and figure; empty if it was not."""
     file = _HERE.joinpath("measured", f"{name}.json")
-    figures: dict[str, dict[str, float | None]] = json.loads(file.read_text("utf-8")) if file.is_file() else {}
-    return figures
+    return json.loads(file.read_text("utf-8")) if file.is_file() else {}
 
 
 def _tuple(value: Any) -> Any:

@@ -100,8 +100,7 @@ def _slid(point: Array, slide: Array, before: Component, after: Component) -> Ar
     (middle, sides), (new_middle, new_sides) = before.shape.bounds, after.shape.bounds
     half = new_sides / 2
     share = np.clip((point - middle) / sides * 2, -1.0, 1.0)
-    moved: Array = new_middle + np.clip(share * half + slide, -half, half)
-    return moved
+    return new_middle + np.clip(share * half + slide, -half, half)
 
 
 def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> Array:

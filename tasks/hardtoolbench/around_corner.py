@@ -112,5 +112,4 @@ class AroundCorner(Task):
         lies &= np.linalg.norm(end.linear_velocity("cube"), axis=-1) < STILL_M_S
         beyond = 0.3 + 0.7 * np.clip(1 - left / NEAR, 0.0, 1.0) * lies
         inside = 0.3 * np.clip((cube - begin)[..., 0] / (OUT - begin[..., 0]), 0.0, 1.0)
-        reward: Array = np.where(cube[..., 0] > OUT, beyond, inside) * (cube[..., 2] > 0.0)
-        return reward
+        return np.where(cube[..., 0] > OUT, beyond, inside) * (cube[..., 2] > 0.0)

@@ -105,8 +105,7 @@ class HangRing(Task):
         for (kind, one, other), flags in trace.touching.items():
             if other == "ring" and (kind == "arm" or one in GRIPPER_MOUNTS):
                 clean &= ~flags.any(axis=-1)
-        reward: Array = np.where(around_it & up, hangs, partial) * clean
-        return reward
+        return np.where(around_it & up, hangs, partial) * clean
 
     @staticmethod
     def crossing(state: State, peg: str) -> tuple[Array, Array, Array]:

@@ -105,5 +105,4 @@ class InsertPlug(Task):
         inside = off < 0.007  # its end can't be at such a place in any other way, below the mouth
         above = 0.15 * np.clip(1 - off / whole, 0.0, 1.0) * (depth < 0.001)
         sunk = 0.15 + 0.85 * np.clip(depth / DEEP, 0.0, 1.0)
-        reward: Array = np.where(inside & (depth > 0), sunk, above) * upright
-        return reward
+        return np.where(inside & (depth > 0), sunk, above) * upright

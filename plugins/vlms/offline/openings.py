@@ -89,8 +89,7 @@ class _Rays:
 
     def outside(self) -> Array:
         """Compute for each ray where the obstacles begin that are near it, (U, V)."""
-        nearest: Array = minimum_filter(self.other_near.min(axis=-1, initial=np.inf), self.window(0.025))
-        return nearest
+        return minimum_filter(self.other_near.min(axis=-1, initial=np.inf), self.window(0.025))
 
 
 @_kept

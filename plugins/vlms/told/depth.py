@@ -28,8 +28,7 @@ def noise_m(depth: Array) -> Array:
     That of a Kinect, straight on: C. V. Nguyen, S. Izadi, D. Lovell, "Modeling Kinect Sensor Noise for Improved 3D
     Reconstruction and Tracking", 3DIMPVT 2012.
     """
-    spread: Array = 0.0012 + 0.0019 * (depth - 0.4) ** 2
-    return spread
+    return 0.0012 + 0.0019 * (depth - 0.4) ** 2
 
 
 def depth_picture(task: Task, seed: int) -> Picture:
