@@ -7,6 +7,7 @@ import trimesh
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
+from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board, open_box, revolved, round_wall
 
@@ -144,8 +145,7 @@ class TurkeyLegs(Task):
         """The fraction of the legs that is inside the box, times 0.7 if any of the pot's edges is inside too."""
         box = start.position("box")
         legs = sum(inside_box(end.position(name) - box).astype(np.float64) for name in LEGS) / len(LEGS)
-        w, xyz = np.split(end.quaternion("pot")[..., None, :], [1], axis=-1)
-        edges = POT_EDGES + 2 * np.cross(xyz, w * POT_EDGES + np.cross(xyz, POT_EDGES))  # rotated with the pot
+        edges = rotate(end.quaternion("pot")[..., None, :], POT_EDGES)
         pot = inside_box((end.position("pot") - box)[..., None, :] + edges).any(axis=-1)
         return legs * np.where(pot, 0.7, 1.0)
 

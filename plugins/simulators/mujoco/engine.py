@@ -1,12 +1,10 @@
-"""Import MuJoCo, or report what is missing. Keep it from printing, writing a log file, and reading the clock."""
+"""Import MuJoCo, or report what is missing. Keep it from printing and writing a log file."""
 
 from __future__ import annotations
 
-import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 
 from core.errors import UserError
 
@@ -33,32 +31,4 @@ def warnings_caught() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-@contextmanager
-def timers_off() -> Iterator[None]:
-    """Keep MuJoCo from reading the clock.
-
-    Its Python package reads it some twenty times a step, for `MjData.timer`, which is not used here. That is a tenth of
-    a step of the arm alone.
-    """
-    clock = _clock()
-    before, clock.value = clock.value, None
-    try:
-        yield
-    finally:
-        clock.value = before
-
-
-@cache
-def _clock() -> ctypes.c_void_p:
-    """Find C's ``mjcb_time``, which `mujoco.set_mjcb_time` can't clear: None restores the package's own clock.
-
-    Where it can't be reached (Windows does not search a library's dependencies), a dummy is returned, and timers stay
-    on.
-    """
-    try:
-        return ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time")
-    except (AttributeError, OSError, ValueError):
-        return ctypes.c_void_p()
-
-
-__all__ = ["mujoco", "rollout", "timers_off", "warnings_caught"]
+__all__ = ["mujoco", "rollout", "warnings_caught"]

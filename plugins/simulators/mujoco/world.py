@@ -15,7 +15,7 @@ from core.scene import Inertia, Scene, Soft, State
 from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
-from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
+from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
 from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
@@ -283,7 +283,7 @@ class World:
             return states
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         now = len(states) - len(controls)
-        with timers_off(), warnings_caught() as warnings:
+        with warnings_caught() as warnings:
             if self._moving.latches or meter:
                 self._one_by_one(data, states[now - 1 :], controls, meter)
             else:

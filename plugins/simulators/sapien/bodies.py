@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.geometry import Array, Cylinder
+from core.geometry import Cylinder
 from core.scene import Inertia, Scene, State
+from core.values.joints import rotate
 from plugins.simulators.rolling import rollers
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.joints import apart
@@ -29,7 +30,6 @@ _BRAKE = 1e4
 # The least arm of rolling friction of a lying cylinder, as a share of its radius: where it rests, slower than so many
 # m/s, and where it rolls. Without, it begins to roll by itself.
 _LEAST_RESTING, _LEAST_ROLLING, _RESTS = 0.02, 0.01, 0.05
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
 _ALIKE = 0.98, 1.02  # a brake is updated if the force changed by more than these factors
@@ -144,10 +144,8 @@ class Bodies:
         quaternions, positions, linear, angular = np.split(numbers, [4, 7, 10], axis=2)
         quaternions /= np.sqrt((quaternions * quaternions).sum(axis=2, keepdims=True))  # single precision until here
         if len(self._shifted):  # PhysX reports the velocity of the centre of mass
-            centers, turned = self._centers, quaternions[:, self._shifted]
-            w, along = turned[..., :1], turned[..., 1:]
-            arms = centers + 2 * _cross(along, _cross(along, centers) + w * centers)
-            linear[:, self._shifted] -= _cross(angular[:, self._shifted], arms)
+            arms = rotate(quaternions[:, self._shifted], self._centers)
+            linear[:, self._shifted] -= np.cross(angular[:, self._shifted], arms)
         return State(self._names, positions, quaternions, linear, angular)
 
     def _numbers(self, notes: Sequence[bytes]) -> npt.NDArray[np.float32]:
@@ -155,11 +153,6 @@ class Bodies:
         count = len(self._names)
         numbers = np.frombuffer(b"".join(notes), dtype=np.float32).reshape(len(notes), -1)
         return numbers[:, : 13 * count].reshape(len(notes), count, 13)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross products of vectors (..., 3); numpy's own takes ten times as long for a few."""
-    return a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1) - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
 
 
 def _brake(drive: Any, impulse: float, acceleration: float) -> None:
