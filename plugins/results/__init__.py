@@ -1,8 +1,10 @@
 """What one does with finished runs: reports, galleries, and tools for the workshop.
 
-``pages`` is what the other rooms draw with; ``report`` and ``workshop`` do not know each other, ``gallery`` uses both.
+``pages`` is what the other rooms draw with; ``report`` and ``workshop`` do not know each other, ``gallery`` and
+``toolbox`` use what they need.
 Without tests of their name are `solid` (covered by `test_tool.py`), `verdicts` (`test_sheet.py`), the workshop's `ros`,
-`texts` and `command` (`test_export.py`), `results` (`test_methods.py`) and `figure` (`test_figures.py`).
+`texts` and `command` (`test_export.py`), the toolbox's `trials` and
+`command` (`test_toolbox.py`), `results` (`test_methods.py`) and `figure` (`test_figures.py`).
 """
 
 from __future__ import annotations
@@ -15,6 +17,9 @@ def commands() -> dict[str, Command]:
     return {
         "report": Command("write tables, figures and a page about runs", "plugins.results.report.command:main"),
         "gallery": Command("write a page of the best tools, and files to print them", "plugins.results.gallery:main"),
+        "toolbox": Command(
+            "try tools on each other's tasks, and choose few that do most", "plugins.results.toolbox.command:main"
+        ),
         "export": Command(
             "write what a real arm needs to run the best motion", "plugins.results.workshop.command:main"
         ),

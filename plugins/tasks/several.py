@@ -71,13 +71,11 @@ def _common_kinds(of: list[str | dict[str, Any]]) -> tuple[str, ...]:
     Raises:
         UsageError: there is none.
     """
-    kinds: dict[str, list[str]] = {}
-    for entry in of:
-        settings = {"name": entry} if isinstance(entry, str) else entry
+    kinds = dict[str, list[str]]()
+    for settings in ({"name": entry} if isinstance(entry, str) else entry for entry in of):
         usual = load("config", [f"task={settings['name']}"]).task.get("tool_kinds")
         kinds[str(settings["name"])] = list(settings.get("tool_kinds") or usual or ("rigid",))
-    first, *others = kinds.values()
-    common = tuple(kind for kind in first if all(kind in other for other in others))
+    common = tuple(kind for kind in next(iter(kinds.values())) if all(kind in own for own in kinds.values()))
     if not common:
         takes = ", ".join(f"{name} takes {' or '.join(own)}" for name, own in kinds.items())
         raise UsageError(f"these tasks have no tool kind in common: {takes}; set tool_kinds of one, or leave one out")

@@ -1,5 +1,5 @@
 """How models write tools: ``tool=urdf``, ``tool=boxes`` and ``tool=solids``; and given tools, for which only plans are
-designed: ``tool=none`` and ``tool=rlbench``.
+designed: ``tool=none``, ``tool=known`` and ``tool=rlbench``.
 """
 
 from core.hooks import Factories, hookimpl
@@ -12,5 +12,6 @@ def tool_representations() -> Factories:
         "boxes": "plugins.tools.boxes:BoxTools",
         "solids": "plugins.tools.solids.representation:SolidTools",
         "none": "plugins.tools.given:BareGripper",
+        "known": "plugins.tools.given:KnownTools",
         "rlbench": "plugins.tools.given:RLBenchTools",
     }

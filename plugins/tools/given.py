@@ -1,4 +1,4 @@
-"""Given tools: the bare gripper, and four tools that were designed by hand for RLBench's tasks, as boxes.
+"""Given tools: the bare gripper, that of a file, and four designed by hand for RLBench's tasks, as boxes.
 
 Sizes and positions of the four approximate those of the paper's ablation. Handles extend to the mount's origin, so that
 they touch the flange.
@@ -7,14 +7,22 @@ they touch the flange.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 
-from core.design import RIGID_MOUNT, Component, Tool
-from core.errors import choices
+from core.config.compose import part
+from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.designs.reading import load_designs
+from core.errors import UserError, choices
 from core.geometry import Box, Pose
 from core.interfaces import GivenTools, Task
+from core.plugins import TOOL
 
 HANDLE, HEAD = (0.72, 0.53, 0.34, 1.0), (0.85, 0.30, 0.20, 1.0)  # colours
 
@@ -87,3 +95,30 @@ class RLBenchTools(GivenTools):
         if task.name not in TOOLS:
             raise choices("given tool for task", task.name, TOOLS, "tool=rlbench")
         return TOOLS[task.name]()
+
+
+class KnownTools(GivenTools):
+    """The tool of a designs file, for which plans alone are designed.
+
+    Args:
+        file: the designs file, of which the first design counts.
+        of: the representation in which the tool is written: a name, or a mapping of a ``name`` and settings.
+    """
+
+    def __init__(self, file: str, of: str | dict[str, Any] = "urdf") -> None:
+        self._file, self._of = Path(file), of
+
+    def given(self, task: Task) -> Tool:
+        return self._tool
+
+    @cached_property
+    def _tool(self) -> Tool:
+        settings = {"name": self._of} if isinstance(self._of, str) else self._of
+        form = replace(part(TOOL, OmegaConf.create(settings)), material=self.material).create(robot=self.robot)
+        document: Any = load_designs(self._file)
+        design = document["strategies"][0]
+        try:
+            tool = form.parse(design, gripper=design.get("gripper") is True)
+        except DesignError as error:
+            raise UserError(f"designs file {self._file}: {error}") from error
+        return replace(tool, name=str(design.get("tool_name", "")), description=str(design.get("tool_description", "")))

@@ -23,7 +23,7 @@ from tests.panda import on_panda
 pytestmark = pytest.mark.slow
 
 PARTS = [("task", name) for name in installed().ready("task")]
-PARTS += [("tool", name) for name in installed().names("tool")]
+PARTS += [("tool", name) for name in installed().ready("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
 PARTS += [("fitness", "nominal"), pytest.param("fitness", "robust", marks=pytest.mark.slow)]
 PARTS += [("command", name) for name in installed().names("command")]
