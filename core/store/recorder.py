@@ -304,7 +304,8 @@ def best_figures(result: Result) -> dict[str, Any] | None:
     if (best := result.best) is None:
         return None
     candidate = best.candidate
-    return asdict(Best(best.reward, best.distance_m, candidate.generation, candidate.id, best.least_margin))
+    distance_m = None if math.isnan(best.distance_m) else best.distance_m  # of plans that were joined it is not known
+    return asdict(Best(best.reward, distance_m, candidate.generation, candidate.id, best.least_margin))
 
 
 def unseen_figures(result: Result) -> dict[str, Any] | None:
