@@ -22,7 +22,7 @@ from core.support.cli import folders_and_overrides, print_table, say, write_byte
 from core.support.text import hydra_word, number
 from core.values.plans import TaskPlans
 from plugins.results.pages.drawing import draw, painted
-from plugins.results.pages.figure import FigurePage, new_figure, wrapped
+from plugins.results.pages.figure import FigurePage, new_figure
 from plugins.results.pages.page import data_address, figure_address, render
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets, greedy
@@ -86,7 +86,7 @@ def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -
     runs, left_out = find_runs(folders)
     for lost in left_out:
         say(f"not counted, {lost.status}: {lost.folder}: {lost.reason}")
-    tools = [*{tool.key: tool for run in runs for tool in tools_of(run, cfg.top)}.values()]
+    tools = [*{tool.name: tool for run in runs for tool in tools_of(run, cfg.top)}.values()]
     nodes: dict[str, dict[str, Any]] = {}
     more = [{"task": {"name": "several", "of": cfg.tasks}}] if cfg.tasks else []
     for name, own in (pair for config in [*(run.config for run in runs), *more] for pair in nodes_of(config).items()):
@@ -115,7 +115,7 @@ def write(found: Toolbox, output: Path, *, exports: bool) -> None:
     if (output / PAGE).exists():
         shutil.rmtree(output / "chosen", ignore_errors=True)  # another set may have been chosen
     for place, index in enumerate(found.chosen, 1):
-        folder = output / "chosen" / f"{place}_{found.tools[index].key}"
+        folder = output / "chosen" / f"{place}_{found.tools[index].name}"
         write_bytes(folder / "picture.png", pictures[index])
         _write_chosen(found, index, folder, exports=exports)
     drawn, shown = figure_address(page.render("svg", "none", titled=False)), [*map(data_address, pictures)]
@@ -129,7 +129,7 @@ def matrix(found: Toolbox) -> Figure:
     rewards = found.rewards[order]
     axes = (figure := new_figure(2.8 + 0.5 * len(found.tasks), 1.6 + 0.3 * len(order))).subplots()
     axes.imshow(rewards, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    names = [f"{'● ' * (i in found.chosen)}{wrapped(found.tools[i].name, 26, 1)}" for i in order]
+    names = [f"{'● ' * (i in found.chosen)}{found.tools[i].name}" for i in order]
     axes.set_xticks(range(len(found.tasks)), found.tasks, rotation=60, ha="right")
     axes.set_yticks(range(len(order)), names)
     axes.grid(visible=False)

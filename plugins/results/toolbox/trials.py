@@ -55,13 +55,8 @@ class Held:
 
     @property
     def name(self) -> str:
-        """The tool's name, else the candidate's."""
-        return self.tool.name or self.best.candidate.id
-
-    @property
-    def key(self) -> str:
-        """A folder's name, the same for the same tool."""
-        return f"{slug(self.name, 40) or 'tool'}_{digest(self.tool.content)[:8]}"
+        """A name for a folder, the same for the same tool."""
+        return f"{slug(self.tool.name, 24) or 'tool'}_{digest(self.tool.content)[:6]}"
 
 
 def tools_of(run: FinishedRun, top: int) -> list[Held]:
@@ -109,7 +104,7 @@ def attempt(held: Held, nodes: Nodes, words: Sequence[str], output: Path) -> dic
         UserError: a part or setting can't be used, or a limit ended the search.
         KeyboardInterrupt: the search was interrupted; says how to go on.
     """
-    file = output.resolve() / "tried" / held.key / "design.json"
+    file = output.resolve() / "tried" / held.name / "design.json"
     with writing(output):
         save_design(held.best.candidate, held.representation, file.parent)
     config = configured(held, file, words)

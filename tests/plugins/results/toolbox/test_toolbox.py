@@ -38,7 +38,7 @@ def made(folders, tmp_path_factory):
 
 def test_each_tool_has_its_stored_reward_and_is_tried_in_the_other_task(made):
     found, output = made
-    assert [tool.name for tool in found.tools] == ["hook", "low"]
+    assert [tool.tool.name for tool in found.tools] == ["hook", "low"]
     assert list(found.tasks) == ["BringCube", "HighObject"]
     (own, other), (tried, stored) = found.rewards
     assert (own, stored) == (0.95, 0.92)
