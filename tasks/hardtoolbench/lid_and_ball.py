@@ -125,7 +125,11 @@ class LidAndBall(Task):
         aside = np.linalg.norm((end.position("lid") - end.position("pot"))[..., :2], axis=-1)
         flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
         down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
-        fell = (-trace.states.linear_velocity("lid")[..., 2]).max(axis=-1)
+        falls = np.maximum(-trace.states.linear_velocity("lid")[..., 2], 0.0)
+        sank = np.maximum(-np.diff(trace.states.position("lid")[..., 2], axis=-1), 0.0)
+        # A lid that is let go may be faster between two instants, up to a free fall.
+        alone = np.hypot(falls[..., :-1], np.sqrt(2 * 9.81 * sank)) * ~trace.contact("lid", "robot")[..., 1:]
+        fell = np.maximum(falls.max(axis=-1), alone.max(axis=-1, initial=0.0))
         lying = flat & down & (np.linalg.norm(end.linear_velocity("lid"), axis=-1) < STILL_M_S)
         off = np.interp(aside, ASIDE, (0.0, 1.0)) * lying * np.interp(fell, GENTLE, (1.0, 0.0))
         left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))

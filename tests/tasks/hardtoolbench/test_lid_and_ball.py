@@ -28,7 +28,7 @@ def reward(lid: Array = ASIDE, ball: Array = BOWL, fall: float = 0.1, held: bool
     velocities = np.array([[slides, 0.0, 0.0], [0.0, 0.0, 0.0]])
     end = replace(START, positions=np.stack([lid, ball]), linear_velocities=velocities)
     falling = replace(START, linear_velocities=np.array([[0.0, 0.0, -fall], [0.0, 0.0, 0.0]]))
-    touching = {("tool", "cradle", "ball"): np.array([False, True, held])}
+    touching = {("tool", "cradle", "ball"): np.array([False, True, held]), ("tool", "hook", "lid"): np.ones(3, bool)}
     return float(TASK.reward(START, end, Trace.of(START, falling, end, touching=touching)))
 
 
@@ -63,3 +63,22 @@ def test_the_reward_rises_on_the_ball_s_way() -> None:
 )
 def test_what_earns_nothing(case: dict[str, Array], most: float) -> None:
     assert reward(**case) <= most  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("height", "earned"), [(0.008, 1.0), (0.033, 0.0)])
+@pytest.mark.parametrize("late", [0.001, 0.012, 0.025, 0.039])
+def test_a_fall_that_ends_between_two_instants_is_as_fast_as_it_was(height: float, earned: float, late: float) -> None:
+    """From 33 mm the lid is 0.8 m/s fast where it lands, and up to 0.39 m/s slower at the last instant before."""
+    times = np.arange(-3, 6) / 25 + late
+    z, ends = np.maximum(height - 9.81 * np.maximum(times, 0.0) ** 2 / 2, 0.0), np.sqrt(2 * height / 9.81)
+    speeds = np.where(times < ends, 9.81 * np.maximum(times, 0.0), 0.0)
+    states = [
+        replace(
+            START,
+            positions=np.stack([ASIDE + np.array([0.0, 0.0, up]), BOWL]),
+            linear_velocities=np.array([[0.0, 0.0, -speed], [0.0, 0.0, 0.0]]),
+        )
+        for up, speed in zip(z, speeds, strict=True)
+    ]
+    trace = Trace.of(*states, touching={("tool", "hook", "lid"): times < 0})
+    assert float(TASK.reward(START, states[-1], trace)) == pytest.approx(earned, abs=0.02)
