@@ -328,7 +328,7 @@ def load_designs(path: Path) -> object:
 
 
 def load_tool(path: Path, number: int, representation: ToolRepresentation, task: Task) -> Tool:
-    """Read the tool of a strategy in a designs file, whatever rules it breaks.
+    """Read the tool of a strategy in a designs file, without its texts and whatever rules it breaks.
 
     Raises:
         UserError: there is no such strategy, or its tool can't be read.

@@ -136,9 +136,9 @@ def write_sheet(
 
 def _notes(said: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Write the figures of the tool and of each piece, and what was checked, a line and its colour each."""
-    x, y, z = (1000 * value for value in said["center_m"])
+    center = ", ".join(str(round(1000 * value)) for value in said["center_m"])
     lines = [
-        f"mass {said['mass_kg']:.3f} kg; centre of gravity ({x:.0f}, {y:.0f}, {z:.0f}) mm in {said['frame']}",
+        f"mass {said['mass_kg']:.3f} kg; centre of gravity ({center}) mm in {said['frame']}",
         f"moment at the flange {said['moment_nm']:.2f} N m",
     ]
     for piece in said["pieces"]:
@@ -157,7 +157,7 @@ def _notes(said: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 HEADS = ("", "component", "size, mm", "turned, °", "g", "load", "N", "lever, mm", "MPa", "safety", "bends, mm")
-_WIDTHS = (5, 29, 32, 22, 8, 30, 9, 15, 9, 12, 15)  # of the columns, mm
+_WIDTHS = (5, 29, 32, 22, 8, 28, 9, 17, 9, 12, 15)  # of the columns, mm
 
 
 def _row(number: int, part: Mapping[str, Any]) -> list[str]:
