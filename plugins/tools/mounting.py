@@ -10,7 +10,7 @@ from core.design import RIGID_MOUNT, Tool
 from core.designs import rules, statics
 from core.geometry import Array
 from core.interfaces import Brief, Robot
-from core.robot.extents import Finger, fingers_of
+from core.robot.extents import fingers_of
 from core.support.templates import fill
 from core.support.text import short_number
 from core.values.materials import Material
@@ -26,8 +26,8 @@ def describe_mount(brief: Brief) -> str:
     gap = finger_gap(robot)
     closed = max(0.0, gap - 2 * robot.opening_m)
     meet = "meet when it is closed" if closed < _MEET_M else f"{short_number(closed, 3)} m when it is closed"
-    fingers = [*map(_finger, fingers_of(robot))]
-    return _write("mount", gripper=True, fingers=fingers, gap=short_number(gap, 3), closed=meet)
+    given = {"fingers": fingers_of(robot), "axis_of": _axis, "short": short_number}
+    return _write("mount", gripper=True, **given, gap=short_number(gap, 3), closed=meet)
 
 
 def instruct(template: str, brief: Brief, material: Material, **given: Any) -> str:
@@ -65,14 +65,6 @@ def first_box(brief: Brief) -> tuple[str, str, Array, Array]:
     at = np.mean(finger.extent, axis=0) * (1 - out - down)
     at += out * finger.face(-finger.opens) + 0.0075 * finger.opens + down * finger.face(finger.tip)
     return finger.name, "left_pad", size, at + 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
-
-
-def _finger(finger: Finger) -> str:
-    ends = zip("xyz", *finger.extent, strict=True)
-    space = ", ".join(f"{axis} {short_number(low, 4)} to {short_number(high, 4)}" for axis, low, high in ends)
-    tip, inner = (f"{_axis(way)[1]} = {short_number(finger.face(way), 4)}" for way in (finger.tip, -finger.opens))
-    faces = f"tip at {tip}, inner face at {inner}"
-    return f"- In its frame `{finger.name}` takes up {space}; {faces}, opens toward {_axis(finger.opens)}."
 
 
 def _axis(way: Array) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from core.design import Component, DesignError, Tool, ToolJoint
+from core.design import DesignError, Tool
 from core.interfaces import Brief
 from core.robot.description import tool_urdf
+from core.support.templates import fill
 from core.support.text import kind, short_numbers
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.urdf.building import build_tool
@@ -40,27 +41,10 @@ class UrdfTools(VariedTools):
         return {"tool_urdf": tool_urdf(tool)}
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
-        return {"components": [_line(component) for component in tool.components]}
+        """Write a line for each component: in its parent's frame where it is, in its own how it moves."""
+        return {"components": [fill("plugins.tools", "line", part=c, short=short_numbers) for c in tool.components]}
 
     def instructions(self, brief: Brief) -> str:
         link, name, size, at = first_box(brief)
         given = {"size": short_numbers(size, 4), "at": short_numbers(at, 4), "joints": self.joints}
         return instruct("urdf", brief, self.material, link=link, name=name, **given)
-
-
-def _line(component: Component) -> str:
-    """Write name, parent, size, place in the parent's frame (no rpy: not turned), mass, and how it moves."""
-    pose, size = component.pose, component.shape.bounds[1]
-    xyz, rpy = short_numbers(pose.position, 4), short_numbers(pose.rpy, 4)
-    turn = f" rpy {rpy}" if rpy != "0 0 0" else ""
-    moves = f", {_moves(component.joint)}" if component.joint else ""
-    mass = f"{component.mass:.3g} kg{moves}"
-    return f"{component.name} on {component.parent}: {short_numbers(size, 4)} at {xyz}{turn}, {mass}"
-
-
-def _moves(joint: ToolJoint) -> str:
-    """Write a joint in the component's frame."""
-    at = f" at {short_numbers(joint.origin, 4)}" if joint.kind == "hinge" else ""
-    spring = f", spring {joint.stiffness:.3g} relaxed at {joint.rest:g}" if joint.stiffness else ""
-    resists = f", damping {joint.damping:.3g}, friction {joint.friction:.3g}"
-    return f"{joint.kind} along {short_numbers(joint.axis, 4)}{at}, {joint.lower:g} to {joint.upper:g}{resists}{spring}"
