@@ -150,7 +150,7 @@ def test_each_kind_of_block_is_looked_at():
     known = {"sh", "console"}
     rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
     assert {name: found for name, found in rest.items() if found} == {
-        "designs.md": {"json": 6},
+        "designs.md": {"json": 7},
         "paper.md": {"bibtex": 2},
         "plugins.md": {"python": 2, "toml": 1},
         "prompts.md": {"json": 1, "python": 3},

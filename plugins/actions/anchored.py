@@ -34,8 +34,9 @@ from core.support.text import kind, shorten
 from plugins.actions.waypoints import MOST, STEPS
 
 WORLD, HERE = "world", "here"
-MAX_GUARDS = 4  # of a plan
+MAX_GUARDS = 6  # of a plan
 MAX_NEWTONS = 200.0
+MAX_CORRECTED, MAX_BEYOND_M = 50, 0.2
 STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
 MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
 _INSTRUCTIONS = """\
@@ -60,11 +61,15 @@ _GUARDED = f"""\
   - `until`: `touch` (a force at the flange above the noise of its sensor, some newtons: light bodies give way unfelt),
     `force` (`newtons` against the motion) or `stall` (a joint is held back). Give a `speed` of 0.02 to 0.1 m/s.
   - `otherwise`: what follows if it reaches the waypoint unhindered: `go_on` (the default), or `end` of the motion.
-  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended. With `level`: true z is measured from
-    there, x and y from the anchor: for bodies at a known height above what was touched. At most {MAX_GUARDS} guards.
+  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended. At most {MAX_GUARDS} guards.
+  - `corrects`: names of bodies that were seen wrong as this one was; later waypoints take them to be where the touch
+    says, along the way that led to it. `beyond`: how far the waypoint lies beyond the place where contact is expected,
+    metres. A touch of the table tells the height of all that stands on it, one of a side where that body is.
   - Down onto a box, then 5 mm up from wherever its top was, and along:
     `{{"anchor": "box", "offset": [0, 0, 0.18], "until": "touch", "speed": 0.05}}`,
     `{{"anchor": "here", "offset": [0, 0, 0.005]}}`, `{{"anchor": "here", "offset": [0.2, 0, 0.005]}}`
+  - Against a box's side, to find where it is; its side is expected 2 cm before that place:
+    `{{"anchor": "box", "offset": [-0.08, 0, 0.1], "until": "touch", "corrects": ["box"], "beyond": 0.02}}`
 """
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
@@ -94,8 +99,9 @@ class Step:
         through: pass it without a stop.
         wait: seconds to stay there.
         grip: 0 open to 1 closed, for tools with the gripper.
-        level: z is measured from where the last guard ended, x and y from the anchor.
         until: with ``newtons`` and ``otherwise`` the guard of the way there, see `core.interfaces.Guard`.
+        corrects: bodies and marks that are then taken to be shifted, along the way there, as the touch was.
+        beyond: how far the waypoint lies beyond the place where contact is expected, metres.
     """
 
     offset: tuple[Length, Length, Length]
@@ -109,25 +115,14 @@ class Step:
     through: Annotated[bool, Strict()] = False
     wait: Seconds = 0.0
     grip: Share = 0.0
-    level: Annotated[bool, Strict()] = False
     until: Literal["", "touch", "force", "stall"] = ""
     newtons: Newtons = 0.0
     otherwise: Literal["go_on", "end"] = "go_on"
+    corrects: Annotated[tuple[Name, ...], Field(max_length=MAX_CORRECTED)] = ()
+    beyond: Annotated[float, Strict(), Field(ge=0, le=MAX_BEYOND_M, allow_inf_nan=False)] = 0.0
 
     def frame(self, seen: Seen, where: str) -> Pose:
         """The frame of the offset in the world.
-
-        Raises:
-            DesignError: an anchor is not there, or gives no direction.
-        """
-        frame = self._frame(seen, where)
-        if not self.level:
-            return frame
-        height = _place(HERE, seen, where).position[2]
-        return Pose(np.array([*frame.position[:2], height]), frame.quaternion)
-
-    def _frame(self, seen: Seen, where: str) -> Pose:
-        """The frame without the level.
 
         Raises:
             DesignError: an anchor is not there, or gives no direction.
@@ -142,6 +137,20 @@ class Step:
         if math.hypot(way[0], way[1]) < _APART_M:
             raise DesignError(f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction")
         return Pose.xyz_rpy(origin, (0.0, 0.0, math.atan2(way[1], way[0])))
+
+    def corrected(self, seen: Seen, way: Array, missed: Array, where: str) -> dict[str, Pose]:
+        """Return where the bodies in ``corrects`` are, as the arm ended at ``missed`` (3,) from the waypoint.
+
+        ``way`` (3,) leads there from the waypoint before, metres.
+
+        Raises:
+            DesignError: a name is not there, or there is no way.
+        """
+        if (length := float(np.linalg.norm(way))) < _APART_M:
+            raise DesignError(f"{where}: 'corrects' needs a way there, and the waypoint before is at the same place")
+        shift = (missed @ way / length + self.beyond) * way / length
+        places = {name: _place(name, seen, where) for name in self.corrects}
+        return {name: Pose(place.position + shift, place.quaternion) for name, place in places.items()}
 
     @property
     def guard(self) -> Guard | None:
@@ -172,8 +181,12 @@ class AnchoredPlan(ActionPlan):
             pose = step.frame(known, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
             rows.append([*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])])
             if step.until:
-                here = (felt.pop(0) if felt else None) or pose
-                known = Seen({**seen.poses, HERE: here})
+                here, poses = (felt.pop(0) if felt else None), dict(known.poses)
+                if step.corrects:
+                    missed = (here or pose).position - pose.position
+                    found = step.corrected(known, pose.position - rows[-2][:3], missed, f"waypoint {number}")
+                    poses |= found if here else {}
+                known = Seen({**poses, HERE: here or pose})
         guards = tuple(step.guard for step in self.steps)
         return Waypoints(np.array(rows), self._tempo(), guards if any(guards) else ())
 
@@ -216,7 +229,7 @@ class AnchoredActions(ActionRepresentation):
         step = _STEPS.json_schema()
         hidden = {
             *(() if gripper else ("grip",)),
-            *(() if self._guards else ("level", "until", "newtons", "otherwise")),
+            *(() if self._guards else ("until", "newtons", "otherwise", "corrects", "beyond")),
         }
         properties = {name: _plain(of) for name, of in step["properties"].items() if name not in hidden}
         waypoint = {"type": "object", "properties": properties, "required": ["offset"], "additionalProperties": False}
@@ -232,8 +245,10 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(f"the action plan has {count} guards; at most {MAX_GUARDS} are allowed")
         first = next((number for number, step in enumerate(steps, 1) if step.until), len(steps))
         for number, step in enumerate(steps[:first], 1):
-            if step.level or HERE in (step.anchor, step.toward):
-                raise DesignError(f"waypoint {number}: 'here' (or 'level') is where a guard ended; none comes before")
+            if HERE in (step.anchor, step.toward):
+                raise DesignError(f"waypoint {number}: 'here' is where a guard ended; none comes before")
+        if steps[0].corrects:
+            raise DesignError("waypoint 1: 'corrects' needs a waypoint before, from which the way leads there")
         return AnchoredPlan(steps, gripper)
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
@@ -319,6 +334,12 @@ def _step(data: object, where: str, gripper: bool) -> Step:
         raise DesignError(f"{where}: until 'force' needs 'newtons' above 0, and nothing else has them")
     if step.otherwise != "go_on" and not step.until:
         raise DesignError(f"{where}: 'otherwise' is for a guard; give 'until', too")
+    if (step.corrects and not step.until) or (step.beyond and not step.corrects):
+        raise DesignError(
+            f"{where}: 'corrects' is for a guard, and 'beyond' for what it corrects; give both others, too"
+        )
+    if {WORLD, HERE} & {*step.corrects}:
+        raise DesignError(f"{where}: 'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'")
     if step.toward and step.axes == "anchor" and not step.share:
         raise DesignError(f"{where}: toward turns the world's axes; leave 'axes' out, or give a share of the way")
     if step.share and not step.toward:

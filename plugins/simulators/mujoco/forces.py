@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -20,27 +21,44 @@ Numbers = npt.NDArray[np.int64]
 
 PACKED = 256  # steps whose contacts are packed at once
 _AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)  # as a number: an array is compared with an enum one by one
+_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_NET = 3  # a sensor's way to make one of many contacts: the sum of the forces
+_OUTER, _INNER = "pushes", "pushes within"  # of all contacts, and of those of the links with one another
+
+
+def add_feeler(spec: Element, link: str) -> None:
+    """Add what a `Feeler` reads: sensors of the contacts of a link and of all that it moves. They are off at first."""
+    kinds, fields = mujoco.mjtObj, mujoco.mjtConDataField
+    for name, other in ((_OUTER, {}), (_INNER, {"reftype": kinds.mjOBJ_XBODY, "refname": link})):
+        kind = mujoco.mjtSensor.mjSENS_CONTACT
+        sensor = spec.add_sensor(name=name, type=kind, objtype=kinds.mjOBJ_XBODY, objname=link, **other)
+        sensor.intprm[:3] = 1 << int(fields.mjCONDATA_FORCE) | 1 << int(fields.mjCONDATA_POS), _NET, 1
+    spec.option.disableflags |= _OFF
 
 
 class Feeler:
-    """What pushes some links of the robot, see `core.values.jobs.FeelingWorld`."""
+    """What pushes the robot beyond its last joint, see `core.values.jobs.FeelingWorld`."""
 
-    def __init__(self, model: Element, links: Collection[str]) -> None:
-        named = np.array([model.body(body).name in links for body in range(model.nbody)])
-        own = named[model.geom_bodyid] & (model.geom_contype != Role.SCENE.value[0])
-        self._model, self._own = model, np.append(own, False)  # the last is for flexes, which are geom -1
+    def __init__(self, model: Element) -> None:
+        self._model = model
+        self._outer, self._inner = (int(model.sensor(name).adr[0]) for name in (_OUTER, _INNER))
 
-    def pushes(self, data: Element) -> tuple[Array, Array]:
-        """Return what did in the last step: points (C, 3) and forces (C, 3)."""
-        points, forces, wrench = [], [], np.zeros(6)
-        own = self._own[data.contact.geom]
-        for number in np.flatnonzero(own[:, 0] != own[:, 1]).tolist():
-            contact = data.contact[number]
-            mujoco.mj_contactForce(self._model, data, number, wrench)
-            force = wrench[:3] @ contact.frame.reshape(3, 3)  # on the second
-            points.append(contact.pos.copy())
-            forces.append(-force if own[number, 0] else force)
-        return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
+    @contextmanager
+    def on(self) -> Iterator[None]:
+        """Let the sensors measure."""
+        self._model.opt.disableflags ^= _OFF
+        try:
+            yield
+        finally:
+            self._model.opt.disableflags ^= _OFF
+
+    def pushes(self, sensed: Array) -> tuple[Array, Array]:
+        """Return points (S, 3) and forces (S, 3), whose sum is the mean force in steps with these sensors' data (S, X).
+
+        Contacts of stiff bodies chatter, so that one step alone may have none.
+        """
+        outer, inner = sensed[:, self._outer :], sensed[:, self._inner :]
+        return outer[:, 3:6], (inner[:, :3] - outer[:, :3]) / len(sensed)
 
 
 class Measured(NamedTuple):

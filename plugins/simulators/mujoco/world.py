@@ -10,13 +10,13 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout, Task
-from core.robot.description import beyond, joint_name
+from core.robot.description import assembled, joint_name
 from core.scene import Inertia, Scene, Soft, State
 from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
-from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
+from plugins.simulators.mujoco.forces import Feeler, Measured, Meter, add_feeler
 from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
@@ -25,7 +25,7 @@ from plugins.simulators.mujoco.softs import add_softs, hull_boxes
 GRAVITY = 9.81
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
 CCD_TOLERANCE = 1e-10  # m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves
-_READINGS = 4  # of what the arm feels, without a touch before and after
+_READINGS = 8  # of what the arm feels, in steps that are taken at once
 HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
 
@@ -57,6 +57,7 @@ def compiled(
         time_step /= 2
     spec = described(robot, scene, inertias, tool, time_step, slip_rate)
     spec.option.ccd_tolerance = CCD_TOLERANCE
+    add_feeler(spec, assembled(robot, tool, fused=True).named[robot.arm_joints[-1]].child)
     if len(scene.free) <= 1 and not scene.softs:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()
@@ -154,7 +155,7 @@ class World:
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self._scene, self._model = scene, model
         self._joints, self._moving = Joints.of(robot, tool, model), Moving(scene, model)
-        self._data, self._feeler = mujoco.MjData(model), Feeler(model, beyond(robot, tool))
+        self._data, self._feeler = mujoco.MjData(model), Feeler(model)
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
@@ -215,44 +216,34 @@ class World:
     def _felt(
         self, job: Rollout, guards: Guards, settle: int, times: Array, states: Array, meter: Meter | None
     ) -> tuple[Rollout, Array, tuple[Array, Array]]:
-        """Do the steps after the settling as `_run` does: all in a row up to a reading that guards ask for."""
+        """Do the steps after the settling as `_run` does, some readings at once; where a guard ends, go back to it."""
         data, dt, kept = self._data, self._model.opt.timestep, mujoco.MjData(self._model)
         controls, tick, done, found = self._controls(job.trajectory, times), feel_every(dt), settle, [states]
-        touched, ended = False, 0  # whether the tool touched something since that many guards ended
         while done < len(times):
             last, quiet = found[-1][-1:], int(np.searchsorted(times[done:] + dt, guards.since))
             due = (quiet // tick + 1) * tick  # the steps up to the next reading
-            ahead = due == tick and not touched and meter is None
-            orders = controls[done : done + (_READINGS * tick if ahead else due)]
-            if ahead:
-                mujoco.mj_copyData(kept, self._model, data)
-            played = self._steps(data, last, orders, meter)[1:]
-            if ahead and len(self._feeler.pushes(data)[0]):
-                played = self._again(kept, last, orders[:tick])
-            changed = None
+            orders = controls[done : done + due + (0 if meter else _READINGS * tick)]
+            mujoco.mj_copyData(kept, self._model, data)
+            sensed = np.empty((len(orders), self._model.nsensordata))
+            with self._feeler.on():
+                played = self._steps(data, last, orders, meter, sensed)[1:]
             for end in range(due, len(played) + 1, tick):
                 if (now := float(times[done + end - 1] + dt)) < guards.since:
                     continue
-                pushes = self._feeler.pushes(data) if end == len(played) else (np.empty((0, 3)), np.empty((0, 3)))
-                touched |= len(pushes[0]) > 0
                 arm, _ = self._joints.read(self._split(played[end - 1 : end])[0])
-                changed = guards.feel(now, arm[0], *pushes)
-                if changed is not None:
-                    played = played if end == len(played) else self._again(kept, last, orders[:end])
-                    break
-            found.append(played)
-            done += len(played)
-            touched, ended = touched and len(guards.felt) == ended, len(guards.felt)
-            if changed is not None:
+                changed = guards.feel(now, arm[0], *self._feeler.pushes(sensed[end - tick : end]))
+                if changed is None:
+                    continue
+                if end < len(played):
+                    mujoco.mj_copyData(data, self._model, kept)
+                    played = self._steps(data, last, orders[:end], None)[1:]
                 job = replace(job, trajectory=changed)
                 _, times = schedule(job, dt)
                 controls = self._controls(changed, times)
+                break
+            found.append(played)
+            done += len(played)
         return job, times, self._split(np.concatenate(found))
-
-    def _again(self, kept: Element, last: Array, controls: Array) -> Array:
-        """Go back to data that were kept, and do only these steps."""
-        mujoco.mj_copyData(self._data, self._model, kept)
-        return self._steps(self._data, last, controls, None)[1:]
 
     def _split(self, states: Array) -> tuple[Array, Array]:
         """Split states (..., X) into positions (..., Q) and speeds (..., V)."""
@@ -277,15 +268,20 @@ class World:
             known = self._settled = _Settled(joints, states, data, [*meter.packed()] if meter else [])
         return known
 
-    def _steps(self, data: Element, states: Array, controls: Array, meter: Meter | None) -> Array:
-        """Append the state after each step with ``controls`` (S, 2 J) to states (T, X): (T + S, X)."""
+    def _steps(
+        self, data: Element, states: Array, controls: Array, meter: Meter | None, sensed: Array | None = None
+    ) -> Array:
+        """Append the state after each step with ``controls`` (S, 2 J) to states (T, X): (T + S, X).
+
+        ``sensed`` (S, Y) is filled with what the model's sensors measure in each.
+        """
         if not len(controls):
             return states
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         now = len(states) - len(controls)
         with warnings_caught() as warnings:
             if self._moving.latches or meter:
-                self._one_by_one(data, states[now - 1 :], controls, meter)
+                self._one_by_one(data, states[now - 1 :], controls, meter, sensed)
             else:
                 rollout(
                     self._model,
@@ -294,22 +290,27 @@ class World:
                     controls[None],
                     initial_warmstart=data.qacc_warmstart.copy()[None],
                     state=states[None, now:],
+                    sensordata=None if sensed is None else sensed[None],
                 )
         if data.warning.number.any():  # the state is not finite, or too large, or there is no more memory
             raise FloatingPointError(" ".join(warnings[0].split()) if warnings else "a warning")
         return states
 
-    def _one_by_one(self, data: Element, states: Array, controls: Array, meter: Meter | None) -> None:
-        """Fill in the states (S + 1, X) after the first, as MuJoCo's rollout does."""
+    def _one_by_one(
+        self, data: Element, states: Array, controls: Array, meter: Meter | None, sensed: Array | None
+    ) -> None:
+        """Fill in the states (S + 1, X) after the first, and ``sensed``, as MuJoCo's rollout does."""
         model = self._model
         mujoco.mj_setState(model, data, states[0], _STATE)
-        for after, control in zip(states[1:], controls, strict=True):
+        for number, (after, control) in enumerate(zip(states[1:], controls, strict=True)):
             data.ctrl[:] = control
             self._moving.pull(model, data)
             mujoco.mj_step(model, data)
             mujoco.mj_getState(model, data, after, _STATE)
             if meter:
                 meter.measure(data)
+            if sensed is not None:
+                sensed[number] = data.sensordata
 
     def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
         """Make the controls (S, 2 J): each joint's target position and speed, and then each drive's."""

@@ -275,6 +275,7 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
 
 GUARDED = {"anchor": "cube", "offset": [0, 0, 0.1], "until": "force", "newtons": 5, "otherwise": "end"}
 HERE = {"anchor": "here", "offset": [0, 0, 0.02]}
+HOVER = {"anchor": "cube", "offset": [0, 0, 0.3]}
 
 
 def test_here_is_where_the_last_guard_ended():
@@ -288,11 +289,35 @@ def test_here_is_where_the_last_guard_ended():
     assert [guard and guard.newtons for guard in again.guards] == [5, None, 5, None]
 
 
-def test_level_takes_the_height_alone_from_where_the_last_guard_ended():
-    steps = plan(GUARDED, {"anchor": "goal", "offset": [0.1, 0, 0.02], "level": True})
-    felt = Seen(SEEN.poses, (Pose(np.array([0.5, 0.0, 0.3])),))
-    np.testing.assert_allclose(steps.resolve(felt).poses[1, :3], [0.7, -0.3, 0.32])
+FINDING = {"anchor": "cube", "offset": [0, 0, 0.1], "until": "touch", "corrects": ["cube", "goal"], "beyond": 0.02}
+
+
+def test_a_touch_corrects_bodies_along_the_way_that_led_to_it():
+    steps = plan(
+        {"anchor": "cube", "offset": [0, 0, 0.3]},
+        FINDING,
+        *({"anchor": a, "offset": [0, 0, 0]} for a in ("cube", "goal", "world")),
+    )
+    nominal = steps.resolve(SEEN).poses
+    lower = Pose(nominal[1, :3] + [0.004, 0.003, 0.015])  # 5 mm lower than 2 cm above; aside counts for nothing
+    found = steps.resolve(Seen(SEEN.poses, (lower,))).poses
+    shifts = found[:, :3] - nominal[:, :3]
+    np.testing.assert_allclose(shifts, [[0] * 3, [0] * 3, [0, 0, -0.005], [0, 0, -0.005], [0] * 3], atol=1e-9)
+    np.testing.assert_array_equal(steps.resolve(Seen(SEEN.poses, (None,))).poses, nominal)
     assert ACTIONS.parse(steps.dump(), gripper=False) == steps
+
+
+def test_a_second_touch_corrects_what_the_first_has_corrected():
+    aside = {**FINDING, "offset": [0.1, 0, 0.1]}
+    steps = plan({"anchor": "cube", "offset": [0, 0, 0.3]}, FINDING, aside, {"anchor": "cube", "offset": [0, 0, 0]})
+    nominal = steps.resolve(SEEN).poses
+    first = Pose(nominal[1, :3] + [0, 0, 0.03])
+    between = steps.resolve(Seen(SEEN.poses, (first,))).poses
+    second = Pose(between[2, :3] - [0.03, 0, 0])
+    way = between[2, :3] - between[1, :3]
+    shift = 0.02 * way / np.linalg.norm(way) + (second.position - between[2, :3]) @ way * way / (way @ way)
+    found = steps.resolve(Seen(SEEN.poses, (first, second))).poses
+    np.testing.assert_allclose(found[3, :3], nominal[3, :3] + [0, 0, 0.01] + shift, atol=1e-9)
 
 
 def test_a_plan_with_guards_is_written_as_it_is_read():
@@ -307,16 +332,20 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
 @pytest.mark.parametrize(
     ("steps", "said"),
     [
-        ([HERE], "waypoint 1: 'here' (or 'level') is where a guard ended; none comes before"),
-        ([{**GUARDED, "until": "", "newtons": 0, "otherwise": "go_on", "level": True}], "(or 'level') is where"),
-        ([{**HERE, "until": "touch"}], "'here' (or 'level') is where a guard ended"),
+        ([HERE], "waypoint 1: 'here' is where a guard ended; none comes before"),
+        ([{**HERE, "until": "touch"}], "'here' is where a guard ended"),
+        ([FINDING], "waypoint 1: 'corrects' needs a waypoint before"),
+        ([HOVER, {**FINDING, "until": ""}], "'corrects' is for a guard"),
+        ([HOVER, {**FINDING, "corrects": []}], "'beyond' for what it corrects"),
+        ([HOVER, {**FINDING, "corrects": ["world"]}], "not for 'world' or 'here'"),
+        ([HOVER, {**FINDING, "corrects": ["cube"] * 51}], "corrects: Tuple should have at most 50 items"),
         ([{**GUARDED, "newtons": 0}], "until 'force' needs 'newtons' above 0"),
         ([{**GUARDED, "until": "touch"}], "nothing else has them"),
         ([{**GUARDED, "newtons": -1}], "newtons: Input should be greater than or equal to 0"),
         ([{**GUARDED, "through": True}], "passed through has no guard"),
         ([{"offset": [0.5, 0, 0.4], "otherwise": "end"}], "give 'until', too"),
         ([{"offset": [0.5, 0, 0.4], "until": "smell"}], "until: Input should be"),
-        ([GUARDED] * 5, "has 5 guards; at most 4 are allowed"),
+        ([GUARDED] * 7, "has 7 guards; at most 6 are allowed"),
     ],
 )
 def test_guards_that_mean_nothing_are_refused(steps, said):
