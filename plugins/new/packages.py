@@ -13,7 +13,7 @@ import jinja2
 
 from core.errors import UsageError, UserError, choices
 from core.plugins import KINDS, installed
-from core.support.cli import say
+from core.support.cli import say, write_bytes
 
 
 class Template(NamedTuple):
@@ -75,12 +75,8 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         new[code / "conf" / template.group / f"{name}.yaml"] = render(f"{kind}.yaml", values)
     if kind == "robot":
         new[code / "arm.urdf"] = render("robot.urdf", values)
-    try:
-        for file, text in new.items():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"can't write {error.filename}: {error.strerror}") from error
+    for file, text in new.items():
+        write_bytes(file, text.encode())
     return folder, module
 
 
@@ -117,13 +113,9 @@ def write_scene(name: str, output: Path | None = None) -> Path:
     """
     snake = check_name("task", name)
     file = output or Path(f"{snake}.yaml")
-    try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(render("scene.yaml", {"name": name}))
-    except FileExistsError as error:
-        raise UserError(f"{file} is there already; choose another name, or another file with output=FILE") from error
-    except OSError as error:
-        raise UserError(f"can't write {file}: {error.strerror}") from error
+    if file.exists():
+        raise UserError(f"{file} is there already; choose another name, or another file with output=FILE")
+    write_bytes(file, render("scene.yaml", {"name": name}).encode())
     return file
 
 

@@ -175,9 +175,7 @@ def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
 
 def to_stl(part: PrintedPart) -> bytes:
     """Return a part as an STL file."""
-    data = part.mesh.export(file_type="stl")
-    assert isinstance(data, bytes)
-    return data
+    return bytes(part.mesh.export(file_type="stl"))
 
 
 def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
@@ -191,9 +189,7 @@ def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
         place = trimesh.transformations.translation_matrix([at + width / 2, 0, 0])
         scene.add_geometry(part.mesh, geom_name=part.name, node_name=part.name, transform=place)
         at += width + 10
-    data = scene.export(file_type="3mf")
-    assert isinstance(data, bytes)
-    return data
+    return bytes(scene.export(file_type="3mf"))
 
 
 def grams(parts: Sequence[PrintedPart]) -> float:

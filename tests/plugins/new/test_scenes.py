@@ -32,6 +32,7 @@ def test_names_that_cannot_be_are_refused(tmp_path, name, why):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(UserError, match=r"can't write .*none/mine.yaml: No such file"):
-        write_scene("Mine", tmp_path / "none" / "mine.yaml")
+def test_a_folder_is_made_and_a_file_that_cannot_be_is_named(tmp_path):
+    made = write_scene("Mine", tmp_path / "new" / "mine.yaml")
+    with pytest.raises(UserError, match=r"can't write .*new/mine.yaml/mine.yaml: "):
+        write_scene("Mine", made / "mine.yaml")
