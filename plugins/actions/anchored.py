@@ -30,6 +30,7 @@ from core.interfaces import (
     Tempo,
     Waypoints,
 )
+from core.support.templates import fill
 from core.support.text import kind, shorten
 from plugins.actions.waypoints import MOST, STEPS
 
@@ -39,22 +40,6 @@ MAX_NEWTONS = 200.0
 MAX_CORRECTED, MAX_BEYOND_M = 50, 0.2
 STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
 MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
-_INSTRUCTIONS = """\
-- An action plan is a list of waypoints. Each waypoint is an object that says where the frame `tool_mount` (the
-  end-effector) shall be, relative to what is seen of the scene before the motion:
-  - `anchor`: what it stands by: {names}, or `world` (the default).
-  - `offset`: [x, y, z] in metres, from the anchor's origin to `tool_mount`. `rpy`: [roll, pitch, yaw] of `tool_mount`.
-  - `axes`: those of the `world` (the default), or of the `anchor`, which turn with it. Offset and rpy are along them.
-  - `toward`: the name of a second anchor. Then the axes are the world's, turned about z until x points from `anchor` to
-    it, as for a push towards a goal. Toward `world` is toward the world's origin.
-  - `share`: 0 to 1, how far the offset's origin lies on the way from `anchor` to `toward`; default 0;
-    in x, y and z. For what is pushed or carried to a goal. With a share the axes may be those of the `anchor`, too:
-    `share` 1, `toward` a goal and `axes` of the anchor keep a tool turned as what it carries, at the goal's place.
-  - `speed` (m/s) or `seconds` of the way there, from 0.001, shorter than a segment below too; without them the rule
-    about segments holds. What the arm's limits do not allow is slowed, and reported.
-  - `through`: true passes the waypoint without a stop, unlike the rule below. `wait`: seconds to stay there.
-{grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
-"""
 _GUARDED = f"""\
 - What is seen is not exact, and heights may be off. A waypoint may be guarded, for moves that feel: put it beyond the
   place where contact is expected, and the arm stops on the way there when it feels what `until` says:
@@ -221,9 +206,8 @@ class AnchoredActions(ActionRepresentation):
 
     def instructions(self, brief: Brief) -> str:
         names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
-        grip = "  - `grip`: 0 for open, 1 for closed; default 0.\n" if brief.gripper else ""
         guarded = _GUARDED if self._guards else ""
-        return _INSTRUCTIONS.format(names=names, grip=grip) + guarded
+        return fill("plugins.actions", "anchored", names=names, gripper=brief.gripper) + guarded
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         step = _STEPS.json_schema()

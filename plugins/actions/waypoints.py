@@ -11,6 +11,7 @@ import numpy as np
 from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, WAYPOINT, check_plan
 from core.geometry import Array
 from core.interfaces import ActionPlan, ActionRepresentation, Brief, Numbers, Waypoints
+from core.support.templates import fill
 
 STEPS = np.repeat((0.01, 0.05), 3)  # small changes, metres and radians, of a search without a model
 MOST = np.repeat((MAX_REACH_M, MAX_ANGLE_RAD), 3)
@@ -18,22 +19,12 @@ DIGITS = 5  # hundredths of a millimetre
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
-_POSES = (
-    "- An action plan is a list of waypoints. Each waypoint is exactly 6 numbers, `[x, y, z, roll, pitch, yaw]`: "
-    "the pose of the\n  frame `tool_mount` (the end-effector) in the world."
-)
-_GRIP = (
-    "- An action plan is a list of waypoints. Each waypoint is exactly 7 numbers, "
-    "`[x, y, z, roll, pitch, yaw, grip]`: the pose\n  of the frame `tool_mount` (the end-effector) in the world, and "
-    "the fingers."
-)
-
 
 class WaypointActions(ActionRepresentation):
     """Lists of 6 numbers, or of 7 with the gripper."""
 
     def instructions(self, brief: Brief) -> str:
-        return _GRIP if brief.gripper else _POSES
+        return fill("plugins.actions", "waypoints", gripper=brief.gripper)
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         count = len(WAYPOINT) if gripper else len(WAYPOINT) - 1
