@@ -36,9 +36,6 @@ BASE = "world_base"  # the root link of an arm that does not stand at the world'
 RESERVED = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}_joint")  # names of links and joints
 
 
-# --- data -----------------------------------------------------------------------------------------------------------
-
-
 @lru_cache(maxsize=16)
 def beyond(robot: Robot, tool: Tool) -> frozenset[str]:
     """Name the links that the arm's last joint moves, with those of the tool, as `assembled` for engines."""
@@ -166,9 +163,6 @@ def _fused(link: RobotLink, tool: Tool) -> RobotLink:
         collisions += own[0]
         visuals += own[1]
     return RobotLink(link.name, Inertial.of(*merged(weights)), tuple(collisions), tuple(visuals))
-
-
-# --- text -----------------------------------------------------------------------------------------------------------
 
 
 def assemble(

@@ -86,9 +86,6 @@ def _overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
             yield Finding(text, penetration=True)
 
 
-# --- penetration ------------------------------------------------------------------------------------------------
-
-
 class _Meetings(NamedTuple):
     """P pairs of solids (P, 2) that may get as deep in each other as counts; at least one of each is in motion.
 
@@ -147,9 +144,6 @@ def _passages(meetings: _Meetings, times: Array) -> list[Finding]:
             names = tracks[one].name, tracks[other].name
             passages[names] = min(passages.get(names, passage), passage)
     return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in passages.items()]
-
-
-# --- flung ------------------------------------------------------------------------------------------------------
 
 
 def _flung(recording: Recording, tracks: Tracks) -> list[Finding]:

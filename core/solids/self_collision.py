@@ -132,9 +132,6 @@ def self_distances(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Arra
     return np.array([min((-gauge.depth(row) for gauge in gauges), default=np.inf) for row in joints])
 
 
-# --- the robot --------------------------------------------------------------------------------------------------
-
-
 @lru_cache(maxsize=8)
 def _pairs(robot: Robot, tool: Tool) -> _Pairs:
     model, links = robot_model(robot, tool.gripper), link_solids(robot, tool.gripper)
@@ -231,9 +228,6 @@ class _Gauge:
         """The depth, metres; negative if the two are apart."""
         pin.updateGeometryPlacements(self._robot.model, self._robot.data, self._solids, self._data, joints)
         return -float(pin.computeDistance(self._solids, self._data, 0).min_distance)
-
-
-# --- along the trajectory ---------------------------------------------------------------------------------------
 
 
 def _near(

@@ -133,8 +133,6 @@ class Writer:
         self._clock = float(times[-1]) + _PAUSE_S
         self._flush()
 
-    # --- pieces -------------------------------------------------------------------------------------------------
-
     def _scene(self) -> None:
         for body in self._run.task.scene(self._run.seed).bodies:
             path = ("world", "scene", body.name)
@@ -151,8 +149,6 @@ class Writer:
         self._loose |= placed.keys() - set(_MOUNTS)
         for mount in (*_MOUNTS, *sorted(self._loose)):
             self._show(("world", "robot", mount, "tool"), joined(placed[mount]) if mount in placed else None)
-
-    # --- Rerun --------------------------------------------------------------------------------------------------
 
     def _at(self, generation: int) -> None:
         """Set the time of what is logged next."""

@@ -74,9 +74,6 @@ def protocol(name: str) -> Protocol:
     return Protocol(name, chosen.version, fixed, tracks, list(chosen.engines), chosen.layouts, known)
 
 
-# --- results files ----------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class RunResult:
     """A run: its rewards in unseen layouts by engine, what its search took, and the design that earned them.
@@ -223,9 +220,6 @@ def _engine(protocol_name: str, name: str) -> dict[str, str]:
     return flatten({"sim": config})
 
 
-# --- entries from runs ------------------------------------------------------------------------------------------
-
-
 def find_entries(
     finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun], name: str = ""
 ) -> tuple[list[Entry], list[str]]:
@@ -309,9 +303,6 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
     spent = (sum(rollouts(tried)), cost.requests, cost.cost_usd, store.seconds())
     effort = run.figures.effort if isinstance(run, FinishedRun) else None
     return RunResult(run.config["seed"], rewards, len(tried), *spent, design, effort)
-
-
-# --- tables -----------------------------------------------------------------------------------------------------
 
 
 class ListedEntry(NamedTuple):

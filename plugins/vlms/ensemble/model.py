@@ -146,8 +146,6 @@ class Ensemble(VLM):
         finally:
             stop.set()
 
-    # --- events: members hear what concerns them -------------------------------------------------------------------
-
     @hookimpl
     def run_started(self, run: Run) -> None:
         self._events.hook.run_started(run=run)

@@ -195,9 +195,6 @@ def describe_exactness(measured: Mapping[str, Mapping[str, float | None]], engin
     )
 
 
-# --- reach -----------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Span:
     """The smallest and largest distances from the base's axis that are reached, metres."""
