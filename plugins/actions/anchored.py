@@ -40,22 +40,6 @@ MAX_NEWTONS = 200.0
 MAX_CORRECTED, MAX_BEYOND_M = 50, 0.2
 STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
 MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
-_GUARDED = f"""\
-- What is seen is not exact, and heights may be off. A waypoint may be guarded, for moves that feel: put it beyond the
-  place where contact is expected, and the arm stops on the way there when it feels what `until` says:
-  - `until`: `touch` (a force at the flange above the noise of its sensor, some newtons: light bodies give way unfelt),
-    `force` (`newtons` against the motion) or `stall` (a joint is held back). Give a `speed` of 0.02 to 0.1 m/s.
-  - `otherwise`: what follows if it reaches the waypoint unhindered: `go_on` (the default), or `end` of the motion.
-  - Then `anchor` may be `here`: where `tool_mount` was when the last guard ended. At most {MAX_GUARDS} guards.
-  - `corrects`: names of bodies that were seen wrong as this one was; later waypoints take them to be where the touch
-    says, along the way that led to it. `beyond`: how far the waypoint lies beyond the place where contact is expected,
-    metres. A touch of the table tells the height of all that stands on it, one of a side where that body is.
-  - Down onto a box, then 5 mm up from wherever its top was, and along:
-    `{{"anchor": "box", "offset": [0, 0, 0.18], "until": "touch", "speed": 0.05}}`,
-    `{{"anchor": "here", "offset": [0, 0, 0.005]}}`, `{{"anchor": "here", "offset": [0.2, 0, 0.005]}}`
-  - Against a box's side, to find where it is; its side is expected 2 cm before that place:
-    `{{"anchor": "box", "offset": [-0.08, 0, 0.1], "until": "touch", "corrects": ["box"], "beyond": 0.02}}`
-"""
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
@@ -206,8 +190,8 @@ class AnchoredActions(ActionRepresentation):
 
     def instructions(self, brief: Brief) -> str:
         names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
-        guarded = _GUARDED if self._guards else ""
-        return fill("plugins.actions", "anchored", names=names, gripper=brief.gripper) + guarded
+        most = MAX_GUARDS if self._guards else 0
+        return fill("plugins.actions", "anchored", names=names, gripper=brief.gripper, guards=most)
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         step = _STEPS.json_schema()
