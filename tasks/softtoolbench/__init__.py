@@ -10,4 +10,5 @@ def tasks() -> Mapping[str, str]:
     return {
         "HangCloth": "tasks.softtoolbench.hang_cloth:HangCloth",
         "PullRope": "tasks.softtoolbench.pull_rope:PullRope",
+        "SpreadSlab": "tasks.softtoolbench.spread_slab:SpreadSlab",
     }
