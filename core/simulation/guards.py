@@ -21,6 +21,7 @@ from core.interfaces import ActionPlan, Felt, Guard, JointTrajectory, RolloutSet
 from core.robot.kinematics import Arm, arm_of
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Begin, Motion
+from core.scene import Scene
 from core.values.jobs import FEEL_S
 
 _NOISE = 9  # keeps these random numbers apart from others of the same seed
@@ -31,7 +32,7 @@ _STILL_M = 1e-6  # the mount moves by less between two readings: no direction
 
 
 class PlannedGuards:
-    """The guards of one candidate's plan in one layout, see `core.interfaces.Guards`.
+    """The guards of one candidate's plan in one layout, see `core.interfaces.Guards`. ``scene`` is its layout.
 
     Attributes:
         motion: as it is planned now; after a rollout, as it was played.
@@ -40,9 +41,16 @@ class PlannedGuards:
     """
 
     def __init__(
-        self, plan: ActionPlan, waypoints: Waypoints, motion: Motion, task: Task, seed: int, settings: RolloutSettings
+        self,
+        plan: ActionPlan,
+        waypoints: Waypoints,
+        motion: Motion,
+        task: Task,
+        seed: int,
+        settings: RolloutSettings,
+        scene: Scene | None = None,
     ) -> None:
-        self._plan, self._task, self._seed, self._settings = plan, task, seed, settings
+        self._plan, self._task, self._seed, self._settings, self._scene = plan, task, seed, settings, scene
         self._planned, self._arm = (waypoints, motion), arm_of(task.robot)
         self.begin()
 
@@ -138,7 +146,7 @@ class PlannedGuards:
         Raises:
             DesignError: it means nothing, or takes too long.
         """
-        waypoints = resolve(self._plan, self._task, self._seed, self._settings, felt=self._poses)
+        waypoints = resolve(self._plan, self._task, self._seed, self._settings, self._scene, self._poses)
         self._waypoints = waypoints
         tempo = waypoints.tempo
         if tempo is not None:

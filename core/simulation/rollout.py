@@ -117,7 +117,9 @@ def prepare(
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
     waypoints = resolve(candidate.plan, task, seed, settings, scene)
     motion = plan_task_motion(waypoints, task, settings)
-    guards = PlannedGuards(candidate.plan, waypoints, motion, task, seed, settings) if waypoints.guards else None
+    guards = None
+    if waypoints.guards:
+        guards = PlannedGuards(candidate.plan, waypoints, motion, task, seed, settings, scene)
     hold_s = max(settings.hold_s, task.hold_s)
     job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz, guards=guards)
     return motion, job
