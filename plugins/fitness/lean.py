@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -41,7 +41,7 @@ class Lean(Layouts):
         if task not in references:
             raise UsageError(f"fitness=lean has no reference for {task}; add {form}")
         try:
-            self._reference = read_effort(references[task])
+            self._reference = Effort(*references[task])  # type: ignore[arg-type]
         except (TypeError, ValueError) as error:
             raise UsageError(f"fitness.references.{task} must be {form}: {error}") from error
 
@@ -58,13 +58,3 @@ class Lean(Layouts):
         score = effort.saved(self._reference)
         figures = {"lean": round(score, 4), "motion_s": round(effort.motion_s, 3), "mass_kg": round(effort.mass_kg, 4)}
         return replace(evaluation, reward=0.5 + 0.5 * score / (1 + score), figures={**evaluation.figures, **figures})
-
-
-def read_effort(numbers: Iterable[float | None]) -> Effort:
-    """Read an effort as a configuration has it: seconds, kilograms, and the margin or null.
-
-    Raises:
-        TypeError: these are too few or too many numbers, or no numbers.
-        ValueError: one can't be.
-    """
-    return Effort(*numbers)  # type: ignore[arg-type]

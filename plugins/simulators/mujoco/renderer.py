@@ -19,7 +19,6 @@ from core.interfaces import Image, Task
 from core.robot.description import assemble
 from core.robot.meshes import link_visuals
 from core.scene import Camera, Color, State
-from core.values.robots import Robot
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.rendering import Renderer, joint_positions
@@ -58,7 +57,9 @@ class MuJoCoRenderer(Renderer):
         spec.compiler.discardvisual = False  # a description's reader would
         for geom in list(spec.geoms):
             spec.delete(geom)
-        _dress_arm(spec, robot, shown.gripper)
+        for link, visuals in link_visuals(robot, shown.gripper).items():
+            for shape, pose, color in visuals:
+                _show(spec, spec.body(link), shape, pose, color)
         for component in shown.components:
             bearer, pose = shown.borne[component.name]
             _show(spec, spec.body(bearer), component.shape.drawn, pose, component.color)
@@ -147,13 +148,6 @@ def _open_gl() -> tuple[Any, str]:
 
 def _no_open_gl(why: str) -> NoPicture:
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
-
-
-def _dress_arm(spec: Element, robot: Robot, gripper: bool) -> None:
-    """Add the description's visual meshes, in the colours of their materials."""
-    for link, visuals in link_visuals(robot, gripper).items():
-        for shape, pose, color in visuals:
-            _show(spec, spec.body(link), shape, pose, color)
 
 
 def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from core.design import TIE, Candidate, Evaluation, best_first, best_tools
-from core.geometry import Array
 from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
 from plugins.strategies.map_elites.archive import Archive, observes, read_measures, save_archive
 
@@ -67,12 +66,6 @@ class MapElites(EvolutionStrategy):
         count = min(len(tools), self.budget.k_top) - 1
         if count < 1:
             return tools[:1]
-        others = rng.choice(len(tools) - 1, count, replace=False, p=_chances(len(tools) - 1))
+        weights = np.arange(len(tools) - 1, 0, -1.0)  # by rank
+        others = rng.choice(len(tools) - 1, count, replace=False, p=weights / weights.sum())
         return [tools[0], *(tools[1 + i] for i in sorted(others))]
-
-
-def _chances(count: int) -> Array:
-    """The probabilities (``count``,) of ranks: they fall linearly."""
-    weights = np.arange(count, 0, -1.0)
-    chances: Array = weights / weights.sum()
-    return chances

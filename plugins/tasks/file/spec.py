@@ -146,7 +146,8 @@ class ShapeSpec(_Spec):
     def _check_one(self, *names: str) -> None:
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
-            raise ValueError(f"needs one of {', '.join(names)}; there {_are(given)}")
+            there = f"are {', '.join(given)}" if given else "is none"
+            raise ValueError(f"needs one of {', '.join(names)}; there {there}")
 
 
 class BodySpec(ShapeSpec):
@@ -302,7 +303,3 @@ def _alternatives(node: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _below(node: Mapping[str, Any], step: str | int) -> list[dict[str, Any]]:
     inner = node.get("items") if isinstance(step, int) else node.get("properties", {}).get(step)
     return [inner] if isinstance(inner, dict) else []
-
-
-def _are(given: list[str]) -> str:
-    return f"are {', '.join(given)}" if given else "is none"

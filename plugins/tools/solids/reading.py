@@ -106,7 +106,8 @@ class TreeReader:
         if name in OPERATIONS:
             if not isinstance(content, list) or len(content) < 2:
                 raise DesignError(f"{where} must be a list of two or more shapes")
-            self._check_count(len(content), where)
+            if self._nodes + len(content) > MAX_NODES:
+                raise DesignError(f"{where} has {len(content)} shapes; a tool may have {MAX_NODES} in all")
             children = (self._node(child, f"{where} {k}", depth + 1) for k, child in enumerate(content, start=1))
             return Node(name, children=tuple(children), at=at)
         if name in SIZES:
@@ -123,10 +124,6 @@ class TreeReader:
         if not 0.01 <= angle <= FULL_TURN + 1e-4:
             raise DesignError(f"{where}: angle must be between 0.01 and {FULL_TURN} radians, a full turn")
         return Node(name, (round(min(angle, FULL_TURN), DIGITS),), points, at=at)
-
-    def _check_count(self, count: int, where: str) -> None:
-        if self._nodes + count > MAX_NODES:
-            raise DesignError(f"{where} has {count} shapes; a tool may have {MAX_NODES} in all")
 
 
 def _read_pose(value: object, where: str) -> tuple[float, ...]:

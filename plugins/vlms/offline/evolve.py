@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import Component, Evaluation, Tool
+from core.design import Component, DesignError, Evaluation, Tool
 from core.geometry import Array, Box, Pose, resized
 from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.boxes import Boxes, separations
@@ -94,7 +94,9 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
             new, anchors, what = vary(new, anchors, elite, workshop.analysis, rng)
             done.append(what)
-        if not workshop.writes(new, anchors):  # it leads too far away
+        try:
+            workshop.written(new, anchors)
+        except DesignError:  # it leads too far away
             new, anchors, done = base, elite.anchors, done[:1]
         uses.append(Use(new, ", ".join(done), anchors))
     return uses

@@ -95,14 +95,6 @@ class Workshop:
         """A plan as in a designs document."""
         return self.brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, self.layouts[0].seen)
 
-    def writes(self, rows: Array, anchors: Sequence[Anchor]) -> bool:
-        """Report whether a plan can be written."""
-        try:
-            self.written(rows, anchors)
-        except DesignError:
-            return False
-        return True
-
     def _elsewhere(self, rows: Array, anchors: Sequence[Anchor]) -> list[Array]:
         """What becomes of a plan in the other layouts."""
         if not self._several:
