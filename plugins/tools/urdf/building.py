@@ -195,9 +195,8 @@ def _hang(
     own: list[_Holder] = []
     for box, place, color in shapes:
         parent, there = _nearest(own or parents, box, place if own else base @ place)
-        part = Component(
-            _free_name(name, taken) if own else name, parent, there, box, mass * box.volume / volume, color
-        )
+        own_mass = mass * (box.volume / volume)  # all of it, to the last bit, where there is one box
+        part = Component(_free_name(name, taken) if own else name, parent, there, box, own_mass, color)
         if moving is not None and not own:
             inverse = place.inverse()
             (x, y, z), (ax, ay, az) = inverse.position.tolist(), inverse.rotation.apply(moving.axis).tolist()
