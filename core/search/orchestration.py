@@ -5,7 +5,6 @@ Covered by `tests/test_resume.py`, `tests/test_commands.py` and `tests/core/sear
 
 from __future__ import annotations
 
-import math
 import shlex
 import shutil
 import sys
@@ -311,8 +310,9 @@ def print_best(best: dict[str, Any] | None, folder: Path, why: str = "", unseen:
     """
     if best is None:
         raise UserError(f"no candidate could be tried{why and f'; the first reason: {why}'}")
-    distance_m = math.nan if best["distance_m"] is None else best["distance_m"]
-    figures = f"best reward {best['reward']:.3f}, distance {distance_m:.2f} m"
+    figures = f"best reward {best['reward']:.3f}"
+    if best["distance_m"] is not None:  # of joined plans it is not known
+        figures += f", distance {best['distance_m']:.2f} m"
     if unseen is not None:
         figures += f", in {unseen['layouts']} unseen layouts mean {unseen['mean']:.3f}, worst {unseen['worst']:.3f}"
     say(f"{figures}, candidate {best['candidate']}", str(folder / "best"))
