@@ -1,7 +1,4 @@
-"""VLMgineer's framework: the types, the interfaces and the loop. It knows no engine, no model and no task.
-
-Covered by `tests/core/search/test_experiment.py`.
-"""
+"""VLMgineer's framework: the types, the interfaces and the loop. It knows no engine, no model and no task."""
 
 import importlib.abc
 import importlib.machinery

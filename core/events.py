@@ -1,4 +1,4 @@
-"""Define what events carry: the run, its generations, its result. Covered by `tests/core/search/test_evolution.py`."""
+"""Define what events carry: the run, its generations, its result."""
 
 from __future__ import annotations
 

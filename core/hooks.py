@@ -1,6 +1,6 @@
 """The hook specifications: how plugins offer parts, and which events listeners receive.
 
-This page is the whole contract for plugins. Covered by `tests/core/plugins/test_discovery.py`.
+This page is the whole contract for plugins.
 
 A plugin is a module (or object) named by an entry point in the group ``vlmgineer``. It offers a part by implementing
 the hook of its kind with `hookimpl`. The hook returns a mapping from names, as in ``sim=NAME``, to factories. A factory

@@ -2,8 +2,7 @@
 
 `core.hooks` says how a plugin offers a part, `core.plugins` finds it. A part is made by calling its factory with the
 part's settings as keyword arguments. The names, types and defaults in the factory's signature are what a configuration
-may set. Covered by `tests/plugins/conformance/test_suites.py` and, where a part breaks these contracts, by
-`tests/core/plugins/test_wrong_parts.py`.
+may set.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """``python -m core.run``: start a run, or go on with one (`core.search.orchestration`).
 
 Libraries for runs are imported inside functions: worker processes import this file as well, and ``--help`` is quick.
-Covered by `tests/test_commands.py`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Define the interface of a task. Plugins import it from `core.interfaces`. Covered by `tests/tasks/test_tasks.py`."""
+"""Define the interface of a task. Plugins import it from `core.interfaces`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""``vlmgineer render task=NAME [designs=FILE] [output=FILE.png]``: draw a task's scene, with or without a tool.
-
-Covered by `tests/test_commands.py`.
-"""
+"""``vlmgineer render task=NAME [designs=FILE] [output=FILE.png]``: draw a task's scene, with or without a tool."""
 
 from __future__ import annotations
 

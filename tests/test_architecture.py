@@ -192,15 +192,18 @@ def test_no_function_is_too_long_or_takes_too_much(folder):
 
 
 def test_every_module_of_core_has_its_tests():
-    """At the same place in ``tests/core``, or in the file that its docstring names."""
+    """At the same place in ``tests/core``, or in the files that the table in CONTRIBUTING.md names."""
+    table = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Tests of another name")[2]
+    rows = (re.findall(r"`([^`]+)`", line) for line in table.splitlines() if line.startswith("| `"))
+    named = {module: tests for module, *tests in rows}
+    for module, tests in named.items():
+        assert all((ROOT / name).is_file() for name in (module, *(f"tests/{test}" for test in tests))), module
     missing = []
     for file, tree in modules("core"):
         if file.name == "__init__.py" and len(tree.body) <= 1:
             continue
         own = ROOT / "tests" / file.relative_to(ROOT).with_name(f"test_{file.stem.strip('_')}.py")
-        named = re.findall(r"`?(tests/[\w/]+\.py)", ast.get_docstring(tree) or "")
-        assert all((ROOT / name).is_file() for name in named), f"{file} names {named}"
-        if not own.is_file() and not named:
+        if not own.is_file() and file.relative_to(ROOT).as_posix() not in named:
             missing.append(dotted(file))
     assert missing == []
 

@@ -1,7 +1,4 @@
-"""Give Hydra the configs of parts (from ``conf/``, packages of plugins, factories' signatures), and a run's folder.
-
-Covered by `tests/core/config/test_sources.py` and `tests/core/config/test_folders.py`.
-"""
+"""Give Hydra the configs of parts (from ``conf/``, packages of plugins, factories' signatures), and a run's folder."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ The beams follow each other from the mount to a tip. A force F across a beam mov
 r^2 / (E I), r being the distance from the tip (beam theory of Euler and Bernoulli), and stresses the outside of a
 section of thickness t with F r t / 2 I. Torsion is left out, and so is that parallel chains of components bear a load
 together. What is printed with walls and infill has the second moment of area I of its walls, and of its inside times
-the infill. Covered by `tests/core/designs/test_statics.py` and `tests/core/designs/test_tool_joints.py`.
+the infill.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Find plugins, check the settings of their parts, and make the parts. ``python -m core.plugins`` lists them.
-
-Covered by `tests/core/plugins/test_registry.py`.
-"""
+"""Find plugins, check the settings of their parts, and make the parts. ``python -m core.plugins`` lists them."""
 
 from core.plugins.blame import PluginError, culprit, describe_failure
 from core.plugins.discovery import Discovery, Failure, Offer

@@ -1,7 +1,4 @@
-"""Attribute an exception to the plugin that raised it, and keep one of a listener from the run.
-
-Covered by `tests/core/plugins/test_blame.py` and `tests/core/search/test_listeners.py`.
-"""
+"""Attribute an exception to the plugin that raised it, and keep one of a listener from the run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands that core itself offers. Covered by `tests/core/test_main.py`."""
+"""The commands that core itself offers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Place the joints and links of the robot, and compute forward and inverse kinematics up to its tool mount.
 
-Pinocchio solves one instant after the other; where many are placed at once, numpy needs a tenth of its time. Covered by
-`tests/core/robot/test_frames.py` and `tests/core/robot/test_kinematics.py`.
+Pinocchio solves one instant after the other; where many are placed at once, numpy needs a tenth of its time.
 """
 
 from __future__ import annotations

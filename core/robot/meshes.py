@@ -1,8 +1,7 @@
 """Keep files that were made of meshes, reduce hulls, and read what a robot and a tool look like.
 
 What is made is kept in the user's cache folder. A file is named by the content that it was made from, so that equal
-meshes share one, and engines that load files by name never mix two up. Covered by `tests/plugins/robots/test_hulls.py`
-and `tests/plugins/results/test_gallery.py`.
+meshes share one, and engines that load files by name never mix two up.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Define teams of agents, which a strategy may ask in place of all agents alike.
-
-Covered by `tests/plugins/strategies/test_islands.py` and `tests/core/search/test_designer.py`.
-"""
+"""Define teams of agents, which a strategy may ask in place of all agents alike."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Make a run from a configuration, or resume one: what ``python -m core.run`` and `Experiment` do.
-
-Covered by `tests/test_resume.py`, `tests/test_commands.py` and `tests/core/search/test_experiment.py`.
-"""
+"""Make a run from a configuration, or resume one: what ``python -m core.run`` and `Experiment` do."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Make the pictures that a prompt shows: of scenes, and of rollouts.
-
-Covered by `tests/plugins/tasks/file/test_photos.py`.
-"""
+"""Make the pictures that a prompt shows: of scenes, and of rollouts."""
 
 from __future__ import annotations
 

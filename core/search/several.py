@@ -2,8 +2,6 @@
 
 What holds is kept: the plan of a parent for a task that it does goes over to its offspring, and for a tool that does
 some of its tasks plans are asked for the others alone. `core.simulation.together.Together.joined` joins what was tried.
-
-Covered by `tests/core/simulation/test_together.py`.
 """
 
 from __future__ import annotations

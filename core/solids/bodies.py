@@ -1,7 +1,4 @@
-"""Measure the solids of a rollout: the robot's links, the tool's components and the scene's bodies.
-
-Covered by `tests/core/solids/test_penetration.py`.
-"""
+"""Measure the solids of a rollout: the robot's links, the tool's components and the scene's bodies."""
 
 from __future__ import annotations
 

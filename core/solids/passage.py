@@ -4,8 +4,7 @@ Conservative advancement: an instant is skipped if they can't have got deeper th
 
 The search remembers from which side a solid got into another, and how far in along that direction. The least way out
 of a body does not show that a thin sheet cuts through it: of a sheet in its lowest layer, the least way out is
-downward, and no longer than the sheet is thick. Covered by `tests/core/solids/test_penetration.py` and
-`tests/core/solids/test_entry_side.py`.
+downward, and no longer than the sheet is thick.
 """
 
 from __future__ import annotations

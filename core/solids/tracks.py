@@ -1,7 +1,4 @@
-"""Follow the solids of a rollout over time.
-
-Covered by `tests/core/solids/test_penetration.py`.
-"""
+"""Follow the solids of a rollout over time."""
 
 from __future__ import annotations
 

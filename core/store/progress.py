@@ -1,7 +1,4 @@
-"""Hold what an interrupted run has stored, so that nothing is asked or tried twice.
-
-Covered by `tests/test_resume.py` and `tests/core/store/test_recorder.py`.
-"""
+"""Hold what an interrupted run has stored, so that nothing is asked or tried twice."""
 
 from __future__ import annotations
 

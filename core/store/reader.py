@@ -1,7 +1,4 @@
-"""Read what a run's store holds: the one reader of all who come later.
-
-Covered by `tests/core/store/test_reader.py` and `tests/plugins/fitness/test_transfer.py`.
-"""
+"""Read what a run's store holds: the one reader of all who come later."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Read what others made in a process of its own: libraries may take any time and memory, or crash, on such a file.
-
-Covered by `tests/plugins/tasks/file/imports/test_mesh.py`.
-"""
+"""Read what others made in a process of its own: libraries may take any time and memory, or crash, on such a file."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Hold a robot's description as data: links, joints, shapes and inertias, as a URDF has them.
 
-Numbers stay as they were written, so that `core.robot.description` writes them again to the last bit. Covered by
-`tests/core/robot/test_description.py`.
+Numbers stay as they were written, so that `core.robot.description` writes them again to the last bit.
 """
 
 from __future__ import annotations

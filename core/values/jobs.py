@@ -1,7 +1,6 @@
 """Define what a simulator takes and returns: joint trajectories, rollouts, recordings and outcomes.
 
-Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_trajectory.py` and
-`tests/plugins/simulators/test_rendering.py`.
+Plugins import all of it from `core.interfaces`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Define what passes between the program and a model: messages of texts and pictures, replies, and estimates of cost.
 
-Plugins import all of it from `core.interfaces`. Covered by `tests/core/designs/test_composer.py` and
-`tests/core/search/test_designer.py`.
+Plugins import all of it from `core.interfaces`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Define the numbers of a tool or an action plan that a search may vary.
 
-Plugins import it from `core.interfaces`. Covered by `tests/plugins/tools/test_varying.py`.
+Plugins import it from `core.interfaces`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Define what is observed of a rollout: contacts, motions, and what became of the bodies of the task's goal.
 
-Plugins import it from `core.interfaces`. Covered by `tests/plugins/fitness/test_observing.py`.
+Plugins import it from `core.interfaces`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Define action plans: what a model writes, and the waypoints that it means in one layout.
 
-Plugins import all of it from `core.interfaces`. Covered by `tests/core/designs/test_planning.py` and
-`tests/core/robot/test_tempo.py`.
+Plugins import all of it from `core.interfaces`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Define a robot: an arm as data, from which all else about it is computed (`core.robot`).
 
-Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_description.py`.
+Plugins import all of it from `core.interfaces`.
 """
 
 from __future__ import annotations

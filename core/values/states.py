@@ -1,6 +1,6 @@
 """Define the state of a scene, which engines return and rewards read, and the trace of a rollout.
 
-Plugins import both from `core.scene`. Covered by `tests/core/test_scene.py` and `tests/core/values/test_traces.py`.
+Plugins import both from `core.scene`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Define tools: components, the joints between them, and the convex shapes that collide.
-
-Covered by `tests/core/test_design.py`.
-"""
+"""Define tools: components, the joints between them, and the convex shapes that collide."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Read a robot's URDF defensively: links and joints as data.
 
 The text may be wrong in any way: it is parsed without DTD, entities and network, and every number is checked.
-Covered by `tests/plugins/robots/test_reading.py`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@
 Tasks of RoboToolBench and HardToolBench have these names as their namespaces, a plugin package's tasks the name of
 their distribution.
 Gymnasium has had no entry points of its own since its version 1.0; ``make("plugins.gym:RoboToolBench/BringCube-v0")``
-imports this by itself. Covered by `tests/plugins/gym/test_environment.py`.
+imports this by itself.
 """
 
 import re

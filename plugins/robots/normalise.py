@@ -1,7 +1,4 @@
-"""Make a description anew with what every engine reads alike: convex hulls, whole inertias, limits of all joints.
-
-Covered by `tests/plugins/robots/test_reading.py`.
-"""
+"""Make a description anew with what every engine reads alike: convex hulls, whole inertias, limits of all joints."""
 
 from __future__ import annotations
 

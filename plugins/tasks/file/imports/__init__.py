@@ -1,7 +1,4 @@
-"""Bodies and joints of files that others made: meshes and URDF. A file is untrusted: nothing in it is executed.
-
-Covered by `tests/plugins/tasks/file/imports/test_mesh.py` and `tests/plugins/tasks/file/imports/test_urdf.py`.
-"""
+"""Bodies and joints of files that others made: meshes and URDF. A file is untrusted: nothing in it is executed."""
 
 from plugins.tasks.file.imports.bodies import Imported
 from plugins.tasks.file.imports.mesh import read_mesh

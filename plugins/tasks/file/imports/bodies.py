@@ -1,7 +1,4 @@
-"""Gather bodies and joints, with notes on what was left out.
-
-Covered by `tests/plugins/tasks/file/imports/test_urdf.py` and `tests/plugins/tasks/file/test_mjcf.py`.
-"""
+"""Gather bodies and joints, with notes on what was left out."""
 
 from __future__ import annotations
 

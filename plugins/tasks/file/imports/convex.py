@@ -1,7 +1,4 @@
-"""Read a mesh file and cut it into convex parts: called in a process of its own.
-
-Covered by `tests/plugins/tasks/file/imports/test_mesh.py`.
-"""
+"""Read a mesh file and cut it into convex parts: called in a process of its own."""
 
 from __future__ import annotations
 

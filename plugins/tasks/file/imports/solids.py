@@ -1,7 +1,4 @@
-"""Find mesh files within their folder, and keep what they are cut into, by their content.
-
-Covered by `tests/plugins/tasks/file/imports/test_mesh.py`.
-"""
+"""Find mesh files within their folder, and keep what they are cut into, by their content."""
 
 from __future__ import annotations
 
