@@ -314,12 +314,14 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
 
 
 def test_example_designs_are_read():
-    design, boxes, joint, solid, plan, guarded = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
+    design, boxes, joint, solid, plan, guarded, finding = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
     assert design["strategies"][0]["action_sets"]
     seen = Seen({"cube": Pose(np.array([0.6, 0.0, 0.0])), "goal": Pose(np.array([0.6, -0.2, 0.0]))})
     waypoints = installed().create("action", "anchored").parse(plan, gripper=False).resolve(seen)
     np.testing.assert_allclose(waypoints.poses[1, :3], [0.6, 0.06, 0.12])
-    assert installed().create("action", "anchored").parse(guarded, gripper=False).steps[1].until == "touch"
+    for steps in (guarded, finding):
+        assert installed().create("action", "anchored").parse(steps, gripper=False).steps[1].until == "touch"
+    assert finding[1]["corrects"] == ["box"]
     boxes["tool_components"][1] |= joint
     component = {"name": "shell", "solid": solid, "position": [0, 0, -0.2]}
     for name, data in (("boxes", boxes), ("solids", {"tool_solids": [component]})):
