@@ -29,7 +29,7 @@ CLOCKS = [  # what has the function, its name, the check
     (core.simulation.rollout, "find_self_collision", "self-collision"),
     (core.simulation.rollout, "findings", "penetration"),
     (core.simulation.rollout, "find_contacts", "contacts"),
-    (core.solids.contacts, "_clearances", "clearance among them"),
+    (core.solids.contacts, "nearest", "clearance among them"),
     (core.simulation.rollout, "make_trace", "trace"),
     (core.simulation.rollout, "_rewards", "reward, force chains"),
     (core.simulation.rollout, "margins_of", "margins"),

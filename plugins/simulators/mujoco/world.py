@@ -21,6 +21,7 @@ from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.mujoco.softs import add_softs, hull_boxes
+from plugins.simulators.rolling import rollers
 
 GRAVITY = 9.81
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
@@ -56,7 +57,8 @@ def compiled(
     if any(joint.parent is not None and not scene[joint.parent].fixed for joint in scene.joints):
         time_step /= 2
     spec = described(robot, scene, inertias, tool, time_step, slip_rate)
-    spec.option.ccd_tolerance = CCD_TOLERANCE
+    if any(rollers(body) for body in scene.bodies):
+        spec.option.ccd_tolerance = CCD_TOLERANCE
     add_feeler(spec, assembled(robot, tool, fused=True).named[robot.arm_joints[-1]].child)
     if len(scene.free) <= 1 and not scene.softs:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
