@@ -159,11 +159,9 @@ def _read_tool(
     """The tool, as far as it can be read, and its problem."""
     tool = None
     try:
-        name = _read_text(strategy, "tool_name", MAX_NAME)
-        description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
         if gripper and spawn.robot.gripper is None:
             raise DesignError(f"{spawn.robot.title} has no gripper; design one rigid tool, with 'gripper' false")  # noqa: TRY301
-        tool = replace(_parsed(representation, strategy, gripper), name=name, description=description)
+        tool = _parsed(representation, strategy, gripper)
         check_tool(tool, spawn.robot, representation.material)
         spawn.check(tool)
     except DesignError as error:
@@ -172,17 +170,19 @@ def _read_tool(
 
 
 def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
-    """Parse a strategy's tool.
+    """Parse a strategy's tool, with its name and description.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
+    name = _read_text(strategy, "tool_name", MAX_NAME)
+    description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
     with guarded(representation, "parse"):
         tool = representation.parse(strategy, gripper=gripper)
     if not isinstance(tool, Tool) or tool.gripper != gripper:
         wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
         raise DesignError(f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}")
-    return representation.material.made(tool)
+    return replace(representation.material.made(tool), name=name, description=description)
 
 
 def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
@@ -328,7 +328,7 @@ def load_designs(path: Path) -> object:
 
 
 def load_tool(path: Path, number: int, representation: ToolRepresentation, task: Task) -> Tool:
-    """Read the tool of a strategy in a designs file, without its texts and whatever rules it breaks.
+    """Read the tool of a strategy in a designs file, whatever rules it breaks.
 
     Raises:
         UserError: there is no such strategy, or its tool can't be read.

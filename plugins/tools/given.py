@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,9 @@ from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import part
-from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.reading import load_designs
-from core.errors import UserError, choices
+from core.design import RIGID_MOUNT, Component, Tool
+from core.designs.reading import load_tool
+from core.errors import choices
 from core.geometry import Box, Pose
 from core.interfaces import GivenTools, Task
 from core.plugins import TOOL
@@ -107,18 +106,11 @@ class KnownTools(GivenTools):
 
     def __init__(self, file: str, of: str | dict[str, Any] = "urdf") -> None:
         self._file, self._of = Path(file), of
+        self._tool: Tool | None = None
 
     def given(self, task: Task) -> Tool:
+        if self._tool is None:
+            settings = {"name": self._of} if isinstance(self._of, str) else self._of
+            form = replace(part(TOOL, OmegaConf.create(settings)), material=self.material).create(robot=self.robot)
+            self._tool = load_tool(self._file, 0, form, task)
         return self._tool
-
-    @cached_property
-    def _tool(self) -> Tool:
-        settings = {"name": self._of} if isinstance(self._of, str) else self._of
-        form = replace(part(TOOL, OmegaConf.create(settings)), material=self.material).create(robot=self.robot)
-        document: Any = load_designs(self._file)
-        design = document["strategies"][0]
-        try:
-            tool = form.parse(design, gripper=design.get("gripper") is True)
-        except DesignError as error:
-            raise UserError(f"designs file {self._file}: {error}") from error
-        return replace(tool, name=str(design.get("tool_name", "")), description=str(design.get("tool_description", "")))

@@ -3,17 +3,19 @@
 import numpy as np
 import pytest
 
+from core.config.compose import load, tool_part
 from core.design import RIGID_MOUNT, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.interfaces import Brief, Text
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
 from tests.panda import on_panda
+from tests.solutions import FILES, anchored
 
 NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"))
 
@@ -66,3 +68,19 @@ def test_bare_gripper_is_the_hand():
     assert NONE.given(on_panda(OneBook())) == Tool(
         gripper=True, name="bare gripper", description="the gripper of Franka Panda, with its fingers"
     )
+
+
+@pytest.mark.parametrize("material", ["paper", "pla"])
+def test_the_tool_of_a_file_is_the_one_that_its_design_means(material):
+    words = [f"tool.file={FILES['BringCube']}", "tool.of=boxes", f"material={material}"]
+    known = tool_part(load("config", ["tool=known", *words])).create().given(BringCube())
+    meant = anchored("BringCube", material).tool
+    assert (known, known.mass, known.name) == (meant, meant.mass, meant.name)
+
+
+@pytest.mark.parametrize("document", ['{"strategies": [5]}', '{"strategies": [{"tool_components": 3}]}'])
+def test_a_file_without_a_tool_is_refused(tmp_path, document):
+    file = tmp_path / "designs.json"
+    file.write_text(document)
+    with pytest.raises(UserError, match=r"designs\.json: the tool of strategy 0 can't be read"):
+        installed().create("tool", "known", {"file": str(file), "of": "boxes"}).given(BringCube())
