@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from core.geometry import Array, Pose
 from core.values.joints import JointState, PlacedJoint, Placement, rotate
+from core.values.tools import GRIPPER_MOUNTS
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ class Trace:
     on each other. It is computed from the poses, so it is the same notion in every engine.
 
     In queries ``by`` says what else touches the body: ``robot`` is its links and the tool, ``tool`` all components of
-    the tool, another name that component, link or body, and None anything.
+    the tool, ``arm`` all links with hand and fingers, another name that component, link or body, and None anything.
 
     Attributes:
         times: (T,) instants, s, `TRACE_HZ` apart from 0, when the robot's motion begins.
@@ -316,4 +317,6 @@ def _about(kind: str, one: str, other: str, body: str, by: str | None) -> bool:
         return by in (None, other)
     if body != other:
         return False
+    if by == "arm":
+        return kind == "arm" or (kind == "tool" and one in GRIPPER_MOUNTS)
     return by is None or by == one or (kind != "body" and by == "robot") or (kind == "tool" and by == "tool")

@@ -1,7 +1,6 @@
 import numpy as np
 import trimesh
 
-from core.design import GRIPPER_MOUNTS
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Mesh, Pose, Scene, State, Trace, floor, table
@@ -101,11 +100,7 @@ class HangRing(Task):
 
         swings = np.linalg.norm(end.linear_velocity("ring"), axis=-1) > SWINGS
         hangs = np.where(trace.touching_at_end("ring", "robot") | swings, 0.6, 1.0)
-        clean = np.ones(left.shape, dtype=bool)
-        for (kind, one, other), flags in trace.touching.items():
-            if other == "ring" and (kind == "arm" or one in GRIPPER_MOUNTS):
-                clean &= ~flags.any(axis=-1)
-        return np.where(around_it & up, hangs, partial) * clean
+        return np.where(around_it & up, hangs, partial) * ~trace.touched("ring", "arm")
 
     @staticmethod
     def crossing(state: State, peg: str) -> tuple[Array, Array, Array]:

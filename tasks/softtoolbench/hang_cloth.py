@@ -94,9 +94,5 @@ class HangCloth(Task):
         for other in ("robot", "table", "rack", "post"):
             hangs = hangs & ~trace.touching_at_end("cloth", other)
         hangs = hangs & (np.linalg.norm(end.linear_velocity("cloth"), axis=-1) < STILL)
-        clean = np.ones(left.shape, dtype=bool)
-        for (kind, _, other), flags in trace.touching.items():
-            if kind == "arm" and other == "cloth":
-                clean &= ~flags.any(axis=-1)
-        reward: Array = np.where(hangs, np.maximum(share, partial), partial) * clean
+        reward: Array = np.where(hangs, np.maximum(share, partial), partial) * ~trace.touched("cloth", "arm")
         return reward

@@ -59,10 +59,7 @@ class SpreadSlab(Task):
         assert trace is not None
         held = trace.states.each(lambda array: array[..., trace.times >= trace.times[-1] - HOLD_S, :, :])
         flat, wide = (part.min(axis=-1) for part in self.shares(start, held))
-        harmed = trace.force_n("slab", "robot") > PRESS_N
-        for (kind, _, other), flags in trace.touching.items():
-            if kind == "arm" and other == "slab":
-                harmed = harmed | flags.any(axis=-1)
+        harmed = (trace.force_n("slab", "robot") > PRESS_N) | trace.touched("slab", "arm")
         share = np.clip(np.minimum(flat, wide), 0.0, 1.0)
         reward: Array = np.maximum(0.1 * share, (share - 0.6) / 0.4) * ~harmed
         return reward
