@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -79,6 +79,14 @@ class Candidate:
         return replace(self, problem=self.problem or plan) if isinstance(plan, str) else replace(self, plan=plan)
 
 
+class Foreseen(NamedTuple):
+    """What a plan shows before it is played: a sentence with a length in it."""
+
+    what: str  # before the length
+    mm: float
+    how: str  # after it
+
+
 @dataclass(frozen=True)
 class Trial:
     """One trial of a candidate: a rollout in one engine and one scene.
@@ -113,7 +121,7 @@ class Trial:
     margins: tuple[Margin, ...] = ()
     motion_s: float | None = None
     goals: tuple[tuple[str, float], ...] = ()
-    foreseen: tuple[tuple[str, float, str], ...] = ()
+    foreseen: tuple[Foreseen, ...] = ()
     task: str = ""
     tried_as: str = ""
 

@@ -163,13 +163,13 @@ class ModelDesigner:
                 self.critic.hear(reply, asked[reply.request_id])
 
     def parameters(self, candidate: Candidate) -> Numbers:
-        """See `plugins.strategies.refinement.Varies`."""
+        """Return the N numbers of a candidate's tool and plan that a refinement may vary."""
         assert candidate.tool is not None
         found = Numbers() if self._given is not None else self.representation.parameters(candidate.tool)
         return found + self.actions.parameters(candidate.plan)
 
     def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
-        """See `plugins.strategies.refinement.Varies`."""
+        """Make a candidate of ``values`` (N,), see `parameters`, with ``key``; what breaks a rule is its problem."""
         assert candidate.tool is not None
         generation, agent, strategy, _ = key
         count = len(values) - len(self.actions.parameters(candidate.plan))
@@ -187,7 +187,7 @@ class ModelDesigner:
         return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
 
     def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
-        """See `plugins.strategies.refinement.Varies`."""
+        """Return the values (N,) of a candidate's `parameters` that make it like ``other``; None: more differs."""
         assert candidate.tool is not None
         assert other.tool is not None
         given = self._given is not None

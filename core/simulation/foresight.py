@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from core.design import Foreseen
 from core.interfaces import Recording, Rollout, Task
 from core.robot.trajectory import Motion
 from core.scene import Scene
@@ -18,8 +19,8 @@ MET_M = 0.002  # so deep a part of the robot gets into a body
 DIP_M, NEAR_M = 0.002, 0.005  # so much lower than at both ends of a way the tool gets, and so near to a body
 
 
-def foresee(task: Task, scene: Scene, motion: Motion, job: Rollout) -> Iterator[tuple[str, float, str]]:
-    """Yield what the robot meets first on its way to work, and where its tool dips: words, millimetres, words.
+def foresee(task: Task, scene: Scene, motion: Motion, job: Rollout) -> Iterator[Foreseen]:
+    """Yield what the robot meets first on its way to work, and where its tool dips.
 
     Work begins with a guard, or where the robot touches what can move and is not to be left alone, but not on the way
     to the first waypoint. Bodies that move by themselves are left out, and parts on a joint of the tool.
@@ -51,7 +52,7 @@ def foresee(task: Task, scene: Scene, motion: Motion, job: Rollout) -> Iterator[
             last = int(np.flatnonzero(waypoints == waypoints[k])[-1])
             deep = max(-Pair(tracks[i], tracks[j]).gap(at) for at in range(k, last + 1))
             what = f"on the way to waypoint {waypoints[k]} {solids[i].name} meets {solids[j].owner}"
-            yield what, 1000 * deep, "deep"
+            yield Foreseen(what, 1000 * deep, "deep")
             break
         if any(gap < 0 for gap, *_ in work):
             last = k
@@ -60,7 +61,7 @@ def foresee(task: Task, scene: Scene, motion: Motion, job: Rollout) -> Iterator[
     yield from _dips(tracks, pairs, [i for i in own if solids[i].name in tool.borne], ends.tolist())
 
 
-def _dips(tracks: Tracks, pairs: Indices, tool: Sequence[int], ends: Sequence[int]) -> Iterator[tuple[str, float, str]]:
+def _dips(tracks: Tracks, pairs: Indices, tool: Sequence[int], ends: Sequence[int]) -> Iterator[Foreseen]:
     """Find ways from one of ``ends`` to the next on which the tool gets near a body, and lower than at both."""
     parts = [tracks[i] for i in tool]
     lows = np.array([spans(p, p.rotations[:, 2, :, None])[0][:, 0] + p.positions[:, 2] for p in parts])
@@ -71,4 +72,4 @@ def _dips(tracks: Tracks, pairs: Indices, tool: Sequence[int], ends: Sequence[in
         beside = (tracks[j] for i, j in pairs.tolist() if i == lowest and deep > DIP_M)
         if body := next((body.owner for body in beside if Pair(tracks[lowest], body).gap(k) <= NEAR_M), None):
             what = f"on the way to waypoint {number} the lowest point of the tool dips"
-            yield what, 1000 * float(deep), f"below both ends, near {body}"
+            yield Foreseen(what, 1000 * float(deep), f"below both ends, near {body}")

@@ -102,8 +102,7 @@ class Robot:
         aliases: other names of mounts that designs may use, as pairs (other name, mount).
         base: where its base stands in the world.
         measured: how exact it is, by engine and figure (``tests.benchmarks.exactness``).
-        programs: files for the arm's controller that an export has, as pairs of name and Jinja template
-            (`plugins.results.workshop.texts`).
+        programs: files for the arm's controller that an export has, as pairs of name and Jinja template.
 
     Raises:
         UsageError: numbers of joints differ, or a number is not finite or not positive.
