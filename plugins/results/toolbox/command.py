@@ -85,7 +85,7 @@ def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -
     """
     runs, left_out = find_runs(folders)
     for lost in left_out:
-        say(f"not counted, {lost.status}: {lost.folder}: {lost.reason}")
+        say(f"not counted, {lost}")
     tools = [*{tool.name: tool for run in runs for tool in tools_of(run, cfg.top)}.values()]
     nodes: dict[str, dict[str, Any]] = {}
     more = [{"task": {"name": "several", "of": cfg.tasks}}] if cfg.tasks else []

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
-import jinja2
 import numpy as np
 from omegaconf import MISSING
 
@@ -14,6 +12,7 @@ from core.config.compose import load, robot_part
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
+from core.support.templates import fill
 from plugins.vlms.told.arm import as_table, compute_reach, segments, short
 
 USAGE = "usage: vlmgineer facts [robot=NAME]"
@@ -31,13 +30,8 @@ def sheet(robot: Robot) -> str:
     arm = arm_of(robot)
     limits = np.column_stack([arm.home, arm.lower, arm.upper, arm.velocity_limits, arm.acceleration_limits])
     joints = list(zip(robot.arm_joints, limits.tolist(), strict=True))
-    # Nothing is escaped: it is Markdown, and robots are plugins.
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)  # noqa: S701
-    environment.filters["short"] = short
-    template = environment.from_string((files("plugins.vlms.told") / "templates" / "facts.md.j2").read_text("utf-8"))
-    timed = segments(arm, arm.forward(arm.home), RolloutSettings())
-    reach = as_table(compute_reach(arm))
-    return template.render(robot=robot, reach=reach, joints=joints, speed=timed, measured=robot.measured)
+    given = {"reach": as_table(compute_reach(arm)), "speed": segments(arm, arm.forward(arm.home), RolloutSettings())}
+    return fill("plugins.vlms.told", "facts", robot=robot, joints=joints, measured=robot.measured, short=short, **given)
 
 
 def main(words: list[str]) -> None:
