@@ -2,9 +2,6 @@
 
 ``pages`` is what the other rooms draw with; ``report`` and ``workshop`` do not know each other, ``gallery`` and
 ``toolbox`` use what they need.
-Without tests of their name are `solid` (covered by `test_tool.py`), `verdicts` (`test_sheet.py`), the workshop's `ros`,
-`texts` and `command` (`test_export.py`), the toolbox's `trials` and
-`command` (`test_toolbox.py`), `results` (`test_methods.py`) and `figure` (`test_figures.py`).
 """
 
 from __future__ import annotations

@@ -8,7 +8,6 @@ from omegaconf import OmegaConf
 from core import Experiment
 from core.config.compose import load
 from core.evaluate import evaluate
-from core.plugins import installed
 from core.prompt import main, requests
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
@@ -16,19 +15,12 @@ from plugins.fitness.transfer import configured as transfer_settings
 from plugins.fitness.transfer import transfer
 from plugins.results.workshop.command import configured, export
 from tests import toys
-from tests.test_resume import assert_same_run
+from tests.test_resume import assert_same_run, toy  # noqa: F401  # a fixture
 
 pytestmark = pytest.mark.slow
 
 TOYS = "task=several", "task.of=[BringCube,ElevatePlate]", "budget.n_agent=2", "budget.n_action=2"
 NAMES = ["BringCube", "HighObject"]
-
-
-@pytest.fixture
-def toy(tmp_path, monkeypatch):
-    monkeypatch.setattr(installed(), "offers", dict(installed().offers))
-    toys.offer(installed())
-    return toys.Notes(str(tmp_path / "notes"))
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +90,7 @@ def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
 
 
 @pytest.mark.parametrize("words", [{"executor.fails_at": 2}, {"vlm.limit": 4}])
-def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(toy, tmp_path, words):
+def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(toy, tmp_path, words):  # noqa: F811
     cfg = toys.config(toy.file, *TOYS)
     run(cfg, tmp_path / "whole")
     asked, tried = set(toy.lines("asked")), set(toy.lines("tried"))
@@ -113,7 +105,7 @@ def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(toy,
         assert set(toy.lines(kind)) == whole
 
 
-def test_a_replay_tries_the_same_designs(toy, tmp_path):
+def test_a_replay_tries_the_same_designs(toy, tmp_path):  # noqa: F811
     first = run(toys.several(toy.file, *TOYS[:2]), tmp_path / "run")  # some joined plans follow ones that failed
     cfg = toys.config(toy.file, *TOYS[:2])
     OmegaConf.update(cfg, "vlm", {"name": "replay", "run": str(tmp_path / "run")}, merge=False)
