@@ -166,15 +166,20 @@ def test_an_interrupt_ends_it_with_a_line(finished):
     assert (watcher.returncode, out, said) == (0, "", f"{address} has ended\n")
 
 
+def assert_shown(chrome, text):
+    """Check that the page comes to have a text: a driver may return before its browser has the page."""
+    deadline = time.monotonic() + 20
+    while text not in chrome.page_source and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert text in chrome.page_source
+
+
 def test_a_browser_shows_the_page_and_loads_it_again_when_a_generation_has_ended(tmp_path):
     folder = write_run(tmp_path / "run", rewards=[[0.2, 0.4]], finish=False)
     (tmp_path / "blank.html").write_text("<!DOCTYPE html>")
     with served(folder) as server, opened(tmp_path / "blank.html") as chrome:
         chrome.get(server.address)
-        assert "1 of 4 generations" in chrome.page_source
+        assert_shown(chrome, "1 of 4 generations")
         write_run.open[-1].hook.generation_finished(generation=Generation(1, ()))
-        deadline = time.monotonic() + 20
-        while "2 of 4 generations" not in chrome.page_source and time.monotonic() < deadline:
-            time.sleep(0.2)
-        assert "2 of 4 generations" in chrome.page_source
+        assert_shown(chrome, "2 of 4 generations")
         assert complaints(chrome) == []
