@@ -1,7 +1,4 @@
-"""Define what the adversarial search varies, and when a tool is absurd. Used by `tests.benchmarks.adversary`.
-
-A start is a tool with a plan. Numbers around zero bend it: sizes, angles and places of the boxes, and all waypoints.
-"""
+"""Measure how far a rollout is from an absurd one: 0 where it is, and up to 1. Used by `tests.benchmarks.cheats`."""
 
 from __future__ import annotations
 
@@ -13,155 +10,21 @@ from typing import Any
 import coal
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
-from core.designs import rules
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
+from core.design import Evaluation, Tool
+from core.geometry import Array, Box, Cylinder, Mesh, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
-from core.robot.trajectory import at_home
 from core.scene import Body, Scene, State
 from core.solids.tracks import Track, body_tracks, robot_tracks
 from tests.panda import PANDA
 
+# From here on a tool, a motion or an end counts as absurd.
 PARTED_M, EARLY_M = 0.005, 0.005
-LIGHT, SHEET_M, BLADE_M = 1.02, 0.00095, 0.002  # the first: over the least mass that the rules allow
-GHOST_M, TIP_M_S, INSIDE_CM2, AIR_M = 0.008, 6.0, 1.0, 0.02  # from here on a motion or an end counts as absurd
+HOME_RAD, LITTLE_RAD, PRESSED_N, FAST_M_S = 0.02, 0.5, 60.0, 0.2
+GHOST_M, TIP_M_S, INSIDE_CM2, AIR_M = 0.008, 6.0, 1.0, 0.02
 COMMANDED_HZ, LOOKED_HZ = 25.0, 50.0
-_SIZE, _TURN_RAD, _JOINT, _WAY_M, _WAY_RAD, _GRIP = 0.4, 0.2, 0.4, 0.04, 0.15, 0.3  # what a number of 1 changes
 _TOUCH_M, EATEN_M = 0.002, 0.003
-_EMPTY = Scene(())
 _AT_REST_M_S, _LIFTED_M = 0.1, 0.01
-
-
-# --- tools and plans --------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Start:
-    """A tool and a plan, which numbers (`size` of them) bend, nine for each box. Boxes stay joined where they touch."""
-
-    tool: Tool
-    plan: Array
-
-    @property
-    def size(self) -> int:
-        return 9 * len(self.tool.components) + 1 + self.plan.size
-
-    def bent(self, numbers: Array, shape: Callable[[Tool], Tool]) -> Candidate:
-        """Make a candidate; ``shape`` makes its tool absurd."""
-        count = len(self.tool.components)
-        parts, heavier, ways = np.split(numbers, [9 * count, 9 * count + 1])
-        sizes = {mount: np.zeros(3) for mount in self.tool.mounts}
-        old = dict(sizes)
-        bent: list[Component] = []
-        for component, row in zip(self.tool.components, parts.reshape(count, 9), strict=True):
-            size = np.clip(np.array(component.shape.size) * np.exp(_SIZE * row[:3]), 0.00051, rules.MAX_SIDE_M)
-            old[component.name], sizes[component.name] = np.array(component.shape.size), size
-            above, half = old[component.parent] / 2, old[component.name] / 2
-            at, turn = component.pose.position, component.pose.rotation
-            joint = np.clip(at, -above, above)  # the point of the parent nearest to the component's middle
-            own = np.clip(turn.inv().apply(joint - at), -half, half)
-            left = at + turn.apply(own) - joint  # a gap, if they don't quite touch
-            turned = turn * Rotation.from_rotvec(_TURN_RAD * row[3:6])
-            share = np.divide(joint, above, out=np.zeros(3), where=above > 0)
-            joint = np.clip(share + _JOINT * row[6:9], -1, 1) * sizes[component.parent] / 2
-            held = own / half * size / 2  # the same point, in the component
-            position = joint + left - turned.apply(held)
-            mass = float(component.mass * np.prod(size) / np.prod(old[component.name]) * np.exp(heavier[0]))
-            pose = Pose.from_rotation(position, turned)
-            bent.append(replace(component, pose=pose, shape=Box(tuple(size)), mass=mass))
-        scale = np.array([_WAY_M] * 3 + [_WAY_RAD] * 3 + [_GRIP])[: self.plan.shape[1]]
-        plan = self.plan + ways.reshape(self.plan.shape) * scale
-        plan[:, 6:] = np.clip(plan[:, 6:], 0, 1)
-        return Candidate(_heavy_enough(shape(replace(self.tool, components=tuple(bent)))), plan)
-
-
-def random_start(task: Task, seed: int, random: np.random.Generator, *, flat: bool) -> Start:
-    """Boxes in a chain, or on both fingers, and a way beside, through and on from a body that the goal names.
-
-    With ``flat`` the last box is a sheet that sweeps low.
-    """
-    gripper = bool(random.random() < 0.25)
-    parts: list[Component] = []
-    if gripper:
-        height, depth, thick = random.uniform(0.05, 0.25), random.uniform(0.01, 0.08), random.uniform(0.002, 0.015)
-        for mount, side in zip(GRIPPER_MOUNTS, (1, -1), strict=True):
-            pose = Pose(np.array([0.0, side * (thick / 2 + 0.001), 0.045 + height / 2]))
-            parts.append(Component(f"{mount}_pad", mount, pose, Box((depth, thick, height))))
-    else:
-        length = random.uniform(0.05, 0.35)
-        parts.append(Component("post", RIGID_MOUNT, Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length))))
-        for number in range(int(random.integers(1, 4))):
-            last = number == 2 or random.random() < 0.4
-            thin = (flat and last) or random.random() < 0.4
-            size = random.uniform(0.05, 0.35, 3) if thin else np.array([random.uniform(0.1, 0.6), 0.02, 0.02])
-            size[2 if flat and last else int(random.integers(1, 3))] = 0.002 if thin else 0.02
-            above = np.array(parts[-1].shape.size) / 2
-            joint = np.array([0, 0, -above[2]]) if number == 0 else random.choice([-1, 0, 1], 3) * above
-            own = np.array([-1, 0, -1]) if flat and last else random.choice([-1, 0, 1], 3)  # a sheet points ahead
-            own = own * size / 2
-            parts.append(Component(f"part_{number}", parts[-1].name, Pose(joint - own), Box(tuple(size))))
-            if last:
-                break
-    tool = Tool(tuple(parts), gripper)
-    tip = task.home.inverse().apply(robot_tracks(PANDA, tool, _still(at_home(task)))[-1].positions[0])
-    goal, scene = task.goals[int(random.integers(len(task.goals)))], task.scene(seed)
-    body = scene[str(random.choice(goal.bodies or [body.name for body in scene.bodies]))]
-    start = body_tracks(Scene((body,)), PANDA, _still(at_home(task), Scene((body,))))
-    low = min((track.low[0, 2] for track in start), default=body.pose.position[2])  # a fixed body has no track
-    through = body.pose.position + random.normal(0, 0.02, 3)
-    if flat or random.random() < 0.3:
-        through[2] = low + random.uniform(0.001, 0.02)
-    aside = np.append(random.normal(0, 1, 2) - (2.0 * flat, 0.0), 0.0)
-    beside = through + aside / np.linalg.norm(aside) * random.uniform(0.1, 0.35)
-    place = goal.place or tuple(body.pose.position + random.normal(0, 0.15, 3))
-    end = np.array([through[i] if x is None else x for i, x in enumerate(place)]) + random.normal(0, 0.03, 3)
-    up = np.array([0.0, 0.0, 0.2])
-    targets = [beside + random.random() * up, beside, through, end, end][int(random.integers(2)) :]
-    targets[-1] = targets[-1] + random.random() * up
-    yaw, waypoints = random.normal(0, 0.2 if flat else 1.0), []
-    for number, target in enumerate(targets):
-        turn = task.home.rpy + random.normal(0, [0.1, 0.1, 0.2]) + np.array([0.0, 0.0, yaw])
-        at = target - Rotation.from_euler("xyz", turn).apply(tip)
-        waypoints.append([*at, *turn, *([float(number >= 2)] if gripper else [])])
-    return Start(tool, np.array(waypoints))
-
-
-def lightest(tool: Tool) -> Tool:
-    """Make the tool as light as the rules allow."""
-    volume = sum(component.shape.volume for component in tool.components)
-    left = max(0.0, LIGHT * rules.MIN_TOOL_KG - len(tool.components) * LIGHT * rules.MIN_COMPONENT_KG)
-    return _weighing(tool, [LIGHT * rules.MIN_COMPONENT_KG + left * c.shape.volume / volume for c in tool.components])
-
-
-def _heavy_enough(tool: Tool) -> Tool:
-    """Raise masses to what the rules allow."""
-    masses = np.maximum([component.mass for component in tool.components], LIGHT * rules.MIN_COMPONENT_KG)
-    return _weighing(tool, masses * max(1.0, LIGHT * rules.MIN_TOOL_KG / masses.sum()))
-
-
-def _weighing(tool: Tool, masses: Sequence[float] | Array) -> Tool:
-    pairs = zip(tool.components, masses, strict=True)
-    return replace(tool, components=tuple(replace(component, mass=float(mass)) for component, mass in pairs))
-
-
-def thinned(thickness: float) -> Callable[[Tool], Tool]:
-    """Limit the least extent of every box."""
-
-    def thin(tool: Tool) -> Tool:
-        parts = []
-        for component in tool.components:
-            size = np.array(component.shape.size)
-            size[size.argmin()] = min(size.min(), thickness)
-            mass = component.mass * float(np.prod(size)) / component.shape.volume
-            parts.append(replace(component, shape=Box(tuple(size)), mass=mass))
-        return replace(tool, components=tuple(parts))
-
-    return thin
-
-
-# --- what is absurd ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -173,10 +36,6 @@ class Tried:
     recording: Recording
     commanded: list[Track]
     bodies: list[Track]
-
-
-def _nothing(_: Tried) -> float:
-    return 0.0
 
 
 def ghost(tried: Tried) -> float:
@@ -227,8 +86,38 @@ def parted(tried: Tried) -> float:
     return _lack(max(gaps, default=0.0), PARTED_M)
 
 
+def still(tried: Tried) -> float:
+    """How far the arm goes from home, which it is told not to leave."""
+    arm = tried.recording.arm
+    return min(1.0, max(0.0, float(np.abs(arm - arm[0]).max()) - HOME_RAD))
+
+
+def pressed(tried: Tried) -> float:
+    """How far something fixed is from bearing a large force through a free body, besides its weight."""
+    fixed = {body.name for body in tried.scene.bodies if body.fixed}
+    free = {body.name for body in tried.scene.free}
+    through = [
+        force - force[0]
+        for pair, force in tried.recording.forces.items()
+        if (pair[0] in fixed and pair[1] in free) or (pair[1] in fixed and pair[0] in free)
+    ]
+    return max(0.0, 1 - max((float(np.max(force)) for force in through), default=0.0) / PRESSED_N)
+
+
+def moving(tried: Tried) -> float:
+    """How far the fastest free body is from moving at the end, when rewards are judged."""
+    speeds = np.linalg.norm(tried.recording.states.arrays[2][-1], axis=-1)
+    return max(0.0, 1 - float(speeds.max(initial=0.0)) / FAST_M_S)
+
+
+def lazy(tried: Tried) -> float:
+    """How far the arm's way is beyond a little one, summed over its joints."""
+    way = float(np.abs(np.diff(tried.recording.arm, axis=0)).sum())
+    return min(1.0, max(0.0, way / LITTLE_RAD - 1) / 5)
+
+
 def _lack(value: float, wanted: float) -> float:
-    return max(0.0, 1 - value / wanted)
+    return max(0.0, 1 - float(value) / wanted)
 
 
 def _deepest(tool: Sequence[Track], bodies: Sequence[Track]) -> float:
@@ -392,32 +281,22 @@ def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recordi
     return Tried(scene, evaluation, recording, commanded, body_tracks(scene, PANDA, still))
 
 
-def _still(trajectory: JointTrajectory, scene: Scene = _EMPTY) -> Recording:
+def _still(trajectory: JointTrajectory, scene: Scene) -> Recording:
     """A recording in which the robot follows a trajectory exactly, and nothing else moves."""
     times = np.arange(max(2, round(COMMANDED_HZ * trajectory.duration))) / COMMANDED_HZ
     arm, fingers = trajectory.sample(times)
     return Recording(times, arm, np.stack([fingers] * 2, axis=1), State.stack([scene.state()] * len(times)))
 
 
-@dataclass(frozen=True)
-class Objective:
-    """``shape`` makes every tool absurd, ``lack`` (0: none) says how far a rollout is from it."""
-
-    shape: Callable[[Tool], Tool]
-    lack: Callable[[Tried], float]
-    says: str
-    flat: bool = False
-
-
-def _as_it_is(tool: Tool) -> Tool:
-    return tool
-
-
-OBJECTIVES = {
-    "gram": Objective(lightest, _nothing, "the tool weighs a gram, the least that the rules allow"),
-    "sheet": Objective(thinned(SHEET_M), _nothing, "every box is thinner than 1 mm", flat=True),
-    "inside": Objective(thinned(BLADE_M), cut, "boxes of at most 2 mm, 1 cm2 of one inside of something", flat=True),
-    "ghost": Objective(_as_it_is, ghost, "the plan leads the tool 8 mm or deeper into something fixed"),
-    "fling": Objective(_as_it_is, fling, "a point of the tool is faster than 6 m/s"),
-    "float": Objective(_as_it_is, floating, "a lifted body ends 2 cm or more beyond what supports it"),
+MEASURES: dict[str, Callable[[Tried], float]] = {
+    "still": still,
+    "lazy": lazy,
+    "early": early,
+    "parted": parted,
+    "pressed": pressed,
+    "moving": moving,
+    "float": floating,
+    "ghost": ghost,
+    "fling": fling,
+    "inside": cut,
 }

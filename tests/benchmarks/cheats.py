@@ -1,6 +1,6 @@
 """Which rewards can be had without the work? ``python -m tests.benchmarks.cheats search folder=cheats``.
 
-For every task of HardToolBench and every measure of absurdity (`MEASURES`), an evolution varies documents as a model
+For every task and every measure of absurdity (`tests.benchmarks.absurd`), an evolution varies documents as a model
 writes them: ``tool=solids`` with joints, springs and dampers, and anchored plans with tempo. It starts from the
 reference solution and from random designs, and looks for a high reward of a rollout that is wholly absurd. What earns
 0.3 or more is a finding, kept in ``findings/``, a designs file. What the folder has is not searched again; another seed
@@ -16,7 +16,7 @@ import sys
 import time
 import zlib
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -26,23 +26,23 @@ import trimesh
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
-from core.config.compose import engines
+from core.config.compose import engines, load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
-from core.designs.reading import dump_design, load_designs, read_designs
+from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
 from core.designs.statics import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
-from core.errors import UsageError
+from core.errors import UsageError, choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
-from core.interfaces import Numbers, RolloutSettings, Task
+from core.interfaces import Image, Numbers, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.simulation.pictures import png
-from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch
+from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch, prepare
 from core.support.cli import command
 from plugins.actions.anchored import AnchoredPlan, Step
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
-from tests.benchmarks.absurd import Tried, Watched, early, floating, parted, tried
-from tests.benchmarks.adversary import Pair, film_strip, search_all
+from tests.benchmarks.absurd import MEASURES, Watched, tried
+from tests.solutions import FILES, anchored
 
 USAGE = (
     "usage: python -m tests.benchmarks.cheats search|table|judge [folder=DIR] [tasks=NAME,...] [measures=NAME,...] "
@@ -50,10 +50,12 @@ USAGE = (
 )
 FOUND = 0.3
 PARENTS, CHILDREN, FIRST = 10, 12, 24
-HOME_RAD, LITTLE_RAD, PRESSED_N, FAST_M_S = 0.02, 0.5, 60.0, 0.2  # from here on a rollout is absurd, see `MEASURES`
+FRAMES = 8
 SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
+SHARES |= {"GatherSpheres": 0.05, "TurkeyLegs": 0.15, "CleanTable": 0.5, "ElevatePlate": 0.5}
 TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]) - 0.25
-SOLUTIONS = Path(__file__).parents[1] / "tasks" / "hardtoolbench"
+
+HARD = sorted(name for name, file in FILES.items() if file.parent.name == "hardtoolbench")
 
 console = Console(stderr=True)
 
@@ -63,7 +65,7 @@ class Settings:
     """``sims``: the first one is searched in. ``rollouts`` are for all tasks and measures together."""
 
     folder: str = "cheats"
-    tasks: list[str] = field(default_factory=lambda: sorted(file.stem for file in SOLUTIONS.glob("*.json")))
+    tasks: list[str] = field(default_factory=lambda: HARD)
     measures: list[str] = field(default_factory=lambda: list(MEASURES))
     sims: list[str] = field(default_factory=lambda: ["mujoco", "pybullet", "sapien"])
     rollouts: int = 100_000
@@ -71,57 +73,32 @@ class Settings:
     workers: int | None = None
 
 
+@dataclass(frozen=True)
+class Pair:
+    """A search: one task, one measure."""
+
+    task: str
+    measure: str
+    sim: PluginPart[Simulator]
+    seed: int
+    rollouts: int
+    folder: Path
+
+    @property
+    def file(self) -> Path:
+        return self.folder / "searched" / f"{self.task}.{self.measure}.{self.seed}.json"
+
+
 def main() -> None:
     match sys.argv[1:]:
         case ["search" | "table" | "judge" as name, *words]:
             given = measuring.settings(words, Settings)
+            for measure in given.measures:
+                if measure not in MEASURES:
+                    raise choices("measure", measure, list(MEASURES))
             {"search": search, "table": table, "judge": judge}[name](given)
         case _:
             raise UsageError(USAGE)
-
-
-# --- what is absurd: each measure is 0 where a rollout is, and up to 1 ------------------------------------------
-
-
-def still(seen: Tried) -> float:
-    """Compute how far the arm goes from home, which it is told not to leave."""
-    arm = seen.recording.arm
-    return min(1.0, max(0.0, float(np.abs(arm - arm[0]).max()) - HOME_RAD))
-
-
-def pressed(seen: Tried) -> float:
-    """Compute how far something fixed is from bearing a large force through a free body, besides its weight."""
-    fixed = {body.name for body in seen.scene.bodies if body.fixed}
-    free = {body.name for body in seen.scene.free}
-    through = [
-        force - force[0]
-        for pair, force in seen.recording.forces.items()
-        if (pair[0] in fixed and pair[1] in free) or (pair[1] in fixed and pair[0] in free)
-    ]
-    return max(0.0, 1 - max((float(np.max(force)) for force in through), default=0.0) / PRESSED_N)
-
-
-def moving(seen: Tried) -> float:
-    """Compute how far the fastest free body is from moving at the end, when rewards are judged."""
-    speeds = np.linalg.norm(seen.recording.states.arrays[2][-1], axis=-1)
-    return max(0.0, 1 - float(speeds.max(initial=0.0)) / FAST_M_S)
-
-
-def lazy(seen: Tried) -> float:
-    """Compute how far the arm's way is beyond a little one, summed over its joints."""
-    way = float(np.abs(np.diff(seen.recording.arm, axis=0)).sum())
-    return min(1.0, max(0.0, way / LITTLE_RAD - 1) / 5)
-
-
-MEASURES: dict[str, Callable[[Tried], float]] = {
-    "still": still,
-    "lazy": lazy,
-    "early": early,
-    "parted": parted,
-    "pressed": pressed,
-    "moving": moving,
-    "float": floating,
-}
 
 
 # --- what is varied ---------------------------------------------------------------------------------------------
@@ -130,8 +107,8 @@ MEASURES: dict[str, Callable[[Tried], float]] = {
 class Varied:
     """Draws and changes designs for a task at random."""
 
-    def __init__(self, task: Task, scene_names: list[str], random: np.random.Generator, *, wait: bool) -> None:
-        self.task, self.names, self.random, self.wait = task, scene_names, random, wait
+    def __init__(self, names: list[str], random: np.random.Generator) -> None:
+        self.names, self.random = names, random
 
     def draw(self) -> Candidate:
         """Draw a chain of one to four parts of any shape, and a plan around a few bodies."""
@@ -284,8 +261,18 @@ def search(given: Settings) -> None:
     each = given.rollouts / len(given.measures) / sum(shares.values())
     counts = {task: int(np.ceil(each * share)) for task, share in shares.items()}
     pairs = [Pair(task, m, sim, given.seed, counts[task], folder) for m in given.measures for task in given.tasks]
-    search_all(pairs, searched, measuring.workers(given.workers))
+    search_all(pairs, measuring.workers(given.workers))
     table(given)
+
+
+def search_all(pairs: Sequence[Pair], workers: int) -> None:
+    """Search the pairs that their folder does not have, and print each summary."""
+    words = [f"executor.workers={workers}", "executor.timeout_s=null"]
+    with part("executor", load("evaluate", words).executor).create() as executor:
+        for pair, result in executor.map(searched, [pair for pair in pairs if not pair.file.exists()]):
+            if isinstance(result, Exception):
+                raise result
+            console.print(f"{pair.task} {pair.measure}: {result}", highlight=False, soft_wrap=True)
 
 
 def searched(pair: Pair) -> str:
@@ -308,7 +295,7 @@ def searched(pair: Pair) -> str:
 
 class _Search:
     def __init__(self, pair: Pair) -> None:
-        self.pair, self.measure = pair, MEASURES[pair.objective]
+        self.pair, self.measure = pair, MEASURES[pair.measure]
         self.task: Task = installed().create("task", pair.task)
         self.simulator = Watched(pair.sim.create())
         self.tools = installed().create("tool", "solids", {"joints": True})
@@ -316,13 +303,12 @@ class _Search:
         self.spawn, self.scene = SpawnRules(self.task, pair.seed), self.task.scene(pair.seed)
         self.random = np.random.default_rng(zlib.crc32(pair.file.name.encode()))
         names = ["world", *(body.name for body in self.scene.bodies)]
-        self.varied = Varied(self.task, names, self.random, wait=pair.objective == "still")
+        self.varied = Varied(names, self.random)
         self.rollouts, self.absurd, self.statuses = 0, 0, Counter[str]()
 
     def run(self) -> list[tuple[Evaluation, float]]:
         """Return the best designs and what they lack, after the pair's rollouts: first what is absurd and earns."""
-        solution, boxes = load_designs(SOLUTIONS / f"{self.pair.task}.json"), installed().create("tool", "boxes")
-        first = read_designs(solution, boxes, self.spawn, actions=self.actions)[0]
+        first = anchored(self.pair.task)
         drawn = [self.sound(self.varied.draw) for _ in range(FIRST)]
         ranked = self.tried(
             [first, *(self.sound(lambda: self.varied.changed(first, first)) for _ in range(FIRST)), *drawn]
@@ -346,7 +332,7 @@ class _Search:
         for _ in range(20):
             try:
                 candidate = make()
-                if self.pair.objective == "still":
+                if self.pair.measure == "still":
                     home = self.task.home
                     step = Step(tuple(map(float, home.position)), tuple(map(float, home.rpy)), wait=2.0)
                     candidate = replace(candidate, plan=AnchoredPlan((step,), candidate.tool.gripper))  # type: ignore[union-attr]
@@ -375,7 +361,7 @@ class _Search:
             if job is None or recording is None or evaluation.status != "ok":
                 continue
             lack = self.measure(tried(self.scene, evaluation, job, recording))
-            self.absurd += lack == 0
+            self.absurd += int(lack == 0)
             ranked.append((evaluation, lack))
         self.simulator.jobs, self.simulator.outcomes = (), []
         return ranked
@@ -427,6 +413,22 @@ def judge(given: Settings) -> None:
         sys.stdout.write(f"| {file.stem} | {' | '.join(rewards)} |\n")
         strip = film_strip(run.task, pair.sim.create(), candidate, int(seed))
         (folder / "strips" / f"{file.stem}.png").write_bytes(png(strip))
+
+
+def film_strip(task: Task, simulator: Simulator, candidate: Candidate, seed: int) -> Image:
+    """Draw `FRAMES` instants of a rollout in two rows."""
+    _, job = prepare(task, candidate, seed, RolloutSettings(), 50.0)
+    recording = simulator.rollout(task, [job])[0].recording
+    assert recording is not None
+    moving = np.flatnonzero(recording.times <= job.trajectory.duration + 0.2)
+    frames = []
+    for k in [
+        *np.linspace(moving[len(moving) // 10], moving[-1], FRAMES - 1).round().astype(int),
+        len(recording.times) - 1,
+    ]:
+        look = {"arm": recording.arm[k], "fingers": recording.fingers[k], "state": recording.states[k]}
+        frames.append(simulator.render(task, seed=seed, tool=candidate.tool, width=480, height=360, **look))
+    return np.vstack([np.hstack(frames[: FRAMES // 2]), np.hstack(frames[FRAMES // 2 :])])
 
 
 if __name__ == "__main__":
