@@ -11,7 +11,7 @@ from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.depth import depth_picture
-from plugins.vlms.told.source import BODY, TASK, class_source, helpers, layout_table, task_source
+from plugins.vlms.told.source import BODY, class_source, helpers, layout_table, task_source
 from plugins.vlms.told.views import calibrated_pictures
 
 
@@ -43,7 +43,7 @@ class Source(Told):
             "layout": layout_table(task, seed),
             "task_source": task_source(task).rstrip("\n"),
             "goals": task.reward_in_words(),
-            "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
+            "vocabulary": class_source(Body, *BODY),
             "helpers": helpers(task),
         }
 

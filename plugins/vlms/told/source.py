@@ -20,41 +20,49 @@ from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Geom, Soft
 from core.support.text import short_number, short_numbers, table
-from core.values.layouts import NONE
 from plugins.vlms.told.bodies import slip, weight
 
-TASK = ("home", "success_reward", "scene", "reward")  # the members that are shown
-BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
+BODY = (
+    "name",
+    "pose",
+    "mass",
+    "visuals",
+    "collisions",
+    "friction",
+    "rolling_friction",
+    "restitution",
+)  # members that are shown
 
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 
 
 @lru_cache
 def class_source(part: type, *members: str) -> str:
-    """Take a class's head, its docstring without sections, and these members."""
+    """Take a class's head, its docstring without sections, and these fields."""
     text = _SECTION.sub("", inspect.getsource(part), count=1)
     lines, (node,) = text.splitlines(), ast.parse(text).body
     assert isinstance(node, ast.ClassDef)
     kept = lines[: node.body[0].end_lineno]
     for child in node.body[1:]:
-        target = child.target if isinstance(child, ast.AnnAssign) else None
-        name = target.id if isinstance(target, ast.Name) else getattr(child, "name", None)
-        if name in members:
-            decorators = getattr(child, "decorator_list", [])
-            first = min(each.lineno for each in (child, *decorators))
-            kept += [*[""] * bool(decorators), *lines[first - 1 : child.end_lineno]]
+        if isinstance(child, ast.AnnAssign) and isinstance(child.target, ast.Name) and child.target.id in members:
+            kept += lines[child.lineno - 1 : child.end_lineno]
     return "\n".join(kept)
 
 
 def task_source(task: Task) -> str:
-    """Return the task's file, without its short description, and without variations where the task has none of them."""
+    """Return the task's file without what the prompt says elsewhere, or what its reward does not read.
+
+    Left out are its short description, its variations (what a design is judged by has their ranges) and goals that the
+    reward does not name.
+    """
     text = task.source()
-    left_out = {"in_words", *(("variations",) if task.variation == NONE else ())}
     if task.language != "python":
-        keys = "|".join(sorted(left_out))
-        return re.sub(rf"^({keys}):.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
+        return re.sub(r"^(in_words|variations):.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
     lines = text.splitlines(keepends=True)
     members = [m for part in ast.parse(text).body if isinstance(part, ast.ClassDef) for m in part.body]
+    rewards = [ast.unparse(m) for m in members if isinstance(m, ast.FunctionDef) and m.name == "reward"]
+    unread = () if not rewards or "goals" in rewards[0] else ("goals", "every")
+    left_out = {"in_words", "variations", *unread}
     for member in reversed(members):
         targets = member.targets if isinstance(member, ast.Assign) else []
         if any(isinstance(target, ast.Name) and target.id in left_out for target in targets):

@@ -86,7 +86,8 @@ def make_elite(strategy: int, reward: float, *, gripper: bool = False) -> Evalua
 ELITES = (make_elite(0, 0.87654321), make_elite(1, 0.6))
 
 
-SOURCE = Path(__file__).read_text(encoding="utf-8").rstrip()
+GOALS = '    goals = (Goal(bodies=("cube",), away=0.5),)\n'  # left out of the source: the reward does not read them
+SOURCE = Path(__file__).read_text(encoding="utf-8").rstrip().replace(GOALS, "", 1)
 
 
 def words(messages: tuple[Message, ...]) -> str:
@@ -136,14 +137,9 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
     assert brief.task.description in text
     assert brief.representation.instructions(brief) in text
     assert "(0.4, -0.2, 0.2)" in text
-    for source in (
-        "class Task(ABC):",
-        "class Body:",
-        "def plan_motion(",
-        "| cube | 1.2 0 0.025 | box 0.05 0.05 0.05 |",
-    ):
+    for source in ("class Body:", "def plan_motion(", "| cube | 1.2 0 0.025 | box 0.05 0.05 0.05 |"):
         assert source in text
-    for noise in ("<inertial>", "<dynamics", "<safety_controller", "def inertia(", "class Goal"):
+    for noise in ("<inertial>", "<dynamics", "<safety_controller", "def inertia(", "class Goal", "class Task("):
         assert noise not in text
     for folder in (FOLDER.parent, Path.home(), Path(sys.prefix), Path(pin.__file__).parents[1], "package://", ".stl"):
         assert str(folder) not in text
