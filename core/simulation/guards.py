@@ -1,4 +1,6 @@
-"""Play motions that feel: where a guard fires the arm stops, and the rest is planned from there.
+"""Play motions that feel: where a guard fires the arm stops, and the way to the next guard is planned from there.
+
+The whole motion is planned at first, as if no guard fired, so that a plan can be refused before it is tried.
 
 A guard reads what an arm with torque sensors reports: the force at its flange, estimated from its joints' torques. The
 engine gives the contact forces. The arm's Jacobian makes joint torques of them, and each torque gets the sensor's
@@ -88,21 +90,23 @@ class PlannedGuards:
         force = np.sort(self._sensed[-_MEDIAN:], axis=0)[len(self._sensed[-_MEDIAN:]) // 2] - self._sensed[0]
         fired = self._fires(guard, time, arm, force)
         if not fired and time < self._until:
-            return None
+            return self._extended(time, guard)
         self.felt += (Felt(self._at + 1, time, guard.until if fired else "", float(np.linalg.norm(force))),)
         self._poses += (self._arm.forward(arm) if fired else None,)
         if fired or guard.otherwise == "end":
             return self._go_on(time, arm if fired else None, self._at)
+        extended = self._extended(time, guard)  # only where the way was too short for a reading before its end
         self._next()
-        return None
+        return extended
 
     def _estimate(self, arm: Array, points: Array, forces: Array) -> Array:
         """Estimate the force at the flange (3,) from the joints' torques."""
         jacobian = self._arm.jacobian(arm)
         torques = self._settings.feel.noise * self._random.standard_normal(len(arm))
         if len(forces):
-            arms = points - self._arm.positions(arm[None])
-            torques += jacobian.T @ np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+            turning = (points - self._arm.positions(arm[None])).T @ forces
+            moment = [turning[i, j] - turning[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]  # the sum of cross products
+            torques += jacobian.T @ np.concatenate([forces.sum(axis=0), moment])
         square = jacobian @ jacobian.T
         square.flat[::7] += _DAMPING * np.trace(square)
         return np.asarray(np.linalg.solve(square, jacobian @ torques)[:3], dtype=np.float64)
@@ -123,37 +127,66 @@ class PlannedGuards:
         stop = _stopped(begun.trajectory, time, arm, self._arm, self._settings.speed)
         if arm is not None and tempo is not None and tempo.waits[at] > 0:
             stop = _then(stop, _at_rest(stop, float(tempo.waits[at])))
-        reached, rest = float(stop.duration), None
-        if arm is not None and count < len(self._waypoints):
-            try:
-                rest = self._rest(stop, count)
-            except DesignError as error:
-                self.problem = f"after the guard of waypoint {count}: {error}"
-        arrivals, misses, slowed = np.append(begun.arrivals[:at], reached), begun.misses[:count], begun.slowed[:count]
-        trajectory, distance = stop, _way(stop, self._arm)
+        arrivals = np.append(begun.arrivals[:at], stop.duration)
+        self.motion = self._joined(stop, arrivals, self._rest(stop, count) if arm is not None else None)
+        self._next()
+        return self.motion.trajectory
+
+    def _extended(self, time: float, guard: Guard) -> JointTrajectory | None:
+        """Plan on from the guard's waypoint just before it is reached, if the motion ends there and the plan does not.
+
+        None: the motion stays.
+        """
+        motion = self.motion
+        count, ends = len(motion.arrivals), guard.otherwise == "end"
+        if time < self._until - 2 * FEEL_S or self._at != count - 1 or ends or self.problem:
+            return None
+        rest = self._rest(motion.trajectory, count)
+        if rest is None:
+            return None
+        self.motion = self._joined(motion.trajectory, motion.arrivals, rest)
+        return self.motion.trajectory
+
+    def _joined(self, first: JointTrajectory, arrivals: Array, rest: Motion | None) -> Motion:
+        """Join the motion until now, with its waypoints' ``arrivals`` (K,), and the rest of it."""
+        count, distance = len(arrivals), _way(first, self._arm)
+        misses, slowed = self.motion.misses[:count], self.motion.slowed[:count]
         if rest is not None:
-            trajectory, distance = _then(stop, rest.trajectory), distance + rest.distance_m
-            arrivals = np.append(arrivals, reached + rest.arrivals)
+            arrivals = np.append(arrivals, first.duration + rest.arrivals)
+            first, distance = _then(first, rest.trajectory), distance + rest.distance_m
             misses, slowed = np.vstack([misses, rest.misses]), np.append(slowed, rest.slowed)
         plan, worst = self._waypoints.poses[: len(arrivals)], misses.max(axis=0)
-        self.motion = Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals, misses, plan, slowed)
-        self._next()
-        return trajectory
+        return Motion(first, distance, float(worst[0]), float(worst[1]), arrivals, misses, plan, slowed)
 
-    def _rest(self, stop: JointTrajectory, count: int) -> Motion:
-        """Plan what comes after the first ``count`` waypoints, from where the arm stopped.
+    def _rest(self, stop: JointTrajectory, count: int) -> Motion | None:
+        """Plan what comes after the first ``count`` waypoints until the next guard, from where the arm stopped.
+
+        None: nothing comes, or there is a ``problem``, which is kept.
+        """
+        if count == len(self._waypoints):
+            return None
+        try:
+            return self._planned_on(stop, count)
+        except DesignError as error:
+            self.problem = f"after the guard of waypoint {count}: {error}"
+            return None
+
+    def _planned_on(self, stop: JointTrajectory, count: int) -> Motion:
+        """See `_rest`.
 
         Raises:
             DesignError: it means nothing, or takes too long.
         """
         waypoints = resolve(self._plan, self._task, self._seed, self._settings, self._scene, self._poses)
         self._waypoints = waypoints
+        guards = waypoints.guards
+        own = slice(count, next((k for k in range(count, len(guards)) if guards[k]), len(waypoints) - 1) + 1)
         tempo = waypoints.tempo
         if tempo is not None:
-            tempo = replace(tempo, **{name: array[count:] for name, array in vars(tempo).items()})
+            tempo = replace(tempo, **{name: array[own] for name, array in vars(tempo).items()})
         opening = self._arm.robot.opening_m
         grip = 1 - float(stop.fingers[-1]) / opening if opening else 0.0
-        rest = Waypoints(waypoints.poses[count:], tempo)
+        rest = Waypoints(waypoints.poses[own], tempo)
         motion = plan_task_motion(rest, self._task, self._settings, Begin(stop.arm[-1], grip))
         took, most = stop.duration + motion.trajectory.duration, self._settings.max_motion_s
         if took > most:

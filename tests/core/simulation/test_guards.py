@@ -11,6 +11,7 @@ from core.design import Candidate
 from core.designs.planning import resolve
 from core.geometry import Box
 from core.interfaces import Feel, Perception, RolloutSettings
+from core.robot.tempo import plan_task_motion
 from core.scene import Body
 from core.simulation.guards import PlannedGuards
 from core.simulation.rollout import evaluate_batch, prepare
@@ -130,6 +131,23 @@ def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
     assert "at most 4 s" in guards.problem
     assert len(guards.motion.arrivals) == 2
     assert outcome.recording.times[-1] < 6
+
+
+@every_simulator
+@pytest.mark.parametrize("way", [{"speed": 0.05}, {"offset": [0.1, 0, 0.05], "seconds": 0.001}])
+def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(engine, way, monkeypatch):
+    planned = []
+    plan = "core.simulation.guards.plan_task_motion"
+    monkeypatch.setattr(plan, lambda points, *args: planned.append(len(points)) or plan_task_motion(points, *args))
+    aside, up = UP | {"offset": [0.1, 0, 0.05]}, UP | {"offset": [0, 0, 0.08]}
+    played = play(ABOVE, DOWN, UP, aside | {"until": "touch"} | way, up, aside, engine=engine, hold_s=0.5)
+    assert [felt.fired for felt in played.outcome.felt] == ["touch", ""]
+    assert planned == [2, 2]  # each way once
+    motion = played.guards.motion
+    assert len(motion.arrivals) == len(motion.misses) == len(motion.plan) == 6
+    assert motion.trajectory.duration == motion.arrivals[-1]
+    np.testing.assert_allclose(mount(played), motion.plan[-1, :3], atol=0.005)
+    assert played.outcome.felt[1].at_s == pytest.approx(motion.arrivals[3], abs=0.02)
 
 
 def test_nothing_is_felt_for_without_guards_and_after_the_last():
