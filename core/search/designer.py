@@ -44,6 +44,7 @@ from core.search.critic import Critic
 from core.search.prompt_pictures import pictures_by_task, strips
 from core.search.several import REPAIRED, TaskPlanner, without_plans
 from core.support.cli import say
+from core.support.memory import release_memory
 from core.support.text import shorten
 from core.support.threads import run_in_thread
 from core.values.messages import checked
@@ -249,6 +250,7 @@ class ModelDesigner:
 
         for request in requests:
             self.events.hook.request_composed(request=request)
+        release_memory()  # of pictures that were drawn: a model may take minutes
         run_in_thread(receive, arrived.put, "replies")
         while (reply := arrived.get()) is not None:
             if isinstance(reply, Exception):

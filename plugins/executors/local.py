@@ -6,7 +6,6 @@ death of a worker is noticed at once, and costs nothing but its chunk.
 
 from __future__ import annotations
 
-import ctypes
 import mmap
 import multiprocessing
 import os
@@ -27,6 +26,7 @@ from typing import Any, TypeVar
 
 from core.errors import RAISED, Fault, UserError, check_positive
 from core.interfaces import Executor
+from core.support.memory import release_memory
 from core.support.scratch import scratch, use_scratch
 from plugins.executors.dispatch import check_limits, cores, dispatch, portable, time_limit
 
@@ -256,7 +256,6 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
 
     # In a thread, so that the pipe's end is noticed during a job too.
     threading.Thread(target=receive, name="jobs", daemon=True).start()
-    give_back = _give_back()
     limited = False
     while True:
         job = jobs.get()
@@ -277,16 +276,7 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
             result = pickle.dumps(portable(error))
         pipe.send_bytes(result)
         del function, chunk, job, result
-        give_back(0)
-
-
-def _give_back() -> Callable[[int], object]:
-    """Return the GNU allocator's function that returns free memory to the system; by itself it keeps ever more."""
-    try:
-        trim: Callable[[int], object] = ctypes.CDLL(None).malloc_trim
-    except (AttributeError, OSError, TypeError):  # other systems have other allocators
-        return lambda pad: None
-    return trim
+        release_memory()
 
 
 def _limit_memory(memory_mb: int) -> bool:
