@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Bearer, DesignError, Tool, ToolJoint
-from core.geometry import Array, Compound, Pose, Shape, mass_properties
+from core.geometry import Array, Compound, Cylinder, Pose, Shape, mass_properties
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, open_mounts
 from core.robot.solids import Solid, signed_distance, solid_geometry
@@ -38,6 +38,7 @@ MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
 MAX_DAMPING = {"hinge": 0.2, "slider": 20.0}  # N m s/rad and N s/m, of a bought damper of that size
 MAX_GAP_M = 0.001  # between a component and its parent
+MAX_PIN_M = 0.01  # between a hinge's axis and each of its two sides: an eye around a pin
 _UNITS = {"hinge": ("rad", "N m", "N m s/rad"), "slider": ("m", "N", "N s/m")}
 _STEP_M, _FEWEST, _MOST = 0.005, 9, 201  # between places in which the two sides of a joint must touch; their number
 
@@ -263,11 +264,21 @@ def moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
 
 
 def _check_touch(tool: Tool, mounts: Mapping[str, Sequence[Solid]]) -> None:
-    """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one."""
+    """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one.
+
+    The axis of a hinge passes both, as its pin does.
+    """
     sides = {name: list(mounts.get(name, ())) for name in tool.borne_on}
     for part in tool.parts:
         sides[part.bearer].append(Solid(part.component, solid_geometry(part.shape), part.pose))
     for name, parent, frame, joint in tool.bearers:
+        for side, pose in ((name, Pose()), (parent, frame)) if joint.kind == "hinge" else ():
+            away = min(signed_distance(solid, _pin(joint, sides[name], pose)) for solid in sides[side])
+            if away > MAX_PIN_M:
+                raise DesignError(
+                    f"the hinge of {name!r} has an axis that passes {side!r} at {1000 * away:.0f} mm; at most "
+                    f"{1000 * MAX_PIN_M:g} mm are allowed: put the axis where both are, or add an eye for its pin"
+                )
         lever = 1.0 if joint.kind == "slider" else max(_reach(solid) for solid in sides[name])
         count = np.clip((joint.upper - joint.lower) * lever / _STEP_M, _FEWEST, _MOST)
         near: tuple[Solid, Solid] | None = None  # the two that touched last
@@ -282,6 +293,17 @@ def _check_touch(tool: Tool, mounts: Mapping[str, Sequence[Solid]]) -> None:
                     f"component {name!r} leaves what bears it, {parent!r}, where its joint is at {value:.3g} "
                     f"{_UNITS[joint.kind][0]}: shorten the range, or add a rail that goes on touching"
                 )
+
+
+def _pin(joint: ToolJoint, moved: Sequence[Solid], pose: Pose) -> Solid:
+    """Return a hinge's axis as far as what moves on it is beside it, in a frame where the joint's has a pose."""
+    axis: Array = np.array(joint.axis)
+    middles, halves = zip(*(solid.bounds() for solid in moved), strict=True)
+    along, reach = np.array(middles) @ axis, np.array(halves) @ np.abs(axis)
+    low, high = float((along - reach).min()), float((along + reach).max())
+    turn, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])
+    pin = Pose.from_rotation((low + high) / 2 * axis, turn)
+    return Solid("pin", solid_geometry(Cylinder(1e-4, high - low)), pose @ pin)
 
 
 def _moved_by(joint: ToolJoint, value: float) -> Pose:
