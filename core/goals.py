@@ -20,6 +20,7 @@ from core.values.states import State, Trace
 Place = tuple[float | None, float | None, float | None]
 
 SLIP_M, SLIP_RAD = 0.1, 0.5  # what is right at the start counts as lost when it is so far off
+SLIP_SHARE = 0.2  # likewise, of a limit of height or area
 STILL_M_S, STILL_RAD_S = 0.02, 0.2  # at rest
 KEPT_M, STRAYED_M = 0.02, 0.1  # a body to keep may move so far; from here on nothing is earned
 DONE = 0.95  # a goal is fulfilled from this progress on, where one instant is compared with another
@@ -34,13 +35,14 @@ class Goal:
     one for each body; ``away`` is how far each must end from its start, in any direction; and ``joint`` must end at the
     position ``to`` (m, or rad) within ``tolerance``. With ``at``, places and ``points`` are in the frame of that body
     or mark, as it stands in the layout; if it may be turned, give both x and y or neither. With ``any`` one of the
-    bodies is enough. The reward is the task's own; goals are a hint for designers that can't read prose, and
-    `goals_reward` makes a reward of them.
+    bodies is enough. Goals are hints for programs: the reward is the task's own, or what `goals_reward` makes of them.
 
     Attributes:
+        node: of soft bodies, the number of the node whose place counts; None: the centre of mass.
+        max_height_m: how high soft bodies may be at the end, from their lowest node to their highest; 0: any height.
+        min_area_m2: the area that each must cover at the end, as seen from above; 0: any.
         keep: bodies to leave in place.
-        axis: an axis of the bodies' frames that must end along the direction ``points``, (3,) each, within
-            ``tolerance_deg`` degrees.
+        axis: an axis (3,) of the bodies' frames that must end along ``points`` (3,), within ``tolerance_deg`` degrees.
         rest: the bodies must end at rest, or the joint.
         held: the robot must carry the bodies at the end: they touch it, and nothing that is fixed.
         by_s: how long the motion may take until the goal is fulfilled, s.
@@ -76,14 +78,18 @@ class Goal:
     max_force_n: float = 0.0
     weight: float = 1.0
     name: str = ""
+    node: int | None = None
+    max_height_m: float = 0.0
+    min_area_m2: float = 0.0
 
     def __post_init__(self) -> None:
         ways = (self.place is not None or self.joint is not None) + (self.away is not None) + bool(self.places)
-        wanted = (self.axis is not None, self.rest, self.held, self.untouched, self.keep)
+        shape = (self.max_height_m, self.min_area_m2)
+        wanted = (self.axis is not None, self.rest, self.held, self.untouched, self.keep, *shape)
         if ways > 1 or not (ways or any(wanted)) or (self.joint is None) != (self.to is None):
             raise ValueError(
                 "a goal needs either place or away (the distance from the start), or places, or joint and to, not two "
-                "of these; or one of axis, rest, held, untouched and keep"
+                "of these; or one of axis, rest, held, max_height_m, min_area_m2, untouched and keep"
             )
         if self.joint is not None and self.at is not None:
             raise ValueError("a goal with a joint has no at: its position is the joint's own")
@@ -91,8 +97,8 @@ class Goal:
             raise ValueError(f"a goal's places need one for each of its {len(self.bodies)} bodies")
         if self.axis is not None and not (np.linalg.norm(self.axis) > 0 and np.linalg.norm(self.points) > 0):
             raise ValueError("a goal's axis and points need a length")
-        if min(self.tolerance, self.tolerance_deg, self.max_force_n) < 0 or not 0 < self.weight < np.inf:
-            raise ValueError("a goal's tolerances and max_force_n must be 0 or more, its weight above 0")
+        if min(self.tolerance, self.tolerance_deg, self.max_force_n, *shape) < 0 or not 0 < self.weight < np.inf:
+            raise ValueError("a goal's tolerances and limits must be 0 or more, its weight above 0")
         if self.by_s is not None and not self.by_s > 0:
             raise ValueError(f"a goal's by_s must be above 0, got {self.by_s}")
 
@@ -173,8 +179,7 @@ def goals_reward(task: Aim, start: State, end: State, trace: Trace | None = None
     guards = [factor for factor, moves in zip(factors, moving, strict=True) if task.every or not moves]
     total = np.zeros(shape)
     if task.every and earned:
-        weights = [goal.weight for goal in task.goals if goal.moves]
-        total = np.average(earned, axis=0, weights=weights)
+        total = np.average(earned, axis=0, weights=[goal.weight for goal in task.goals if goal.moves])
     elif earned:
         own = [factor for factor, moves in zip(factors, moving, strict=True) if moves]
         total = np.max([one * factor for one, factor in zip(earned, own, strict=True)], axis=0)
@@ -336,7 +341,7 @@ class _Asked:
 
 def _asked(goal: Goal, number: int, name: str, start: State) -> Iterator[_Asked]:
     """Yield each thing that is asked of the end of a body."""
-    place = goal.places[number] if goal.places else goal.place
+    place, node = goal.places[number] if goal.places else goal.place, goal.node
     if goal.joint is not None:
         joint, to = goal.joint, goal.to or 0.0
         slip, unit = (SLIP_M, "m") if start.joints[joint].joint.kind == "slider" else (SLIP_RAD, "rad")
@@ -346,11 +351,15 @@ def _asked(goal: Goal, number: int, name: str, start: State) -> Iterator[_Asked]
         there = np.array([0.0 if wanted is None else wanted for wanted in place])
         there = there if goal.at is None else start.position(goal.at) + rotate(start.quaternion(goal.at), there)
         free = np.array([float(wanted is not None) for wanted in place])
-        off = f"{name} off its place"
-        yield _Asked(off, lambda state: _length((state.position(name) - there) * free), goal.tolerance, SLIP_M, "m")
+        off, near = f"{name} off its place", goal.tolerance
+        yield _Asked(off, lambda state: _length((state.position(name, node) - there) * free), near, SLIP_M, "m")
     elif goal.away is not None:
-        begin = start.position(name)
-        yield _Asked(f"way of {name}", lambda state: -_length(state.position(name) - begin), -goal.away, SLIP_M, "m")
+        begin, way = start.position(name, node), f"way of {name}"
+        yield _Asked(way, lambda state: -_length(state.position(name, node) - begin), -goal.away, SLIP_M, "m")
+    if high := goal.max_height_m:
+        yield _Asked(f"height of {name}", lambda state: state.extent(name)[..., 2], high, SLIP_SHARE * high, "m")
+    if area := goal.min_area_m2:
+        yield _Asked(f"area of {name}", lambda state: -state.covered_area(name), -area, SLIP_SHARE * area, "m^2")
     if goal.axis is not None:
         axis = np.divide(goal.axis, np.linalg.norm(goal.axis))
         points = np.divide(goal.points, np.linalg.norm(goal.points))
@@ -381,10 +390,8 @@ def _left_alone(goal: Goal, start: State, end: State, trace: Trace | None) -> Ar
         factor = factor * np.clip((STRAYED_M - moved) / (STRAYED_M - KEPT_M), 0.0, 1.0)
     for name in goal.untouched:
         assert trace is not None
-        harmed = trace.touched(name, "robot")
-        if goal.max_force_n:
-            harmed = trace.force_n(name, "robot") > goal.max_force_n
-        factor = factor * ~harmed
+        pressed = trace.force_n(name, "robot") > goal.max_force_n if goal.max_force_n else trace.touched(name, "robot")
+        factor = factor * ~pressed
     return factor
 
 

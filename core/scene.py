@@ -18,7 +18,7 @@ from core.geometry import Color as Color
 from core.goals import Goal, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.values.margins import Margin
-from core.values.softs import MOST_YOUNG, Cloth, Elastic, Filling, Form, Rope
+from core.values.softs import MAX_NODES, MOST_YOUNG, Cloth, Elastic, Filling, Form, Rope
 from core.values.states import State, Trace
 from core.values.tools import Tool
 
@@ -176,7 +176,7 @@ class Scene:
     A body hangs from at most one joint, and no joints form a circle.
 
     Raises:
-        ValueError: two bodies or two joints have the same name; or a joint can't be where it is.
+        ValueError: two bodies or two joints have the same name; a joint can't be where it is; or too many soft nodes.
     """
 
     bodies: tuple[Body, ...]
@@ -187,6 +187,8 @@ class Scene:
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
                 raise ValueError(f"two {what} in the scene have the same name: {', '.join(twice)}")
+        if (nodes := sum(len(soft.form.nodes) for soft in self.softs)) > MAX_NODES:
+            raise ValueError(f"the soft bodies of a scene can have {MAX_NODES} nodes in all, not {nodes}; take fewer")
         self._check_joints()
 
     def _check_joints(self) -> None:

@@ -42,8 +42,10 @@ class State:
             raise KeyError(f"no body {name!r} that moves in the state; there are: {known}")
         return self.names.index(name)
 
-    def position(self, name: str) -> Array:
-        """The position of one body or mark, (..., 3)."""
+    def position(self, name: str, node: int | None = None) -> Array:
+        """The position of one body or mark, or of one node of a soft body, (..., 3)."""
+        if node is not None:
+            return self.nodes(name)[..., node, :]
         if name in self.places:
             return np.broadcast_to(self.places[name].position, (*self.positions.shape[:-2], 3))
         return self.positions[..., self._number(name), :]
@@ -110,6 +112,8 @@ class State:
         from scipy.spatial import ConvexHull  # only here: the lists of parts import this file
 
         nodes = self.nodes(name)[..., :2]
+        if nodes.shape[-2] < 3:
+            return np.zeros(nodes.shape[:-2])
         areas = [ConvexHull(one, qhull_options="QJ").volume for one in nodes.reshape(-1, *nodes.shape[-2:])]
         return np.reshape(np.array(areas), nodes.shape[:-2])
 

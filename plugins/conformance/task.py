@@ -15,9 +15,9 @@ from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.kinematics import arm_of
-from core.robot.solids import Obstacles, body_solids
+from core.robot.solids import Obstacles, Solid, body_solids, solids_of
 from core.robot.trajectory import at_home
-from core.scene import Scene, State, Trace
+from core.scene import Body, Pose, Scene, Soft, Sphere, State, Trace
 from core.solids.contacts import find_contacts, make_trace
 from core.solids.penetration import Explosion, findings
 from core.solids.tracks import SAMPLE_HZ
@@ -90,7 +90,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
     for seed in SEEDS:
         scene = task.scene(seed)
         bodies = scene.bodies
-        solids = {body.name: list(body_solids(body)) for body in bodies}
+        solids = {body.name: _solids(body) for body in bodies}
         for number, body in enumerate(bodies):
             apart = [o for o in bodies[:number] if frozenset((o.name, body.name)) not in scene.joined]
             others = Obstacles(s for o in apart if not (o.fixed and body.fixed) for s in solids[o.name])
@@ -100,14 +100,25 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
                     expect(-gap < MAX_OVERLAP_M, f"{what}; an engine pushes them apart, so leave a clearance")
 
 
+def _solids(body: Body) -> list[Solid]:
+    """Return a body's collision shapes in the world; of a soft one balls around its nodes."""
+    if not isinstance(body, Soft):
+        return list(body_solids(body))
+    free = [Pose(place) for node, place in enumerate(body.placed) if node not in body.pinned]
+    return [solid for pose in free for solid in solids_of(body.name, Sphere(body.form.thickness / 2), pose)]
+
+
 def check_variations_draw_layouts(task: Task) -> str:
     for name in task.variations:
         varied = copy(task)
         varied.variation = name
         wrong = [key for key, (low, high) in varied.ranges.items() if not -np.inf < low <= high < np.inf]
         expect(not wrong, f"variation {name!r}: the range of {', '.join(wrong)} is not from a lower to a higher number")
-        poses = [[(body.pose, body.mass) for body in varied.scene(seed).bodies] for seed in (0, 1)]
-        expect(poses[0] != poses[1], f"variation {name!r}: two seeds give the same layout; use self.draw(seed)")
+        layouts = [
+            [(b.pose, b.mass, b.elastic if isinstance(b, Soft) else None) for b in varied.scene(seed).bodies]
+            for seed in (0, 1)
+        ]
+        expect(layouts[0] != layouts[1], f"variation {name!r}: two seeds give the same layout; use self.draw(seed)")
         check_nothing_overlaps_at_spawn(varied)
     return ", ".join(task.variations) or "it has none"
 

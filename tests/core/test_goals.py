@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.geometry import Pose
 from core.goals import goals_margins, goals_reward, goals_shares, needs_trace
-from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
+from core.scene import Body, Box, Elastic, Filling, Goal, Joint, Scene, Soft, State, Trace
 from core.task import Task, margins_of
 from core.values.states import TRACE_HZ
 
@@ -314,3 +314,28 @@ def test_each_of_several_goals_that_count_has_a_share():
     assert np.mean(list(shares.values())) == pytest.approx(goals_reward(task, START, end))
     assert goals_shares(SimpleNamespace(goals=goals, every=False), START, end) == ()
     assert goals_shares(SimpleNamespace(goals=goals[1:], every=True), START, end) == ()
+
+
+def test_soft_bodies_get_a_node_to_a_place_flat_and_wide():
+    form = Filling(Box((0.1, 0.1, 0.04)))
+    slab = Soft.make("slab", form, Elastic(400, 5e3), Pose(np.array([0.5, 0, 0.02])), color=RED)
+    start = Scene((slab,)).state()
+
+    def pressed(x, z):
+        return replace(start, soft={"slab": start.nodes("slab") * [x, 1, z]})
+
+    flat, wide = Goal(("slab",), max_height_m=0.02), Goal(("slab",), min_area_m2=0.02)
+    assert reward(flat, pressed(1, 0.5), start=start) == reward(wide, pressed(2, 1), start=start) == 1
+    assert reward(flat, pressed(1, 0.75), start=start) == reward(wide, pressed(1.5, 1), start=start) == 0.5
+    many = State.stack([start, pressed(1, 0.75), pressed(2, 0.5)])
+    both = (Goal(("slab",), max_height_m=0.02, min_area_m2=0.02),)
+    np.testing.assert_allclose(reward(both, many, start=State.stack([start] * 3)), [0, 0.25, 1], atol=1e-8)
+    corner = Goal(("slab",), node=0, place=(0.9, None, None))
+    np.testing.assert_allclose(reward(corner, pressed(1.5, 1), start=start), 0.5)
+    area, height = goals_margins(SimpleNamespace(goals=both, every=False), start, pressed(2.1, 0.4))[::-1]
+    assert (area.name, area.limit, height.name, round(height.margin, 6)) == (
+        "area of slab",
+        0.02,
+        "height of slab",
+        0.2,
+    )

@@ -36,7 +36,8 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex = spec.add_flex(name=f"soft/{soft.name}", dim=soft.form.elements.shape[1] - 1)
         flex.vertbody, flex.vert, flex.elem = names, np.ravel(vertices), np.ravel(soft.form.elements).astype(np.int32)
         flex.radius = soft.form.thickness / 2
-        flex.young, flex.poisson, flex.damping = soft.elastic.young, soft.elastic.poisson, soft.elastic.damping
+        flex.young, flex.poisson = soft.elastic.young, soft.elastic.poisson
+        flex.damping = max(soft.elastic.damping, 1e-9)  # MuJoCo warns of a solid without any
         flex.contype, flex.conaffinity = Role.SCENE.value
         flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
         flex.condim, flex.priority = 3, 2  # above that of fixed geoms

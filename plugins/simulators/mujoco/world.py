@@ -49,10 +49,10 @@ def compiled(
 ) -> Element:
     """Compile the model: the arm's joints first, then those of the free bodies.
 
-    Bodies that hang from moving ones gain energy in proportion to the time step, so theirs is half as long. Soft bodies
-    are as good at twice the step, for half the time.
+    Bodies that hang from moving ones gain energy in proportion to the time step, so theirs is half as long. Cloths
+    and soft solids are as good at twice the step, for half the time; ropes that fall would pass through things.
     """
-    if scene.softs:
+    if scene.softs and all(soft.form.kind != "rope" for soft in scene.softs):
         time_step = min(2 * time_step, MAX_TIME_STEP)
     if any(joint.parent is not None and not scene[joint.parent].fixed for joint in scene.joints):
         time_step /= 2

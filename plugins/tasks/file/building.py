@@ -7,10 +7,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import trimesh
 
 from core.errors import UserError, choices
-from core.geometry import Box, Pose, Shape
-from core.scene import Body, Geom, Scene, floor, table
+from core.geometry import Box, Mesh, Pose, Shape
+from core.scene import Body, Filling, Geom, Scene, Soft, floor, table
 from core.values.joints import Placement
 from plugins.tasks.file.files import Files
 from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
@@ -31,7 +32,9 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     bodies, joints = list[Body](), list(spec.joints)
     for number, of in enumerate(spec.bodies):
         with _located(tree, ("bodies", number)):
-            body = _body(of, files)
+            body, limits = _body(of, files), f"{LIGHTEST:g} to {HEAVIEST:g}; change its density"
+            if not of.fixed and not LIGHTEST <= body.mass <= HEAVIEST:
+                raise ValueError(f"its mass would be {body.mass:.3g} kg, beyond {limits}")
             bodies.append(replace(body, pose=_frame(of.at, (*marks, *bodies)) @ body.pose))
     for number, other in enumerate(spec.imports):
         with _located(tree, ("imports", number)):
@@ -81,6 +84,9 @@ def _located(tree: Tree, where: Where) -> Iterator[None]:
 
 def _body(spec: BodySpec, files: Files) -> Body:
     own = rgba(spec.color or GREY)
+    if spec.elastic is not None:
+        form = spec.rope or spec.cloth or Filling(_hull(spec, files), spec.counts)
+        return Soft.make(spec.name, form, spec.elastic, _pose(spec), color=own, pinned=spec.pinned)
     if spec.file is not None:
         (read,) = files.mesh(spec.file, spec.scale).bodies
         visuals, collisions, volume = read.visuals, read.collisions, read.mass
@@ -94,11 +100,17 @@ def _body(spec: BodySpec, files: Files) -> Body:
         visuals = collisions = (Geom(_shape(spec), color=own),)
         volume = visuals[0].shape.volume
     mass = (spec.mass or 0.0) if spec.density is None else spec.density * volume
-    if spec.density is not None and not LIGHTEST <= mass <= HEAVIEST:
-        raise ValueError(f"its mass would be {mass:.3g} kg, beyond {LIGHTEST:g} to {HEAVIEST:g}; change its density")
     names = ("friction", "rolling_friction", "restitution", "velocity", "spin")
     given = {name: getattr(spec, name) for name in names}
     return Body(spec.name, _pose(spec), mass, visuals, collisions, **given)
+
+
+def _hull(spec: BodySpec, files: Files) -> Shape:
+    """Return a shape whose convex hull is that of a body's one shape, or of its file."""
+    if spec.file is None:
+        return _shape(spec)
+    parts = [part.shape.to_trimesh() for part in files.mesh(spec.file, spec.scale).bodies[0].collisions]
+    return Mesh.from_trimesh(trimesh.util.concatenate(parts).convex_hull)
 
 
 def _shape(spec: ShapeSpec) -> Shape:
@@ -148,6 +160,7 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
         UserError: says which name.
     """
     bodies, free = [body.name for body in scene.bodies], [body.name for body in scene.free]
+    softs = {soft.name: len(soft.form.nodes) for soft in scene.softs}
     for number, goal in enumerate(spec.goals):
         named = [(name, "body that can move", free) for name in (*goal.bodies, *goal.keep)]
         named += [(name, "body", bodies) for name in (*goal.untouched, *([goal.at] if goal.at is not None else []))]
@@ -159,3 +172,11 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
         for name, what, possible in named:
             if name not in possible:
                 raise tree.error(("goals", number), str(choices(what, name, possible)))
+        asks = goal.node is not None or goal.max_height_m or goal.min_area_m2
+        for name in goal.bodies:
+            nodes = softs.get(name, 0)
+            if asks and not 0 <= (goal.node or 0) < nodes:
+                what = "node (from 0), max_height_m and min_area_m2 are for soft bodies"
+                raise tree.error(("goals", number), f"{what}; {name!r} has {nodes} nodes")
+            if nodes and goal.axis is not None:
+                raise tree.error(("goals", number, "axis"), f"the soft body {name!r} has no axis; its nodes move")

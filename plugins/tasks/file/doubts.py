@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from core.designs.statics import GRAVITY
 from core.geometry import Array
 from core.robot.solids import body_solids
-from core.scene import Body, Scene
+from core.scene import Body, Scene, Soft
 
 HEAVY_KG, THIN_M, LONG_M, FAR_M = 50.0, 0.0002, 2.0, 1.5
+SINKS = 0.1  # of a soft solid's height, by its own weight
 FALLS_M = 0.002  # more than engines need to settle what rests
 
 Box = tuple[Array, Array]
@@ -19,8 +21,8 @@ Box = tuple[Array, Array]
 
 def find_doubts(scene: Scene, written: Mapping[str, Any]) -> Iterator[str]:
     """Yield a line for each thing that is seldom meant; ``written`` is the content of the file."""
-    boxes = {body.name: _box(body) for body in scene.bodies if body.collisions}
-    hanging = {joint.body for joint in scene.joints}
+    boxes = {body.name: _box(body) for body in scene.bodies if body.collisions or isinstance(body, Soft)}
+    hanging = {joint.body for joint in scene.joints} | {soft.name for soft in scene.softs if soft.pinned}
     for body in scene.bodies:
         if body.name in boxes and not (body.fixed and body.name in ("table", "floor")):
             yield from _of_body(body, boxes)
@@ -40,13 +42,17 @@ def find_doubts(scene: Scene, written: Mapping[str, Any]) -> Iterator[str]:
 
 def _of_body(body: Body, boxes: Mapping[str, Box]) -> Iterator[str]:
     low, high = boxes[body.name]
-    thin = min(float(np.min(part.shape.bounds[1])) for part in body.collisions)
+    thin = min((float(np.min(part.shape.bounds[1])) for part in body.collisions), default=THIN_M)
     if body.mass > HEAVY_KG:
         yield f"body {body.name} weighs {body.mass:g} kg, more than any arm here moves; grams?"
     if thin < THIN_M:
         yield f"body {body.name} is {1000 * thin:.3g} mm thin, and engines may not hold it; is that in metres?"
     if float((high - low).max()) > LONG_M:
         yield f"body {body.name} is {float((high - low).max()):.3g} m long; millimetres?"
+    if isinstance(body, Soft) and body.form.kind == "solid":
+        sinks = GRAVITY * body.elastic.density * float(high[2] - low[2]) / (2 * body.elastic.young)
+        if sinks > SINKS:
+            yield f"body {body.name} is pressed down by {sinks:.0%} by its own weight; is young in Pa?"
 
 
 def _away(body: Body) -> float:
@@ -54,7 +60,10 @@ def _away(body: Body) -> float:
 
 
 def _box(body: Body) -> Box:
-    """Bound a body's collision shapes in the world."""
+    """Bound a body's collision shapes in the world, or the nodes of a soft one with its thickness."""
+    if isinstance(body, Soft):
+        half = body.form.thickness / 2
+        return body.placed.min(axis=0) - half, body.placed.max(axis=0) + half
     middles, halves = map(np.array, zip(*(solid.bounds() for solid in body_solids(body)), strict=True))
     return (middles - halves).min(axis=0), (middles + halves).max(axis=0)
 

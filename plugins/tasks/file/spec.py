@@ -28,14 +28,17 @@ from pydantic_core import ErrorDetails, core_schema
 
 from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
-from core.scene import Camera, Color, Goal, Joint
+from core.scene import Camera, Cloth, Color, Elastic, Goal, Joint, Rope
 from core.values.layouts import NONE
+from core.values.softs import MAX_NODES
 from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX_FRICTION, SHORTEST_M
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 MAX_BODIES, MAX_PARTS, MAX_IMPORTS, MAX_GOALS, MAX_RANGES, MAX_VARIATIONS = 100, 100, 20, 50, 200, 20
 MAX_PHOTOS = 8
+_RIGID = ("parts", "friction", "rolling_friction", "restitution", "velocity", "spin")  # keys of rigid bodies alone
+_SOFT = ("rope", "cloth", "counts", "pinned")
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST, _OBJECT = "must be a list, such as [0, 0, 0.1]", "must be an object of keys and values, such as {radius: 0.1}"
 WORDS = {
@@ -62,13 +65,14 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]{0,59}$")]
 FileName = Annotated[str, Field(min_length=1, max_length=200)]
 Fov = Annotated[float, Field(ge=1, le=170)]
 Range = tuple[float, float]
+Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
 
 
 Most = Annotated[float, Field(ge=0, le=1e4)]
 
 GOAL: dict[str, Any] = {"place": Wanted | None, "places": tuple[Wanted, ...], "axis": Place | None, "points": Place}
 GOAL |= {"to": Rate | None, "away": Most | None, "by_s": Most | None}
-GOAL |= dict.fromkeys(("tolerance", "tolerance_deg", "max_force_n", "weight"), Most)
+GOAL |= dict.fromkeys(("tolerance", "tolerance_deg", "max_force_n", "max_height_m", "min_area_m2", "weight"), Most)
 
 
 def _color(text: str) -> str:
@@ -91,14 +95,14 @@ def rgba(color: str) -> Color:
 def _made(of: type, **types: Any) -> GetPydanticSchema:
     """Read a dataclass of the core by its fields, of these ``types`` where given; it checks itself."""
     hints = get_type_hints(of) | types
-    names = [field.name for field in fields(of)]
+    given = [field for field in fields(of) if field.init]
     entries: dict[str, Any] = {
-        field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in fields(of)
+        field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in given
     }
     model = create_model(of.__name__, __config__=STRICT, **entries)
 
     def make(spec: BaseModel) -> Any:
-        return of(**{name: getattr(spec, name) for name in names})
+        return of(**{name: getattr(spec, name) for name in entries})
 
     return GetPydanticSchema(
         lambda _source, handler: core_schema.no_info_after_validator_function(make, handler(model))
@@ -153,7 +157,8 @@ class ShapeSpec(_Spec):
 class BodySpec(ShapeSpec):
     """A body: one shape, several ``parts``, or what a file holds; its mass, its density, or ``fixed``.
 
-    Its pose is in the frame of the body or mark ``at``, which the file has before it; else in the world.
+    What is ``elastic`` is soft: a rope, a cloth, or a solid that fills the convex hull of its shape. Its pose is in the
+    frame of the body or mark ``at``, which the file has before it; else in the world.
     """
 
     name: Name
@@ -161,6 +166,11 @@ class BodySpec(ShapeSpec):
     parts: Annotated[tuple[ShapeSpec, ...], Field(min_length=1, max_length=MAX_PARTS)] | None = None
     file: FileName | None = None
     scale: Length = 1.0
+    rope: Annotated[Rope, _made(Rope, path=Path, thickness=Length)] | None = None
+    cloth: Annotated[Cloth, _made(Cloth, size=tuple[Length, Length], thickness=Length)] | None = None
+    elastic: Annotated[Elastic, _made(Elastic)] | None = None
+    counts: tuple[int, int, int] = (3, 3, 3)
+    pinned: Annotated[tuple[int, ...], Field(max_length=MAX_NODES)] = ()
     mass: Annotated[float, Field(ge=LIGHTEST, le=HEAVIEST)] | None = None
     density: Annotated[float, Field(ge=1, le=3e4)] | None = None
     fixed: bool | None = None
@@ -172,10 +182,18 @@ class BodySpec(ShapeSpec):
 
     @check_whole(mode="after")
     def _one_shape(self) -> Self:
-        self._check_one("box", "sphere", "cylinder", "capsule", "parts", "file")
+        self._check_one("box", "sphere", "cylinder", "capsule", "parts", "file", "rope", "cloth")
         if self.fixed is False:
             raise ValueError("fixed: false says nothing; leave it out, and give a mass or a density")
-        self._check_one("mass", "density", "fixed")
+        self._check_one("mass", "density", "fixed", "elastic")
+        if wrong := [name for name in (_RIGID if self.elastic else _SOFT) if name in self.model_fields_set]:
+            raise ValueError(
+                f"{wrong[0]} is for a rigid body; leave it out (the friction of a soft one is in elastic)"
+                if self.elastic
+                else f"{wrong[0]} is for a soft body; give it elastic: {{density: 300, young: 1.0e5}}"
+            )
+        if "counts" in self.model_fields_set and (self.rope or self.cloth):
+            raise ValueError("counts is for a soft solid; a rope has a count, and a cloth counts, of its own")
         if self.scale != 1 and self.file is None:
             raise ValueError("scale is for a body with a file")
         return self

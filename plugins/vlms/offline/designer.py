@@ -64,6 +64,8 @@ def left_out(task: Task, seed: int) -> list[str]:
         "a ball joint's position": any(goal.joint in balls for goal in goals),
         "a turn about the vertical": any(_turns_level(goal, scene) for goal in goals),
         "a time limit": any(goal.by_s is not None for goal in goals),
+        "what a soft body does as it gives way": bool(scene.softs),
+        "a height, an area or a node": any(g.max_height_m or g.min_area_m2 or g.node is not None for g in goals),
         "a limit of force": any(goal.max_force_n for goal in task.goals),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": task.every
         and len(goals) > 1

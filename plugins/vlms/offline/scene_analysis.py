@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Goal
+from core.scene import Body, Goal, Soft
 from plugins.vlms.offline.boxes import Boxes, axes_of, overlaps
 from plugins.vlms.offline.workspace import workspace_of
 
@@ -33,7 +33,7 @@ class NothingToMove(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """A body with collision shapes: their corners (V, 3), and boxes around them."""
+    """A body with collision shapes: their corners (V, 3), and boxes around them; of a soft body those at the start."""
 
     points: Array
     boxes: Boxes
@@ -46,7 +46,7 @@ class Thing:
     @classmethod
     def of(cls, body: Body) -> Thing:
         points, placed = [], []
-        for part in body.collisions:
+        for part in body.collisions or body.visuals:
             pose = body.pose @ part.pose
             points.append(pose.apply(np.asarray(part.shape.to_trimesh().vertices)))
             placed += [(pose @ around, np.maximum(size, 1e-4)) for around, size in _boxes_around(part.shape)]
@@ -243,7 +243,7 @@ class SceneAnalysis:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
             self.groups = [[(Goal((scene.free[0].name,), away=0.2), None)]]
-        self.things = {body.name: Thing.of(body) for body in scene.bodies if body.collisions}
+        self.things = {body.name: Thing.of(body) for body in scene.bodies if body.collisions or isinstance(body, Soft)}
         self.scene, self.space, self.turned = scene, workspace_of(task.robot), turn is not None
         self.cache: dict[Hashable, object] = {}
 

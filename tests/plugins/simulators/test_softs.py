@@ -6,7 +6,7 @@ import pytest
 from core.errors import UserError
 from core.interfaces import Rollout
 from core.plugins import installed
-from core.scene import Body, Box, Camera, Cloth, Cylinder, Elastic, Filling, Sphere
+from core.scene import Body, Box, Camera, Cloth, Cylinder, Elastic, Filling, Rope, Sphere
 from core.solids.contacts import find_contacts, make_trace
 from plugins.conformance.softs import cloth_sag, cube_squeeze, rod_bend, rope_sag, soft
 from plugins.conformance.worlds import BARE, FAR, GREY, Bodies, cube, end, film, still
@@ -57,6 +57,12 @@ def test_a_long_edge_between_the_nodes_of_a_cloth_bears_it():
     edges = [Body.of(f"edge{y}", Box((0.4, 0.01, 0.02)), (X, Y + y, 0.29), mass=0.0, color=GREY) for y in (-0.06, 0.06)]
     state = end(played(Bodies(*edges, soft(Cloth((0.2, 0.25), (5, 6)), Elastic(300, 1e5), 0.302)), 1.0))
     assert state.nodes("soft")[:, 2].max() > 0.29
+
+
+def test_a_thin_rope_that_falls_does_not_go_through_the_ground():
+    ground = Body.of("ground", Box((1.0, 1.0, 0.04)), (X, Y, -0.02), mass=0.0, color=GREY)
+    rope = soft(Rope(((0, 0, 0), (0.223, 0, 0)), 4, thickness=0.0038), Elastic(1408, 1e6, damping=0), 0.052)
+    assert end(played(Bodies(ground, rope), 1.0)).nodes("soft")[:, 2].min() == pytest.approx(0.0019, abs=5e-4)
 
 
 def test_rollouts_repeat_bit_for_bit():

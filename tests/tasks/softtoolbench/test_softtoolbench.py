@@ -16,10 +16,11 @@ from core.config.compose import load, node
 from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.interfaces import RolloutSettings, Waypoints
+from core.interfaces import Brief, RolloutSettings, Waypoints
 from core.plugins import installed
 from core.simulation.rollout import evaluate_batch
 from plugins.fitness.layouts import UNSEEN
+from plugins.vlms.offline.designer import answer, left_out
 from tests.engines import simulator
 from tests.solutions import representation
 
@@ -64,6 +65,15 @@ def test_names_words_and_configs(name):
     scenes = [task.scene(seed) for seed in range(3)]
     assert len({scene.bodies[-1].pose.position.tobytes() for scene in scenes}) == 3
     assert all(len(soft.form.nodes) <= 50 for scene in scenes for soft in scene.softs)
+
+
+@every_task
+def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
+    parts = installed()
+    tools, actions = parts.create("tool", "boxes"), parts.create("action", "anchored")
+    brief = Brief(task_of(name), 0, tools, False, 2, 1, generation=0, agent=0, seed=1, actions=actions)
+    assert len(answer(brief)["strategies"]) == 2
+    assert "what a soft body does as it gives way" in left_out(task_of(name), 0)
 
 
 @every_task

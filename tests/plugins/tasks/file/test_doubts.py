@@ -1,5 +1,7 @@
 """What is possible in a scene file and seldom meant is said once, in a line."""
 
+import re
+
 import pytest
 
 from plugins.new.packages import write_scene
@@ -33,6 +35,19 @@ def doubts(tmp_path, text, body=""):
 def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new, said):
     assert doubts(tmp_path, text, BODY) == doubts(tmp_path, text) == []
     assert any(line.startswith(said) for line in doubts(tmp_path, text, BODY.replace(old, new, 1)))
+
+
+def test_soft_bodies_in_the_air(tmp_path, text):
+    elastic = "elastic: {density: 300, young: 1.0e5}"
+    cloth = f"\n  - {{name: rag, cloth: {{size: [0.1, 0.1]}}, {elastic}, position: [0.6, 0.3, 0.101]}}"
+    assert [line[:43] for line in doubts(tmp_path, text, cloth)] == ["body rag begins in the air: it falls by 100"]
+    assert doubts(tmp_path, text, cloth.replace("position", "pinned: [0], position")) == []
+    dough = (
+        "\n  - {name: dough, box: [0.1, 0.1, 0.1], elastic: {density: 900, young: 1.0e3}, position: [0.6, 0.3, 0.05]}"
+    )
+    assert doubts(tmp_path, text, dough) == ["body dough is pressed down by 45% by its own weight; is young in Pa?"]
+    (shown,) = re.findall(r"(?:^#  .*\n)+(?=# Flat|\n# Flat)", text, re.M)  # the scaffold's own, as a comment
+    assert doubts(tmp_path, text, "\n" + shown.replace("\n#", "\n").removeprefix("#").rstrip()) == []
 
 
 def test_marks_out_of_reach_and_joints_without_an_axis(tmp_path, text):

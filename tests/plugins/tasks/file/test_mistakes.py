@@ -130,7 +130,9 @@ TREES = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5) | st.sampled_from(WORDS), inner),
     max_leaves=10,
 )
+ROPE = {"name": "rope", "rope": {"path": [[0, 0, 0], [0, 0, 1]], "count": 9}, "elastic": {"density": 300, "young": 1e4}}
 GOOD_TREE = yaml.safe_load(GOOD)
+GOOD_TREE["bodies"].append({**ROPE, "pinned": [0]})
 PLACES = list(places(GOOD_TREE))
 
 

@@ -1,6 +1,7 @@
 """The scene of ``vlmgineer new scene``, from the file to rollouts, pictures and prompts; and what files can say."""
 
 import pickle
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -132,6 +133,30 @@ def test_a_body_may_be_a_mesh(tmp_path):
     assert isinstance(body.collisions[0].shape, Mesh)
     np.testing.assert_allclose(body.collisions[0].shape.bounds[1], [0.04, 0.02, 0.01])
     assert task_of(tmp_path, text).scene(0)["ball"].mass == 0.2
+
+
+def test_what_is_elastic_is_soft(tmp_path):
+    """The bodies and goals of the page: at rest as they are, measured by their nodes, drawn anew in each layout."""
+    page, elastic = Path("docs/scene_files.md").read_text(), "elastic: {density: 200, young: 2.0e4}"
+    shown = next(block for block in re.findall(r"```yaml\n(.*?)```", page, re.S) if "elastic" in block)
+    text = f"name: Soft\ndescription: Press the dough, and bring the rope's end to a place.\n{shown}"
+    verdicts = list(examine("task", on_panda(task_of(tmp_path, text, "softer"))))
+    assert [verdict.problem for verdict in verdicts if verdict.problem] == []
+    task, start = task_of(tmp_path, text), task_of(tmp_path, text).scene(0).state()
+    nodes = {name: each.copy() for name, each in start.soft.items()}
+    nodes["dough"] *= [1.1, 1.1, 0.5]
+    done = replace(start, soft=nodes)
+    assert task.reward(start, done) == pytest.approx(1)
+    assert "dough must be at most 0.03 m high" in task.reward_in_words()[0]
+    assert "(node 0 of its nodes" in task.reward_in_words()[1]
+    young = {task_of(tmp_path, text, "softer").scene(seed)["dough"].elastic.young for seed in range(5)}
+    assert len(young) == 5
+    trimesh.creation.icosphere(radius=40).export(tmp_path / "ball.stl")
+    mesh = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001")
+    mesh = mesh.replace("mass: 0.2\n    velocity: [0.1, 0, 0]", f"{elastic}\n    counts: [4, 4, 4]")
+    ball = task_of(tmp_path, mesh).scene(0)["ball"]
+    np.testing.assert_allclose(np.linalg.norm(ball.form.nodes, axis=1).max(), 0.04, rtol=0.01)
+    assert ball.mass == pytest.approx(200 * ball.form.volume)
 
 
 def test_a_urdf_brings_bodies_and_joints(tmp_path):
