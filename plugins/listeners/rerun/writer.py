@@ -25,7 +25,7 @@ from core.interfaces import Felt, Recording, Robot
 from core.robot.kinematics import arm_of, bearer_frames, link_frames, tool_values
 from core.robot.meshes import link_visuals, solids
 from core.robot.trajectory import Motion
-from core.scene import Camera, Color, State
+from core.scene import Camera, Color, Soft, State
 from core.simulation.rollout import played, prepare
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.record_rate import subset
@@ -65,6 +65,7 @@ class Writer:
         self._loose: set[str] = set()  # the tools' components with a joint
         self._visible: set[_Place] = set()  # of the meshes that come and go
         self._robot = run.task.robot
+        self._softs = {soft.name: soft for soft in run.task.scene(run.seed).softs}
         self._hand: dict[str, trimesh.Trimesh] = {}  # the gripper's links
 
     def begin(self) -> None:
@@ -125,6 +126,13 @@ class Writer:
             self._move(("world", "robot", name), times, generation, poses[:, :3], poses[:, 3:])
         states = recording.states
         for k, name in enumerate(states.names):
+            if name in self._softs:
+                skins = np.stack([self._softs[name].form.surface(nodes).vertices for nodes in states.nodes(name)])
+                column = rr.Mesh3D.columns(vertex_positions=skins.reshape(-1, 3)).partition(
+                    [skins.shape[1]] * len(times)
+                )
+                self._columns(("world", "scene", name), times, generation, column)
+                continue
             w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
             self._move(("world", "scene", name), times, generation, states.positions[:, k], w_last)
         known = np.isfinite(rewards)
@@ -136,6 +144,10 @@ class Writer:
     def _scene(self) -> None:
         for body in self._run.task.scene(self._run.seed).bodies:
             path = ("world", "scene", body.name)
+            if isinstance(body, Soft):
+                faces, color = body.form.surface(body.placed).faces, body.visuals[0].color
+                self._log(path, rr.Mesh3D.from_fields(triangle_indices=faces, albedo_factor=color), static=True)
+                continue
             if body.fixed:
                 self._log(path, _transform(body.pose), static=True)
             for k, part in enumerate(body.visuals):

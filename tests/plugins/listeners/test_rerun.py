@@ -315,6 +315,20 @@ def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(tmp_path, simul
     assert cleared["positions"] == []
 
 
+def test_a_soft_body_is_shown_by_its_nodes_as_they_move(tmp_path):
+    engine, task = installed().create("sim", "mujoco"), installed().create("task", "SpreadSlab")
+    evaluations = evaluate_batch(task, engine, [solutions.anchored("SpreadSlab")], 0, RolloutSettings())
+    run = replace(run_in(tmp_path, engine), task=task)
+    play(run, [Generation(0, tuple(evaluations))])
+    recording = Recording(tmp_path / "recording.rrd")
+    _, played, _, _ = replay(run, evaluations[0].candidate, 25)
+    skins = np.array(recording.column("/world/scene/slab", "vertex_positions"))
+    np.testing.assert_allclose(skins, played.states.nodes("slab"), atol=1e-6)
+    assert np.ptp(skins[-1, :, 2]) < 0.7 * np.ptp(skins[0, :, 2])
+    (still,) = recording.static["/world/scene/slab"]
+    assert np.unique(still["triangle_indices"]).max() == 26  # of 27 nodes; the middle one is inside
+
+
 def test_wrong_settings():
     create = installed().create
     for settings in ({"hz": 0.0}, {"elites": "all"}):
