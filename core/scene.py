@@ -163,6 +163,10 @@ class Soft(Body):
         mass, pins = elastic.density * form.volume, tuple(pinned)
         return cls(name, pose, mass, drawn, (), elastic.friction, form=form, elastic=elastic, pinned=pins)
 
+    def in_words(self) -> str:
+        """Say how stiff it is, and whether it is held."""
+        return self.elastic.in_words() + (f"; held at {len(self.pinned)} of its nodes" if self.pinned else "")
+
     @property
     def placed(self) -> Array:
         """The nodes (N, 3) in the world at spawn."""

@@ -323,16 +323,17 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     for entry, verified in listed:
         tasks, costs = [*entry.tasks.values()], [run.cost_usd for run in entry.runs if run.cost_usd is not None]
         rules = protocol(entry.protocol)
+        alone = "" if len(rules.engines) > 1 else ", one engine"
         scores = [[run.score(rules, name) for run in task.runs] for name, task in entry.tasks.items()]
         rows.append(
             (
                 *(entry.track, entry.name, entry.settings.get("prompt.told", "source"), entry.score),
                 *(interval(scores, "mean") or (None, None)),
-                *(mean([task.engines[engine] for task in tasks]) for engine in engines),
+                *(mean([task.engines[e] for task in tasks]) if e in rules.engines else None for e in engines),
                 ", ".join(str(run.seed) for run in tasks[0].runs),
                 *(mean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
                 sum(costs) if costs else None,
-                *(f"{entry.protocol} {entry.version}", entry.versions.get("vlmgineer"), verified),
+                *(f"{entry.protocol} {entry.version}{alone}", entry.versions.get("vlmgineer"), verified),
             )
         )
     by_task = [(e.track, task, e.name, own.score, len(own.runs)) for e in ranked for task, own in e.tasks.items()]

@@ -29,7 +29,7 @@ def bodies_table(task: Task, seed: int) -> str:
     jointed = {joint.body for joint in scene.joints}
     for body in scene.bodies:
         kind = "on a joint" if body.name in jointed else "free" if body.mass else "fixed" if body.collisions else "mark"
-        kind = f"soft {body.form.kind}, {body.elastic.in_words()}" if isinstance(body, Soft) else kind
+        kind = f"soft {body.form.kind}, {body.in_words()}" if isinstance(body, Soft) else kind
         said = _ALIKE.sub("", body.name), kind, weight(body), _origin(body)
         groups.setdefault(said, []).append(body.name)
     names = (f"{own[0]} ... {own[-1]} ({len(own)})" if len(own) > 1 else own[0] for own in groups.values())

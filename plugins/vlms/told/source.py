@@ -158,7 +158,7 @@ def _shape(body: Body, *, alone: bool) -> str:
     """Describe a body's collision shapes, or a soft body; ``alone``: it has its row to itself."""
     if isinstance(body, Soft):
         size = short_numbers(np.ptp(body.form.nodes, axis=0), 3)
-        return f"soft {body.form.kind}, {size}, {body.form.thickness:g} thick; {body.elastic.in_words()}"
+        return f"soft {body.form.kind}, {size}, {body.form.thickness:g} thick; {body.in_words()}"
     if not body.collisions:
         return "a mark: nothing touches it"
     parts = body.collisions

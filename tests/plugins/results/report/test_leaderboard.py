@@ -102,6 +102,16 @@ def test_an_entry_has_means_and_what_was_spent(entry):
     assert len(by_task.rows) == 12
 
 
+def test_a_soft_track_has_one_engine_and_says_so(entry, tmp_path):
+    for task in protocol("soft").tracks["soft"]:
+        write_run(tmp_path / task, "protocol=soft", f"task={task}", rewards=[[0.9]], unseen={"mujoco": (0.8,) * 20})
+    ((soft,), problems) = entries(tmp_path)
+    assert (soft.track, soft.score, len(soft.tasks), problems) == ("soft", pytest.approx(0.8), 4, [])
+    table = entry_tables([ListedEntry(soft, "no"), ListedEntry(entry, "no")])[0]
+    named = {column.name: [row[k] for row in table.rows] for k, column in enumerate(table.columns)}
+    assert (named["protocol"], named["sapien"]) == (["soft 1, one engine", "varied 2"], [None, pytest.approx(0.6)])
+
+
 def test_a_run_in_which_nothing_could_be_tried_counts_0(runs):
     shutil.rmtree(runs / "OneBook_0")
     write_run(runs / "OneBook_0", "protocol=varied", "task=OneBook", rewards=[[None]])
