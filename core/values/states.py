@@ -190,8 +190,14 @@ class Trace:
         return self.states.positions.shape[:-2]
 
     def contact(self, body: str, by: str | None = None) -> Flags:
-        """Report at which instants (..., T) a body is touched."""
+        """Report at which instants (..., T) a body is touched.
+
+        Raises:
+            ValueError: what touches a soft body is known by its force, and nothing measured forces.
+        """
         self._check(body)
+        if self.forces is None and {body, by} & self.states.soft.keys():
+            raise ValueError("the trace has no forces, by which contacts of soft bodies are known")
         found = np.zeros(self.shape, dtype=bool)
         for (kind, one, other), flags in self.touching.items():
             if _about(kind, one, other, body, by):

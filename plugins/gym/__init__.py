@@ -5,8 +5,8 @@
 
     env = gymnasium.make("RoboToolBench/BringCube-v0")
 
-Tasks of RoboToolBench and HardToolBench have these names as their namespaces, a plugin package's tasks the name of
-their distribution.
+Tasks of RoboToolBench, HardToolBench and SoftToolBench have these names as their namespaces, a plugin package's tasks
+the name of their distribution.
 Gymnasium has had no entry points of its own since its version 1.0; ``make("plugins.gym:RoboToolBench/BringCube-v0")``
 imports this by itself.
 """
@@ -18,7 +18,7 @@ from gymnasium.envs.registration import register
 from core.hooks import PROJECT
 from core.plugins import Offer, installed
 
-NAMESPACES = {name.lower(): name for name in ("RoboToolBench", "HardToolBench")}  # by entry point
+NAMESPACES = {name.lower(): name for name in ("RoboToolBench", "HardToolBench", "SoftToolBench")}  # by entry point
 MAX_STEPS = 500  # of 0.05 s; then an episode is truncated
 
 

@@ -47,10 +47,10 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     arm's limits. With ``"end_effector"`` (6,) they are speeds of the end-effector's target pose along and about the
     world's axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one: the fingers, -1 open to 1 closed.
 
-    Observations (J + F + K + 13 B,): J joints (rad), F fingers (m from the middle; none if the arm has no gripper), K
-    joints of the tool (rad or m), and for each of B free bodies the position (m), quaternion (w, x, y, z), linear (m/s)
-    and angular (rad/s) velocity, in the world frame. Where the task has a variation, 7 M numbers follow: positions and
-    quaternions of its M marks and fixed bodies.
+    Observations (J + F + K + 13 B + 3 N,): J joints (rad), F fingers (m from the middle; none if the arm has no
+    gripper), K joints of the tool (rad or m), for each of B free bodies the position (m), quaternion (w, x, y, z),
+    linear (m/s) and angular (rad/s) velocity, in the world frame, and the places of all N nodes of soft bodies (m).
+    Where the task has a variation, 7 M numbers follow: positions and quaternions of its M marks and fixed bodies.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
     its end. ``info["reward"]`` is the task's reward now. An episode terminates at success. A reward may read the trace
@@ -105,7 +105,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
         others = len(self.task.robot.finger_joints) + len(self.tool.bearers)
         scene = self.task.scene(0)
-        observed = joints + others + 13 * len(scene.free)
+        observed = joints + others + 13 * len(scene.free) + 3 * sum(len(soft.form.nodes) for soft in scene.softs)
         observed += 7 * len(scene.places) * (self.task.variation != NONE)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
@@ -214,7 +214,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         state = world.state()
         places = self._scene.places.values() if self.task.variation != NONE else ()
         fixed = [number for pose in places for number in (*pose.position, *pose.quaternion)]
-        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel(), fixed])
+        nodes = [state.nodes(soft.name).ravel() for soft in self._scene.softs]
+        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel(), *nodes, fixed])
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``."""

@@ -14,5 +14,7 @@ def only_rigid(scene: Scene, task: str, engine: str) -> Scene:
     """
     if scene.softs:
         names = ", ".join(soft.name for soft in scene.softs)
-        raise UserError(f"{task}: sim={engine} can't have soft bodies ({names}) in a scene; use sim=mujoco")
+        raise UserError(
+            f"{task}: sim={engine} can't have soft bodies ({names}) in a scene; use sim=mujoco, or sims=[mujoco]"
+        )
     return scene

@@ -14,7 +14,7 @@ from lxml import etree
 from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
 from core.robot.description import tool_urdf
-from core.scene import Scene
+from core.scene import Scene, Soft
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.artifacts import copied
@@ -76,7 +76,7 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
     for body in scene.bodies:
         at = robot.base.inverse() @ body.pose
         entry: dict[str, Any] = {"id": body.name, "header": {"frame_id": base}, "pose": _pose(at)}
-        for part in body.collisions:
+        for part in body.visuals if isinstance(body, Soft) else body.collisions:
             kind, data = _shape(part.shape)
             entry.setdefault(kind, []).append(data)
             entry.setdefault("mesh_poses" if kind == "meshes" else "primitive_poses", []).append(_pose(part.pose))

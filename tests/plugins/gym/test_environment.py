@@ -63,6 +63,17 @@ def test_gymnasiums_checker_passes(name):
     env.close()
 
 
+def test_soft_bodies_are_observed_by_their_nodes_or_refused_where_contacts_count():
+    env = gymnasium.make("SoftToolBench/PullRope-v0", words=["sim=mujoco"])
+    observed, _ = env.reset(seed=1)
+    assert observed.shape == (9 + 13 + 3 * 22,)
+    np.testing.assert_allclose(observed[9:12], observed[22:].reshape(22, 3).mean(axis=0), atol=0.01)
+    with pytest.raises(
+        UserError, match="HangCloth can't be stepped: the trace has no forces, by which contacts of soft"
+    ):
+        gymnasium.make("SoftToolBench/HangCloth-v0", words=["sim=mujoco"]).reset()
+
+
 def test_observations_have_what_the_docstring_says():
     env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", size=(80, 60))
     observed, info = env.reset(seed=1)
