@@ -21,8 +21,20 @@ def refinements() -> Factories:
 
 
 def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE) -> list[Evaluation]:
-    """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool."""
-    return best_tools(e for e in best_first(evaluations, tie)[:k_top] if e.reward > reward_save)
+    """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool.
+
+    Of several tasks the best of each is one, too, if it earned as much there.
+    """
+    best = best_first(evaluations, tie)
+    elites = [e for e in best[:k_top] if e.reward > reward_save]
+    return best_tools(
+        [*elites, *(e for task, e in _best_by_task(best).items() if e.figures.get(task, 0.0) > reward_save)]
+    )
+
+
+def _best_by_task(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
+    tasks = dict.fromkeys(trial.task for e in evaluations for trial in e.trials if trial.task)
+    return {task: max(evaluations, key=lambda e: e.figures.get(task, 0.0)) for task in tasks}
 
 
 class VLMgineer(EvolutionStrategy):
@@ -54,5 +66,8 @@ class VLMgineer(EvolutionStrategy):
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         self._generation += 1
-        kept = {"best": best_first(self._pool, self.tie)[:1], "generation": [], "run": self._pool}[self._elites_from]
+        best = best_first(self._pool, self.tie)
+        kept = {"best": [*best[:1], *_best_by_task(best).values()], "generation": [], "run": self._pool}[
+            self._elites_from
+        ]
         self._pool = [*kept, *evaluations]

@@ -20,7 +20,7 @@ from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_pla
 from plugins.vlms.offline.invent import Layout, Workshop
 from plugins.vlms.offline.plans import turn_of
 from plugins.vlms.offline.scene_analysis import NothingToMove
-from plugins.vlms.offline.several import tools_answer
+from plugins.vlms.offline.several import task_plans, tools_answer
 from plugins.vlms.offline.tools import recognize
 
 if TYPE_CHECKING:
@@ -113,7 +113,10 @@ def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
     given, parents = representation.given(brief.task), list[str]()
     if given is not None:
         name, tool = "the given tool", given
-        if elites:
+        if (made := task_plans(workshop, given, elites)) is not None:
+            uses, parents = made
+            description = f"Plans varied from {parents[0]}." if parents else f"It {uses[0].text}."
+        elif elites:
             elite = elites[int(rng.integers(len(elites)))]
             uses, parents = offspring_plans(elite, tool, brief.n_action, workshop), [elite.id]
             description = f"Plans varied from {elite.id}."

@@ -15,7 +15,7 @@ from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.heads import draw
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.scene_analysis import SceneAnalysis, wanted
-from plugins.vlms.offline.tools import middle, recognize
+from plugins.vlms.offline.tools import middle, part_for, recognize
 
 _TRIES = 12
 _COLOR = (0.56, 0.35, 0.68, 1.0)  # of added components
@@ -82,13 +82,13 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str,
 
 def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) -> list[Use]:
     """Plans for a tool derived from the elite's: its plan fitted to the tool, variations of it, or fresh ones."""
-    rng = workshop.rng
+    rng, old, own = workshop.rng, *(part_for(one, workshop.brief.task) for one in (elite.tool, tool))
     base = elite.plan.copy()  # the foot of the new tool moves as that of the elite's did
-    base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(middle(elite.tool) - middle(tool))
+    base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(middle(old) - middle(own))
     uses: list[Use] = []
     for i in range(count):
         if 0 < i == count - 1 and rng.random() < elite.scale:
-            uses.append(workshop.use(tool, lambda errand: recognize(tool, errand, rng)))
+            uses.append(workshop.use(tool, lambda errand: recognize(own, errand, rng)))
             continue
         new, anchors, done = base, elite.anchors, ["the parent's plan"]
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):

@@ -48,6 +48,13 @@ class Use(NamedTuple):
     anchors: Sequence[Anchor]
 
 
+class Aim(NamedTuple):
+    """Which way a head points from the mount, radians, and how far below it its foot is, metres."""
+
+    turn: float
+    drop: float
+
+
 class Layout:
     """A layout of the task: its analysis, the poses that a plan sees of it, and the rules for tools in it.
 
@@ -66,10 +73,10 @@ class Layout:
 
 
 class Workshop:
-    """Invents tools and plans for a brief's layout. A plan must do in ``others`` too."""
+    """Invents tools and plans for a brief's layout. A plan must do in ``others`` too; ``aim`` is where heads are."""
 
-    def __init__(self, brief: Brief, layout: Layout, others: Sequence[Layout] = ()) -> None:
-        self.brief, self.layouts = brief, (layout, *others)
+    def __init__(self, brief: Brief, layout: Layout, others: Sequence[Layout] = (), aim: Aim | None = None) -> None:
+        self.brief, self.layouts, self._aim = brief, (layout, *others), aim
         self.analysis, self.robot = layout.analysis, brief.task.robot
         self.rng, self._anchoring = np.random.default_rng(brief.seed), np.random.default_rng([brief.seed, _ANCHORING])
         self._several = bool(others)
@@ -79,6 +86,12 @@ class Workshop:
     def stout(self) -> float:
         """How many times as thick as of the stiff default material parts are, so that they bend little enough."""
         return float(max(1.0, (PAPER.young_pa / self.brief.representation.material.young_pa) ** 0.125))
+
+    @property
+    def room(self) -> float:
+        """The height of the end-effector's home over the highest body below it, metres."""
+        tops, home = self.analysis.boxes.bounds[1][:, 2], float(self.analysis.home.position[2])
+        return home - float(tops[tops < home].max(initial=-np.inf))
 
     def accepts(self, tool: Tool) -> bool:
         """Report whether the tool keeps the rules."""
@@ -250,11 +263,13 @@ class Workshop:
             float(top[2]) + (0.18 if self.brief.gripper else 0.03),
             min(pose.position[2] for pose in path.poses),
         )
-        tops = self.analysis.boxes.bounds[1][:, 2]
-        room = home[2] - float(tops[tops < home[2]].max(initial=lowest))
+        room = min(self.room, float(home[2]) - lowest)
         most = max(least + 0.02, min(room - 0.015, 0.45))
         if self._is_high(path):
             least, most = -0.45, 0.0
+        elif self._aim is not None:
+            yaw, least = self._aim.turn, max(least, self._aim.drop)
+            most = least
         straight = head.use == "clamp" and errand.deep
         if head.use == "clamp":
             yaw = float(start.rpy[2])

@@ -1,23 +1,70 @@
-"""Design tools for several tasks: of the families for each of them, what promises to do the others too."""
+"""Design tools for several tasks: a part for each task, which points its own way, and parts that work put together.
+
+A part's components are named by its task. The tool's description says which draw each was, so that a request for plans
+draws its head again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.design import Evaluation, Tool
-from core.interfaces import Brief
-from plugins.vlms.offline.evolve import cross, mutate
-from plugins.vlms.offline.invent import Layout, Workshop
+from core.design import Candidate, DesignError, Evaluation, Tool
+from core.geometry import Pose
+from core.interfaces import Brief, Task
+from plugins.vlms.offline.evolve import Elite, mutate, offspring_plans
+from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.invent import Aim, Layout, Use, Workshop
 from plugins.vlms.offline.scene_analysis import NothingToMove
+from plugins.vlms.offline.tools import part_for, recognize, suffix
 
-_INVENTED = 6  # tools of which the most promising is taken
 _TRIES = 12
-_FRESH = 0.25  # the chance of a fresh tool where there are elites
-_CROSSED = 0.5  # of one made of two tools
+_FRESH = 0.4  # the chance of a fresh part for a task that is not done
+_WAYS = (0, 90, -90, 180)  # degrees about the mount's axis, one after the other for the tasks
+_ABOVE_M = 0.02  # clearance of all parts over what the home is above of
+_DRAWN = re.compile(r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)")
+
+
+class Draw(NamedTuple):
+    """A part's way, its length and random seed; ``text`` says so in a tool's description."""
+
+    task: str
+    degrees: int
+    mm: int
+    seed: int
+
+    def text(self) -> str:
+        return f"for {self.task}: turned by {self.degrees} degrees, {self.mm} mm long, draw {self.seed}"
+
+    def made(self, brief: Brief) -> tuple[Tool, Head, Pose, Use]:
+        """Invent a part; the same for the same task and scene."""
+        aim = Aim(np.radians(self.degrees), self.mm / 1000)
+        return Workshop(replace(brief, seed=self.seed), Layout(brief), aim=aim).invent()
+
+
+def task_plans(workshop: Workshop, tool: Tool, elites: Sequence[Elite]) -> tuple[list[Use], list[str]] | None:
+    """Make plans for a tool with parts for several tasks, and name their parents; None: it is no such tool.
+
+    Raises:
+        DesignError: no part is for this task, and none seems to do.
+    """
+    drawn = {draw[0]: Draw(draw[0], *map(int, draw[1:])) for draw in _DRAWN.findall(tool.description)}
+    brief, rng, name = workshop.brief, workshop.rng, suffix(workshop.brief.task)
+    if not drawn:
+        return None
+    if elites:
+        elite = max(elites, key=lambda elite: elite.reward)
+        return offspring_plans(elite, tool, brief.n_action, workshop), [elite.id]
+    if name in drawn:
+        _, head, pose, use = drawn[name].made(brief)
+        return [use, *(workshop.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))], []
+    if workshop.fault(tool) > 0.0:
+        raise DesignError(f"the tool has no part for {brief.task.name}")
+    return [workshop.use(tool, lambda errand: recognize(tool, errand, rng)) for _ in range(brief.n_action)], []
 
 
 def tools_answer(brief: Brief) -> dict[str, Any]:
@@ -27,68 +74,119 @@ def tools_answer(brief: Brief) -> dict[str, Any]:
         NothingToMove: see `SceneAnalysis`; in all of the tasks.
     """
     workshops, reasons = dict[str, Workshop](), list[str]()
-    for number, part in enumerate(brief.task.parts):
-        own = replace(brief, task=part, seed=brief.seed + number)
+    for part in brief.task.parts:
+        own = replace(brief, task=part)
         try:
             workshops[part.name] = Workshop(own, Layout(own))
         except NothingToMove as error:
             reasons.append(f"{part.name}: {error}")
     if not workshops:
         raise NothingToMove("; ".join(reasons))
-    rng = np.random.default_rng(brief.seed)
-    elites = [e for e in brief.elites if e.candidate.tool is not None and e.candidate.tool.gripper == brief.gripper]
-    strategies = [_strategy(brief, [*workshops.values()], elites, rng) for _ in range(brief.n_tool)]
+    bench = _Bench(brief, workshops, np.random.default_rng(brief.seed))
+    strategies = [bench.strategy(number) for number in range(brief.n_tool)]
     return {"scene_analysis": f"{len(workshops)} tasks for one tool.", "strategies": strategies}
 
 
-def _strategy(
-    brief: Brief, workshops: Sequence[Workshop], elites: Sequence[Evaluation], rng: np.random.Generator
-) -> dict[str, Any]:
-    bred = _bred(elites, workshops, rng) if elites and rng.random() >= _FRESH else None
-    tool, done, parents = bred or _invented(workshops, rng)
-    return {
-        "strategy_name": done,
-        "strategy_description": f"{tool.name}: {done}.",
-        "tool_name": tool.name,
-        "tool_description": tool.description,
-        "gripper": tool.gripper,
-        **brief.representation.dump(tool),
-        **({"parents": parents or [elites[0].candidate.id]} if brief.elites else {}),
-    }
+@dataclass(frozen=True, eq=False)
+class _Bench:
+    """Makes tools for several tasks."""
+
+    brief: Brief
+    workshops: Mapping[str, Workshop]
+    rng: np.random.Generator
+
+    def strategy(self, number: int) -> dict[str, Any]:
+        tool, done, parents = self._tool(number)
+        return {
+            "strategy_name": done,
+            "strategy_description": f"{tool.name}: {done}.",
+            "tool_name": tool.name,
+            "tool_description": tool.description,
+            "gripper": tool.gripper,
+            **self.brief.representation.dump(tool),
+            **({"parents": parents} if self.brief.elites else {}),
+        }
+
+    def _tool(self, number: int) -> tuple[Tool, str, list[str]]:
+        """Join the best parts first; then change the part for a task that is not done, or make a fresh one."""
+        elites = [e for e in self.brief.elites if e.candidate.tool and e.candidate.tool.gripper == self.brief.gripper]
+        best = {task: max(elites, key=lambda e: e.figures.get(task, 0.0), default=None) for task in self.workshops}
+        names, earned = list(best), [e.figures.get(task, 0.0) if e else 0.0 for task, e in best.items()]
+        if not elites or not any(earned):
+            first = names[(self.brief.agent * self.brief.n_tool + number) % len(names)]
+            if number < self.brief.n_tool - 1:
+                return self._fresh(first), f"a part for {first}", []
+            tool, *others = (self._fresh(name) for name in names)
+            for part in others:
+                tool = self._with(tool, replace(part, components=()), part) or tool
+            return tool, "a part for each", []
+        joined, parents = self._joined({task: e for task, e in best.items() if e is not None})
+        if number == 0:
+            return joined, "the parts that do most", parents
+        weights = 1.02 - np.clip(earned, 0.0, 1.0)
+        weak = names[int(self.rng.choice(len(names), p=weights / weights.sum()))]
+        done = earned[names.index(weak)] >= self._part(weak).success_reward
+        if not done and self.rng.random() < _FRESH:
+            return self._fresh(weak), f"a part for {weak}", []
+        for attempt in range(_TRIES):
+            part = part_for(joined, self._part(weak))
+            changed, what = mutate(part, 1 / (1 + attempt / 3), self.rng)
+            new = _put(joined, part, changed)
+            if new is not None and changed.components != part.components and self._accepts(new):
+                return new, f"{weak}: {what}", parents
+        return self._fresh(weak), f"a part for {weak}", []
+
+    def _part(self, name: str) -> Task:
+        return self.workshops[name].brief.task
+
+    def _accepts(self, tool: Tool) -> bool:
+        return all(workshop.accepts(tool) for workshop in self.workshops.values())
+
+    def _fresh(self, name: str) -> Tool:
+        """A tool with a part for one task, which points its own way and is as long as all others."""
+        task, mm = self._part(name), int(1000 * (min(w.room for w in self.workshops.values()) - _ABOVE_M))
+        way = _WAYS[list(self.workshops).index(name) % len(_WAYS)]
+        for _ in range(_TRIES):
+            draw = Draw(suffix(task), way, mm, int(self.rng.integers(2**31)))
+            tool = draw.made(self.workshops[name].brief)[0]
+            if self._accepts(tool):
+                break
+        names = {c.name: f"{c.name}_{suffix(task)}" for c in tool.components}
+        named = [replace(c, name=names[c.name], parent=names.get(c.parent, c.parent)) for c in tool.components]
+        return replace(tool, components=tuple(named), description=f"{tool.description}; {draw.text()}")
+
+    def _joined(self, best: Mapping[str, Evaluation]) -> tuple[Tool, list[str]]:
+        """The tool that does most, with the parts of others for the tasks that they do better, where they fit."""
+        base = max(best.values(), key=lambda e: e.reward)
+        tool, parents = _tool_of(base.candidate), [base.candidate.id]
+        for name, other in best.items():
+            if other.figures.get(name, 0.0) > base.figures.get(name, 0.0):
+                task = self._part(name)
+                part = part_for(_tool_of(other.candidate), task)
+                if (new := self._with(tool, part_for(tool, task, strict=True), part)) is not None:
+                    tool = new
+                    parents.append(other.candidate.id)
+        return tool, list(dict.fromkeys(parents))
+
+    def _with(self, tool: Tool, old: Tool, part: Tool) -> Tool | None:
+        """Put a part in the place of an old one; None: it does not fit."""
+        new = _put(tool, old, part)
+        if new is None or not self._accepts(new):
+            return None
+        said = (tool.description, *(d for d in part.description.split("; ") if d not in tool.description))
+        return replace(new, description="; ".join(said))
 
 
-def _invented(workshops: Sequence[Workshop], rng: np.random.Generator) -> tuple[Tool, str, list[str]]:
-    """A fresh tool: that of several which is accepted in most scenes, and then with the least faults in all tasks."""
-    found: list[tuple[float, Tool]] = []
-    for _ in range(_INVENTED):
-        tool = workshops[int(rng.integers(len(workshops)))].invent()[0]
-        if found and rng.random() < _CROSSED:
-            tool, _ = cross(tool, found[int(rng.integers(len(found)))][1], rng)
-        found.append((_fault(tool, workshops), tool))
-    return min(found, key=lambda one: one[0])[1], "a tool for all of the tasks", []
+def _tool_of(candidate: Candidate) -> Tool:
+    assert candidate.tool is not None
+    return candidate.tool
 
 
-def _fault(tool: Tool, workshops: Sequence[Workshop]) -> float:
-    return sum(workshop.fault(tool) if workshop.accepts(tool) else 1e6 for workshop in workshops)
-
-
-def _bred(
-    elites: Sequence[Evaluation], workshops: Sequence[Workshop], rng: np.random.Generator
-) -> tuple[Tool, str, list[str]] | None:
-    """An offspring: a mutation, or a part of the elite that does best what the first does worst put on it."""
-    weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
-    for attempt in range(_TRIES):
-        first = elites[int(rng.choice(len(elites), p=weights / weights.sum()))]
-        weak = min(first.figures, key=lambda task: first.figures[task], default="")
-        second = max(elites, key=lambda e: e.figures.get(weak, 0.0))
-        tool, other, crossing = first.candidate.tool, second.candidate.tool, second is not first and rng.random() < 0.5
-        assert tool is not None
-        assert other is not None
-        new, done = cross(tool, other, rng) if crossing else mutate(tool, 1 / (1 + attempt / 3), rng)
-        if new.components != tool.components and all(workshop.accepts(new) for workshop in workshops):
-            base = tool.description.split("; changed: ")[0]
-            new = replace(new, name=tool.name, description=f"{base}; changed: {done}")
-            kind = "crossover" if crossing else "mutation"
-            parents = [first.candidate.id, second.candidate.id] if crossing else [first.candidate.id]
-            return new, f"{kind}: {done}", parents
-    return None
+def _put(tool: Tool, old: Tool, new: Tool) -> Tool | None:
+    """Replace the components of a part by others; None: another component has the name of one of these."""
+    gone = {c.name for c in old.components}
+    kept = [c for c in tool.components if c.name not in gone]
+    added = [c for c in new.components if c not in kept]
+    if {c.name for c in kept} & {c.name for c in added}:
+        return None
+    return replace(tool, components=(*kept, *added))

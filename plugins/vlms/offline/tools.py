@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Pose
+from core.interfaces import Task
 from plugins.vlms.offline.boxes import Boxes, axes_of
 from plugins.vlms.offline.heads import FINGER_OPEN, Head
 from plugins.vlms.offline.scene_analysis import Errand
@@ -167,6 +170,21 @@ def middle(tool: Tool) -> Array:
     corners = foot(tool)
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     return np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
+
+
+def suffix(task: Task) -> str:
+    """The end of the names of components that are for one of several tasks."""
+    return re.sub(r"[^\w.-]", "_", task.name, flags=re.ASCII)[:24]
+
+
+def part_for(tool: Tool, task: Task, *, strict: bool = False) -> Tool:
+    """The part of a tool that is for one of several tasks; the tool where there is none, with ``strict`` nothing."""
+    own = set[str]()
+    for c in tool.components:  # parents go before their children
+        if c.parent in own or c.name.endswith(f"_{suffix(task)}"):
+            own.add(c.name)
+    part = replace(tool, components=tuple(c for c in tool.components if c.name in own))
+    return part if own or strict else tool
 
 
 def sample_turn(rng: np.random.Generator) -> float:

@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Evaluation, Tool, Trial
 from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
@@ -48,6 +50,24 @@ def test_one_tools_plans_crowd_out_the_others_before_they_are_thinned():
     """As in the method: first the k_top highest, then one per tool."""
     same_tool = [earned(0.9, 0, action) for action in range(3)]
     assert rewards(select([*same_tool, earned(0.8, 1)], 3, 0.0)) == [0.9]
+
+
+def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
+    earned_in = {0: (0.6, 0.5), 1: (0.0, 0.9), 2: (0.7, 0.0)}  # in two tasks
+    found = [
+        replace(
+            earned(sum(each) / 2, number),
+            trials=tuple(Trial(task=task, reward=reward) for task, reward in zip("ab", each, strict=True)),
+            figures=dict(zip("ab", each, strict=True)),
+        )
+        for number, each in earned_in.items()
+    ]
+    assert [e.candidate.strategy for e in select(found, 1, 0.5)] == [0, 2, 1]
+    search, designer = strategy("vlmgineer", k_top=1)
+    search.tell(found)
+    search.tell([earned(0.0, 3)])
+    search.ask()
+    assert [name[-5:-3] for name in designer.asked[0][1]] == ["s0", "s2", "s1"]
 
 
 def test_ties_go_to_the_shorter_way():
