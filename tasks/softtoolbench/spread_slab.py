@@ -39,7 +39,7 @@ class SpreadSlab(Task):
         "near": around("slab", (0.5, 0.0), 0.03, 0.3),
         "wide": {
             **within("slab", x=(0.42, 0.6), y=(-0.2, 0.2), yaw=(-0.75, 0.75), side=(0.09, 0.11), height=(0.04, 0.05)),
-            **within("slab", density=(250, 500), young=(4e3, 8e3), friction=(0.3, 0.6)),
+            **within("slab", density=(250, 500), young=(1.5e3, 2.2e3), friction=(0.3, 0.6)),
         },
     }
     camera = Camera(position=(0.1, -0.6, 0.5), target=(0.5, 0.0, 0.05))
@@ -47,9 +47,9 @@ class SpreadSlab(Task):
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
         side, height = draw("slab.side", 0.1), draw("slab.height", 0.045)
-        form = Filling(Box((side, side, height)), (3, 3, 3))
+        form = Filling(Box((side, side, height)), (4, 4, 2))
         friction = draw("slab.friction", 0.4)
-        elastic = Elastic(draw("slab.density", 400), draw("slab.young", 5e3), 0.45, 0.05, friction)
+        elastic = Elastic(draw("slab.density", 400), draw("slab.young", 1.8e3), 0.45, 0.05, friction)
         lies = draw.pose("slab", (0.5, 0.0, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, height / 2 + form.thickness / 2))
         return Scene((floor(), table(), Soft.make("slab", form, elastic, lies, color=DOUGH)))
 

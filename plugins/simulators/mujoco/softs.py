@@ -13,6 +13,7 @@ from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element
 
 ITERATIONS = 500  # of the step's solver: stiff flexes need more than the usual 100
+_NEO_HOOKEAN = 1  # of a solid's materials; only the discrete integrator has it
 _STRETCHES, _BOTH = 2, 3  # what a cloth resists: stretching, or bending too
 
 
@@ -43,6 +44,8 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.condim, flex.priority = 3, 2  # above that of fixed geoms
         flex.friction = [mean_friction(soft.friction, tools_friction), 0.0, 0.0]
         flex.solref, flex.solimp = [reference[0], 1.3], IMPEDANCE
+        if soft.form.kind == "solid":  # else Saint Venant-Kirchhoff's, which gives way where it is pressed hard
+            flex.elastic3d = _NEO_HOOKEAN if spec.option.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE else 0
         if soft.form.kind == "cloth":
             flex.thickness, flex.elastic2d = (
                 soft.form.thickness,
