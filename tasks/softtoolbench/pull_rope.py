@@ -75,7 +75,7 @@ class PullRope(Task):
         return Scene((floor(), table(), ring, rest(pose), rope))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
-        """Up to 0.1 on the way to the ring, then up to 1 by how far the whole eye is through it; 0.1 at most if the
+        """Up to 0.09 on the way to the ring, then up to 1 by how far the whole eye is through it; 0.09 at most if the
         rope does not go through the ring once."""
         first, last = start.nodes("rope", "ring"), end.nodes("rope", "ring")
         x, beyond = last[..., 0], last[..., 1:, 0]
@@ -85,6 +85,6 @@ class PullRope(Task):
         inside = np.linalg.norm(at, axis=-1) < OPENING
         threaded = ((crosses & inside).sum(axis=-1) == 1) & ~(crosses & ~inside).any(axis=-1) & (x[..., 0] > 0)
         behind, before = (nodes[..., -IN_EYE:, 0].max(axis=-1) for nodes in (last, first))
-        near = 0.1 * np.clip(1 - np.maximum(behind, 0.0) / before, 0.0, 1.0)
+        near = 0.09 * np.clip(1 - np.maximum(behind, 0.0) / before, 0.0, 1.0)
         reward: Array = np.where(threaded, np.clip(0.1 - 0.9 * behind / THROUGH, near, 1.0), near)
         return reward
