@@ -32,12 +32,14 @@ def literal(name: str) -> Candidate:
 
 
 def representation(file: Path, material: str = "paper") -> ToolRepresentation:
-    """Return the representation that a designs file was written for, by its fields."""
+    """Return the representation that a designs file was written for, by its fields; with joints, if it has any."""
     written = load_designs(file)["strategies"][0]
-    return next(tool for tool in _representations(material) if {*tool.schema()} <= {*written})
+    joints = any("joint" in component for component in written.get("tool_components", ()))
+    return next(tool for tool in _representations(material, joints) if {*tool.schema()} <= {*written})
 
 
 @cache
-def _representations(material: str) -> list[ToolRepresentation]:
-    words = [[f"tool={name}", f"material={material}"] for name in ("urdf", "boxes", "solids")]
+def _representations(material: str, joints: bool) -> list[ToolRepresentation]:
+    names = ("urdf", "boxes", "solids")
+    words = [[f"tool={name}", f"material={material}", f"tool.joints={joints}"] for name in names]
     return [tool_part(load("evaluate", of)).create() for of in words]
