@@ -115,8 +115,7 @@ def check_variations_draw_layouts(task: Task) -> str:
         wrong = [key for key, (low, high) in varied.ranges.items() if not -np.inf < low <= high < np.inf]
         expect(not wrong, f"variation {name!r}: the range of {', '.join(wrong)} is not from a lower to a higher number")
         layouts = [
-            [(b.pose, b.mass, b.elastic if isinstance(b, Soft) else None) for b in varied.scene(seed).bodies]
-            for seed in (0, 1)
+            [(b.pose, b.mass, getattr(b, "elastic", None)) for b in varied.scene(seed).bodies] for seed in (0, 1)
         ]
         expect(layouts[0] != layouts[1], f"variation {name!r}: two seeds give the same layout; use self.draw(seed)")
         check_nothing_overlaps_at_spawn(varied)

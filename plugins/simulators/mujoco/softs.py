@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from core.errors import UserError
 from core.geometry import Array
 from core.scene import Scene, Soft, State
 from core.values.softs import lattice, sizes
@@ -13,14 +14,19 @@ from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element
 
 ITERATIONS = 500  # of the step's solver: stiff flexes need more than the usual 100
-_NEO_HOOKEAN = 1  # of a solid's materials; only the discrete integrator has it
 _STRETCHES, _BOTH = 2, 3  # what a cloth resists: stretching, or bending too
 
 
 def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
-    """Add each node that is not pinned as a body that slides along the world's axes, and the flexes."""
+    """Add each node that is not pinned as a body that slides along the world's axes, and the flexes.
+
+    Raises:
+        UserError: bodies bounce, for which MuJoCo needs an integrator that has no soft bodies.
+    """
     if scene.softs:
         spec.option.iterations = ITERATIONS
+        if spec.option.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
+            raise UserError("a scene with soft bodies can't have two bodies with restitution; leave it out of one")
     reference = [2 * spec.option.timestep, 1.0]
     for number, soft in enumerate(scene.softs):
         names, vertices = [], []
@@ -44,13 +50,12 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.condim, flex.priority = 3, 2  # above that of fixed geoms
         flex.friction = [mean_friction(soft.friction, tools_friction), 0.0, 0.0]
         flex.solref, flex.solimp = [reference[0], 1.3], IMPEDANCE
-        if soft.form.kind == "solid":  # else Saint Venant-Kirchhoff's, which gives way where it is pressed hard
-            flex.elastic3d = _NEO_HOOKEAN if spec.option.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE else 0
+        flex.elastic3d = int(
+            soft.form.kind == "solid"
+        )  # neo-Hookean; 0, Saint Venant-Kirchhoff's, folds up under loads
         if soft.form.kind == "cloth":
-            flex.thickness, flex.elastic2d = (
-                soft.form.thickness,
-                _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES,
-            )
+            flex.thickness = soft.form.thickness
+            flex.elastic2d = _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES
         if soft.form.kind == "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
             length.solref, length.solimp = reference, HOLDS

@@ -1,5 +1,7 @@
 """Requirements for soft bodies in engines: MuJoCo plays and draws them, the others refuse them in a line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -96,6 +98,12 @@ def test_pictures_follow_the_nodes(name):
     )
     shown = [np.argwhere(np.abs(picture - picture[0, 0]).max(axis=-1) > 40)[:, 1].mean() for picture in (before, after)]
     assert shown[1] - shown[0] == pytest.approx(0.1 / 0.6 * 60 / np.tan(np.radians(30)), rel=0.2)
+
+
+def test_bodies_that_bounce_are_refused_beside_them():
+    bouncing = [replace(body, restitution=0.5) for body in (BAR, LOAD)]
+    with pytest.raises(UserError, match="a scene with soft bodies can't have two bodies with restitution"):
+        played(Bodies(*bouncing, TOWEL))
 
 
 @pytest.mark.parametrize("name", ["pybullet", "sapien", "mujoco_warp"])
