@@ -18,12 +18,14 @@ from markdown_it import MarkdownIt
 
 from core.config.compose import load
 from core.errors import UserError
+from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Scene
 from core.search.orchestration import run
 from plugins.results.workshop.command import as_good, checklist, configured, export, main, whole
+from plugins.results.workshop.ros import scene_message
 from tests.core.run_folders import write_run
-from tests.panda import PANDA
+from tests.panda import PANDA, on_panda
 
 pytestmark = pytest.mark.slow
 
@@ -116,6 +118,13 @@ def test_the_tool_is_a_macro_that_xacro_reads(made, tmp_path):
     for component in found.candidate.tool.components:
         assert f'name="tool_{component.name}"' in text
     assert all(link.startswith(("flange", "tool_")) for link in re.findall(r'<link name="([^"]*)', text))
+
+
+def test_a_soft_body_is_in_the_planning_scene_as_it_is_at_the_start():
+    task = on_panda(installed().create("task", "HangCloth"))
+    objects = {of["id"]: of for of in scene_message(task.robot, task.scene(0))["world"]["collision_objects"]}
+    (mesh,) = objects["cloth"]["meshes"]
+    assert len(mesh["vertices"]) == 2 * 36  # both sides
 
 
 def test_the_scene_is_that_of_the_task(made):

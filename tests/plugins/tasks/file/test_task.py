@@ -21,6 +21,7 @@ from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.words import describe_goals
+from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.source import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
@@ -149,6 +150,7 @@ def test_what_is_elastic_is_soft(tmp_path):
     assert task.reward(start, done) == pytest.approx(1)
     assert "dough must be at most 0.03 m high" in task.reward_in_words()[0]
     assert "(node 0 of its nodes" in task.reward_in_words()[1]
+    assert "| rope | soft rope, as rubber; held at 1 of its nodes |" in bodies_table(task, 0)
     young = {task_of(tmp_path, text, "softer").scene(seed)["dough"].elastic.young for seed in range(5)}
     assert len(young) == 5
     trimesh.creation.icosphere(radius=40).export(tmp_path / "ball.stl")
