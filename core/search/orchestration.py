@@ -111,7 +111,9 @@ def make_asking(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> tupl
         UserError: a part or setting that can't be used.
     """
     budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
-    check_budget(budget)
+    for name, least in (("n_agent", 1), ("n_tool", 1), ("n_action", 1), ("k_top", 1), ("n_iteration", 0)):
+        if getattr(budget, name) < least:
+            raise UsageError(f"budget.{name} must be at least {least}, got {getattr(budget, name)}")
     check_seed(cfg.seed)
     task, sim, representation = task_part(cfg).create(), part(SIMULATOR, cfg.sim), tool_part(cfg).create()
     for one in task.parts:
@@ -313,17 +315,6 @@ def print_best(best: dict[str, Any] | None, folder: Path, why: str = "", unseen:
     if unseen is not None:
         figures += f", in {unseen['layouts']} unseen layouts mean {unseen['mean']:.3f}, worst {unseen['worst']:.3f}"
     say(f"{figures}, candidate {best['candidate']}", str(folder / "best"))
-
-
-def check_budget(budget: Budget) -> None:
-    """Check the counts of a budget.
-
-    Raises:
-        UsageError: a count is too small; says which.
-    """
-    for name, least in (("n_agent", 1), ("n_tool", 1), ("n_action", 1), ("k_top", 1), ("n_iteration", 0)):
-        if getattr(budget, name) < least:
-            raise UsageError(f"budget.{name} must be at least {least}, got {getattr(budget, name)}")
 
 
 class Experiment:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from PIL.ImageColor import getrgb
 
 from core.design import RIGID_MOUNT, Tool
 from core.designs.statics import flange_moment
@@ -145,7 +146,8 @@ def views(tool: Tool, robot: Robot, names: Sequence[str]) -> list[dict[str, Any]
     ``names`` are those of the components by their numbers, the first 1.
     """
     held, numbers = as_held(tool, robot), {name: number for number, name in enumerate(names, start=1)}
-    colors = {name: 0.85 + 0.15 * np.array(_rgb(COLORS[(n - 1) % len(COLORS)])) for name, n in numbers.items()}
+    drawn = {name: np.divide(getrgb(COLORS[(n - 1) % len(COLORS)]), 255) for name, n in numbers.items()}
+    colors = {name: 0.85 + 0.15 * color for name, color in drawn.items()}
     pale = [Painted(solid, (*colors[component.name].tolist(), 1.0)) for component, solid in held]
     places = [(numbers[component.name], 1000 * np.asarray(solid.bounds).mean(axis=0)) for component, solid in held]
     points = 1000 * np.concatenate([solid.vertices for _, solid in held])
@@ -163,10 +165,6 @@ def views(tool: Tool, robot: Robot, names: Sequence[str]) -> list[dict[str, Any]
         lengths = {"low": low, "high": high, "corner": (low + high - shown) / 2, "center": way @ center}
         made.append({"title": title, "scale": scale, "picture": data_address(picture), "numbers": numbered, **lengths})
     return made
-
-
-def _rgb(color: str) -> list[float]:
-    return [int(color[at : at + 2], 16) / 255 for at in (1, 3, 5)]
 
 
 def _numbered(numbers: Sequence[tuple[int, Array]], apart: float) -> list[tuple[str, Array]]:

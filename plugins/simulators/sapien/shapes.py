@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,10 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)
         case Cylinder(radius=radius, length=length):
-            return hull(_file(folder, "cylinder", _prism), material, (radius, radius, length))
+            # PhysX lacks it: a prism whose corners are as far outside the cylinder as its sides are inside.
+            corner = 2 / (1 + np.cos(np.pi / _SIDES))
+            prism = partial(trimesh.creation.cylinder, radius=corner, height=1.0, sections=_SIDES)
+            return hull(_file(folder, "cylinder", prism), material, (radius, radius, length))
         case Capsule(radius=radius, length=length):
             return physx.PhysxCollisionShapeCapsule(radius, length / 2, material)
         case Mesh(vertices=vertices, faces=faces):
@@ -47,14 +51,6 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
 def hull(file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
     """Make the convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
-
-
-def _prism() -> trimesh.Trimesh:
-    """Make a prism in place of a cylinder of radius and length 1, which PhysX lacks.
-
-    Its corners are as far outside the cylinder as its sides are inside.
-    """
-    return trimesh.creation.cylinder(radius=2 / (1 + np.cos(np.pi / _SIDES)), height=1.0, sections=_SIDES)
 
 
 def _file(folder: Path, name: str, make: Callable[[], trimesh.Trimesh]) -> Path:

@@ -22,8 +22,7 @@ from core.interfaces import VLM, Reply, Waypoints
 from core.plugins import Offer, installed
 from core.search.orchestration import resume, run
 from plugins.conformance.suites import SUITES
-from plugins.vlms.ensemble.dealing import Dealer
-from plugins.vlms.ensemble.model import Ensemble
+from plugins.vlms.ensemble.model import Dealer, Ensemble
 from tests.plugins.vlms.asking import KEYS, until_limit
 from tests.plugins.vlms.servers import Say, Send, request, serving
 from tests.plugins.vlms.test_litellm_runs import secrets_in

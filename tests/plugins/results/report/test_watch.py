@@ -72,9 +72,9 @@ def test_the_page_follows_a_run_that_goes_on(tmp_path):
         write_run.open[-1].hook.generation_finished(generation=Generation(1, ()))
         assert "2 of 4 generations" in get(server, "/state")[1]
         assert "2 of 4 generations" in get(server)[1]
-        assert "The run goes on: " in get(server, "/state")[1]
         assert is_held(folder)
         before = folder_state(folder)
+        assert "The run goes on: " in get(server)[1]
         assert folder_state(folder) == before
         write_run.open[-1].hook.run_ended()  # as when the process is gone, its lock is free and there is no result
         assert f"The run was killed (to go on: python -m core.run resume={folder}): 2 of 4" in get(server, "/state")[1]
