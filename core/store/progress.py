@@ -68,7 +68,8 @@ class StoredProgress:
             UserError: another candidate was evaluated under this id.
         """
         row = self._evaluations.get(candidate.id)
-        if row is not None and not _same(row, candidate):
+        unread = row is not None and row["status"] != "rejected" and candidate.problem is not None
+        if row is not None and (unread or row["content"] not in (None, candidate.content)):
             raise UserError(
                 f"{candidate.id} reads differently now than when it was tried: the package or a plugin has changed "
                 f"since; a new run with vlm=replay vlm.run={self._folder} takes the replies that there are"
@@ -77,11 +78,6 @@ class StoredProgress:
             return None
         row = row or self._by_content.get(candidate.content)
         return None if row is None else _evaluation(candidate, row)
-
-
-def _same(row: Row, candidate: Candidate) -> bool:
-    tried = row["status"] != "rejected"
-    return row["content"] in (None, candidate.content) and not (tried and candidate.problem is not None)
 
 
 def _evaluation(candidate: Candidate, row: Row) -> Evaluation:

@@ -22,7 +22,7 @@ from core.robot.solids import Solid, robot_solids, signed_distance
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import DEEP_M
 from plugins.conformance.checking import expect, simulators
-from plugins.conformance.worlds import Bodies, film
+from plugins.conformance.worlds import Bodies, film, play
 
 # The radius of gyration of a link is at most this many diagonals of the box around its collision shapes. Of the
 # default arm's links, whose identified inertias shift mass between neighbours, the first has 1.15.
@@ -222,6 +222,4 @@ def _engines() -> tuple[tuple[str, Simulator], ...]:
 def _play(simulator: Simulator, robot: Robot, tool: Tool, trajectory: JointTrajectory, hold_s: float) -> Outcome:
     task = Bodies(robot=robot)
     task.home = arm_of(robot).forward(arm_of(robot).home)  # type: ignore[misc]  # a class variable elsewhere
-    (outcome,) = simulator.rollout(task, [Rollout(tool, trajectory, 0, 0.1, hold_s, _HZ)])
-    expect(outcome.error is None, f"a rollout broke: {outcome.error}")
-    return outcome
+    return play(simulator, task, Rollout(tool, trajectory, 0, 0.1, hold_s, _HZ))

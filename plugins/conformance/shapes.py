@@ -46,12 +46,6 @@ def bowl(radius: float, wall: float, rings: int = 3, sides: int = 16) -> Compoun
     return Compound(Mesh.from_trimesh(trimesh.creation.revolve(outline, sections=sides)), parts)
 
 
-def _on_shaft(shape: Shape | Compound, rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Tool:
-    """A shaft with a shape whose frame is at the shaft's end."""
-    pose = Pose.xyz_rpy((0.0, 0.0, -_SHAFT / 2), rpy)
-    return Tool((*stick(_SHAFT).components, Component("head", "stick", pose, shape, 0.02)))
-
-
 def check_tools_of_every_shape_push_where_they_are(simulator: Simulator) -> None:
     """A head that moves sideways pushes a puck, and touches it with its own surface."""
     lying = (math.pi / 2, 0.0, 0.0)
@@ -65,7 +59,8 @@ def check_tools_of_every_shape_push_where_they_are(simulator: Simulator) -> None
         (bowl(0.05, 0.004), (0.0, math.pi, 0.0)),
     ]
     for shape, rpy in heads:
-        tool = _on_shaft(shape, rpy)
+        head = Component("head", "stick", Pose.xyz_rpy((0.0, 0.0, -_SHAFT / 2), rpy), shape, 0.02)
+        tool = Tool((*stick(_SHAFT).components, head))
         pose = tool.placed()["head"][1]
         front = float(pose.apply(shape.to_trimesh().vertices)[:, 0].max())
         puck = Body.of("puck", Cylinder(0.03, 0.06), (0.45 + front + 0.05, 0.0, 0.03), mass=0.2, color=GREY, friction=1)

@@ -117,11 +117,16 @@ def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout, joints: tu
     task = Bodies(*bodies, joints=joints)
     scene = task.scene(0)
     try:
-        (outcome,) = simulator.rollout(task, [job])
+        return play(simulator, task, job)
     except UserError as error:
         if joints or scene.softs or any(body.launched for body in scene.bodies):
             raise LeftOut(str(error)) from error
         raise
+
+
+def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
+    """Simulate one job of a task; it must not break."""
+    (outcome,) = simulator.rollout(task, [job])
     expect(outcome.error is None, f"a rollout broke: {outcome.error}")
     return outcome
 

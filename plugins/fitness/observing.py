@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Sphere
 from core.goals import DONE, KEPT_M, progress
-from core.interfaces import Contact, Observation, Outcome, Recording, Task
+from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
 from core.solids.contacts import Contacts, Flags, make_trace
@@ -66,7 +66,8 @@ def observe(
         if part.bodies and set(part.bodies) <= set(start.names)
     ]  # a goal is a hint, and may be wrong
     goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
-    lags = _lags(motion, taken)
+    off = np.abs(taken.arm - motion.trajectory.sample(taken.times)[0]).max(axis=1)
+    lags = np.where(taken.times < 0, 0.0, off)  # of a joint at each sample, radians; 0 before the motion begins
     names = tuple(dict.fromkeys(name for goal in goals for name in goal.bodies)) or start.names
     enough = all if task.every else any
     wanted = {name: [goal for goal in goals if name in goal.bodies] for name in names}
@@ -230,12 +231,6 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     """Yield where flags begin to be set and where they end."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-
-
-def _lags(motion: Motion, taken: Recording) -> Array:
-    """The largest lag of a joint at each sample (T,), radians; 0 before the motion begins."""
-    wanted, _ = motion.trajectory.sample(taken.times)
-    return np.where(taken.times < 0, 0.0, np.abs(taken.arm - wanted).max(axis=1))
 
 
 def _tilts(first: Array, quaternions: Array) -> Array:

@@ -309,7 +309,9 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
         found = f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's"
         same = short_numbers(Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy, 4, ",")
         raise UserError(f"{found}; {_way((flange.rotation * turn).inv())}, or set robot.mount_rpy=[{same}]")
-    _check_looks_down(robot)
+    if (height := wrist_height(robot, np.array(robot.home))) < -_UNDER_M:
+        below = f"the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange {robot.mount_link!r}"
+        raise UserError(f"at home {below}, which looks up; choose a home where it looks down (vlmgineer home)")
     return Pose.from_rotation((0.0, 0.0, 0.0), turn)
 
 
@@ -349,10 +351,3 @@ def wrist_height(robot: Robot, joints: Array) -> float:
             along = poses[last.child].rotation.apply(last.direction)
             return float((np.mean(middles, axis=0) - mount.position) @ along * along[2])
     return 0.0
-
-
-def _check_looks_down(robot: Robot) -> None:
-    """Refuse a home at which the link before the last joint lies below the flange."""
-    if (height := wrist_height(robot, np.array(robot.home))) < -_UNDER_M:
-        below = f"the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange {robot.mount_link!r}"
-        raise UserError(f"at home {below}, which looks up; choose a home where it looks down (vlmgineer home)")
