@@ -103,7 +103,8 @@ def generation_lines(evaluations: tuple[Evaluation, ...], budget: int, sight: Si
     shown = [line for text, line in lines.items() if text in chosen]
     rest = [evaluation for text, group in groups.items() if text not in chosen for evaluation in group]
     why = by_reason((e.candidate.id, e.reason) for e in rest)[:_REASONS]
-    left_out = "; ".join([_summary(rest), *(_said(clean(line, _OUTCOME), sight) for line in why)])
+    counts = ", ".join(f"{count} {name}" for name, count in Counter(map(outcome_of, rest)).most_common())
+    left_out = "; ".join([f"{len(rest)} candidates: {counts}", *(_said(clean(line, _OUTCOME), sight) for line in why)])
     return "\n".join([*shown, *([f"- Left out: {left_out}."] if rest else [])])
 
 
@@ -327,11 +328,6 @@ def _when(seen: Observation, instant: float) -> str:
 def _ids(group: Sequence[Evaluation]) -> str:
     ids = [evaluation.candidate.id for evaluation in group]
     return ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
-
-
-def _summary(rest: Sequence[Evaluation]) -> str:
-    counts = Counter(map(outcome_of, rest)).most_common()
-    return f"{len(rest)} candidates: {', '.join(f'{count} {name}' for name, count in counts)}"
 
 
 def _point(point: Sequence[float]) -> str:

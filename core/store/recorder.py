@@ -164,8 +164,9 @@ class RunStore:
         brief = request.brief
         with writing(self.folder):
             folder = self.folder / "requests"
-            for picture in _pictures(request):
-                (folder / f"{picture.name}.png").write_bytes(picture.png)
+            for part in (part for message in request.messages for part in message.parts):
+                if isinstance(part, Picture) and part.name != "scene":  # which the run's folder has already
+                    (folder / f"{part.name}.png").write_bytes(part.png)
             _write(folder / f"{request.id}.md", _readable(request))
             if not request.critique:
                 _write(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
@@ -331,12 +332,6 @@ def summary(generation: Generation) -> dict[str, Any]:
     """Return a generation's figures, as in ``result.json``."""
     earned, counts = (generation.best_reward, generation.mean_reward), map(generation.count, ("rejected", "failed"))
     return asdict(GenerationFigures(generation.index, *earned, len(generation.evaluations), *counts))
-
-
-def _pictures(request: Request) -> list[Picture]:
-    """Return the pictures of a request but for the scene's, which the run's folder has already."""
-    parts = [part for message in request.messages for part in message.parts]
-    return [part for part in parts if isinstance(part, Picture) and part.name != "scene"]
 
 
 def _readable(request: Request) -> str:

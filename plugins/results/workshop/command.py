@@ -218,7 +218,8 @@ def _export(
         solid = write_tool(replace(solid, checks=(*earlier, *checks, *solid.checks)), in_tool)
         solid = replace(solid, checks=solid.checks[len(earlier) :])
         verdicts = write_sheet(solid, tool, task, scene, motion, replays, output)
-    contact_s = min((at for played in replays.values() if (at := played.first_contact()) is not None), default=None)
+    touches = [touch for played in replays.values() for touch in played.contacts.all if touch.kind != "body"]
+    contact_s = min((touch.first_s for touch in touches), default=None)  # when the robot first touches a body
     if contact_s is not None:
         before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower - STEP_S, arm)
         if before is not None:

@@ -156,10 +156,6 @@ class PlayedMotion:
     contacts: Contacts
     problems: tuple[str, ...]
 
-    def first_contact(self) -> float | None:
-        """Return when the robot first touches a body, seconds of the motion; None if it never does."""
-        return min((contact.first_s for contact in self.contacts.all if contact.kind != "body"), default=None)
-
 
 def play(
     task: Task, simulator: Simulator, tool: Tool, motion: Sampled, scene: Scene, seed: int, settings: RolloutSettings

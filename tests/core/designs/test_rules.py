@@ -59,14 +59,10 @@ def test_a_sound_tool_passes():
     check_tool(rigid(box(), box("b", (0.1, 0, -0.05), (0.2, 0.02, 0.02), parent="a")), PANDA)
 
 
-@pytest.mark.parametrize("number", [100, 101])
-def test_number_of_components(number):
-    tool = rigid(*(box(f"c{i}") for i in range(number)))
-    if number > 100:
-        with pytest.raises(DesignError, match="has 101 components; at most 100"):
-            check_tool(tool, PANDA)
-    else:
-        check_tool(tool, PANDA)
+def test_number_of_components():
+    check_tool(rigid(*(box(f"c{i}") for i in range(100))), PANDA)
+    with pytest.raises(DesignError, match="has 101 components; at most 100"):
+        check_tool(rigid(*(box(f"c{i}") for i in range(101))), PANDA)
 
 
 def test_a_tool_has_components():
@@ -85,14 +81,8 @@ def test_sides(size, reason):
         check_tool(rigid(box(size=size)), PANDA)
 
 
-@pytest.mark.parametrize("mass", [0.0, -0.1, 1.001, math.nan, math.inf])
+@pytest.mark.parametrize("mass", [0.0, -0.1, 1.001, math.nan, math.inf, 5e-324, 1e-30, 1e-12, 9e-7])
 def test_masses(mass):
-    with pytest.raises(DesignError, match="component 'a' weighs"):
-        check_tool(rigid(box(mass=mass)), PANDA)
-
-
-@pytest.mark.parametrize("mass", [5e-324, 1e-30, 1e-12, 9e-7])
-def test_a_component_of_next_to_nothing(mass):
     with pytest.raises(DesignError, match=r"component 'a' weighs .* kg; it must be between 1e-06 and 1 kg"):
         check_tool(rigid(box(mass=mass)), PANDA)
 
