@@ -240,8 +240,10 @@ class ModelDesigner:
         def receive() -> None:
             for reply in self.vlm.complete(requests):
                 if not isinstance(reply, Reply) or reply.request_id not in missing:
-                    plugin = describe_part(self.vlm)
-                    say(f"{plugin}: complete gave {_describe(reply)}; it is left out", file=sys.stderr)
+                    wrong = f"{shorten(repr(reply))}, which is no Reply"
+                    if isinstance(reply, Reply):
+                        wrong = f"a reply to {reply.request_id!r}, which was not sent or has its reply already"
+                    say(f"{describe_part(self.vlm)}: complete gave {wrong}; it is left out", file=sys.stderr)
                     continue
                 missing.remove(reply.request_id)
                 reply = checked(reply)
@@ -313,13 +315,6 @@ class ModelDesigner:
             most=(brief.n_tool, brief.n_action or None),
             actions=brief.actions,
         )
-
-
-def _describe(reply: object) -> str:
-    """Say what is wrong with a reply that answers no request."""
-    if isinstance(reply, Reply):
-        return f"a reply to {reply.request_id!r}, which was not sent or has its reply already"
-    return f"{shorten(repr(reply))}, which is no Reply"
 
 
 def _lost(brief: Brief, problem: str) -> Candidate:
