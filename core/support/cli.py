@@ -95,16 +95,12 @@ def folders_and_overrides(usage: str, given: Sequence[str]) -> tuple[list[Path],
         if not equals or Path(word).exists():
             folders.append(Path(word))
         elif key in ("run", "runs"):
-            folders += [Path(name.strip("'\" ")) for name in _listed(value)]
+            listed = value.startswith("[") and value.endswith("]") and not Path(value).exists()  # as Hydra writes lists
+            names = value[1:-1].split(",") if listed else [value]
+            folders += [Path(name.strip("'\" ")) for name in names]
         else:
             overrides.append(word)
     return folders, overrides
-
-
-def _listed(value: str) -> list[str]:
-    """Split ``[A,B]``, as Hydra writes lists; anything else is one item."""
-    listed = value.startswith("[") and value.endswith("]") and not Path(value).exists()
-    return value[1:-1].split(",") if listed else [value]
 
 
 def _help_or_words(usage: str, given: Sequence[str]) -> list[str]:
