@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from core.design import DesignError
 from core.geometry import Array
 from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypoints
 from core.robot.kinematics import Arm, arm_of
@@ -35,6 +36,7 @@ from core.robot.trajectory import (
 )
 
 _APART_M, _APART_RAD = 1e-6, 1e-6  # waypoints nearer than this are one place
+_STILL_RAD = 1e-5  # where no joint turns farther, TOPP-RA may find no timing
 _LEVER_M = 0.2  # a turn of 1 rad is as long as this
 _ROUNDS, _EXACT_S = 20, 1e-3  # of slowing a way until it takes its seconds
 
@@ -42,7 +44,11 @@ Leg = tuple[Array, Array, list[float]]  # instants (S,), joints (S, J), and when
 
 
 def plan_task_motion(plan: Waypoints, task: Task, settings: RolloutSettings, begin: Begin | None = None) -> Motion:
-    """Plan the motion of the task's robot through waypoints, under a run's settings, from home or from ``begin``."""
+    """Plan the motion of the task's robot through waypoints, under a run's settings, from home or from ``begin``.
+
+    Raises:
+        DesignError: no tempo keeps the arm's limits.
+    """
     arm, home = arm_of(task.robot), task.home
     if plan.tempo is None and begin is None:
         return plan_motion(plan.poses, home, arm, segment_s=settings.segment_s, speed=settings.speed)
@@ -112,7 +118,8 @@ def _timed(
     if len(asked) == 1:
         path = [(joined(knots, arm), len(knots) - 1)]
         ((instants, joints),) = time_at_rest(path, arm, float(asked[0]), speed)
-        if instants[-1] <= asked[0] + _EXACT_S or not hurried:
+        still = float(np.ptp(knots, axis=0).max()) < _STILL_RAD
+        if instants[-1] <= asked[0] + _EXACT_S or not hurried or still:
             return instants, joints, [float(instants[-1])]
     return _fastest(knots, ends, asked, seconds, arm, speed)
 
@@ -142,6 +149,8 @@ def _fastest(knots: Array, ends: Sequence[int], asked: Array, seconds: Array, ar
             JointAccelerationConstraint(most, discretization_scheme=DiscretizationType.Interpolation),
         ]
         _, rate, _ = TOPPRA(limits, path, gridpoints=s).compute_parameterization(0, 0)
+        if rate is None:
+            raise DesignError("no tempo was found that keeps the arm's limits; ask for fewer 'through' or more time")
         lasts = 2 * np.diff(s) / (rate[:-1] + rate[1:])
         took = np.array([lasts[a:b].sum() for a, b in pairwise(marks)])
         short = took < seconds - _EXACT_S

@@ -77,6 +77,13 @@ def test_what_the_limits_do_not_allow_is_slowed_and_reported():
     assert_within_limits(motion)
 
 
+@pytest.mark.parametrize("away", [0.0, 1e-6, 3e-6, 1e-5, 1e-4])
+def test_a_way_of_next_to_nothing_has_a_time(away):
+    motion = motion_of(np.array([LINE[0], LINE[0] + [away, 0, 0, 0, 0, 0], LINE[1]]), speeds=[0.1, 0.01, 0.1])
+    assert np.isfinite(motion.arrivals).all()
+    assert_within_limits(motion)
+
+
 def test_it_waits_where_it_is_told_to():
     motion = motion_of(waits=[0.0, 1.5, 0.25])
     usual = motion_of()
