@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import faulthandler
 import logging
 import math
 import os
@@ -10,7 +9,6 @@ import pickle
 import signal
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from functools import cache, partial
@@ -78,7 +76,7 @@ class RayExecutor(Executor):
         self._retries = retries
         self._timeout_s = timeout_s
         self._connected = self._closed = False
-        self._tasks: set[Any] = set()  # that threads wait for
+        self._tasks: dict[int, Any] = {}  # that threads wait for
         self._lock = threading.Condition()
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
@@ -87,7 +85,7 @@ class RayExecutor(Executor):
             self._connect()
         count = self._workers or self._room(getattr(function, "batch", 1) > 1)
         task = self._ray.remote(max_calls=0)(_work).options(
-            num_cpus=self._num_cpus, num_gpus=self._num_gpus, max_retries=0, scheduling_strategy="SPREAD"
+            num_cpus=self._num_cpus, num_gpus=self._num_gpus, max_retries=0, num_returns="streaming"
         )
         return dispatch([partial(self._call, task, function)] * count, chunks)
 
@@ -100,15 +98,13 @@ class RayExecutor(Executor):
         job, limit = pickle.dumps((function, chunk)), time_limit(self._timeout_s, chunk)
         lost, machine, why = self._ray.exceptions, False, ""
         for _ in range(1 + self._retries):
-            begun = time.monotonic()
             try:
                 answer = pickle.loads(self._result(task, job, limit))  # noqa: S301
+            except lost.GetTimeoutError:
+                return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
             except lost.RayError as error:
                 if self._closed:
                     break
-                crashed, took = isinstance(error, lost.WorkerCrashedError), time.monotonic() - begun
-                if crashed and limit is not None and took >= limit:
-                    return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
                 machine = isinstance(error, lost.OutOfMemoryError | lost.NodeDiedError)  # no fault of the chunk
                 why = f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
                 continue
@@ -122,18 +118,28 @@ class RayExecutor(Executor):
         return (Fault if machine else RuntimeError)(f"the worker was lost {1 + self._retries} times: {why}")
 
     def _result(self, task: Any, job: bytes, limit: float | None) -> bytes:
-        """Wait for a task. While one does, Ray is not shut down: what calls it afterwards ends the whole process."""
+        """Wait for a task, `_work`; from when it begins for ``limit`` seconds at most.
+
+        While one waits, Ray is not shut down: what calls it afterwards ends the whole process.
+        """
         with self._lock:
             if self._closed:
                 raise self._ray.exceptions.RayError("the executor is closed")
-            waited = task.remote(job, limit)
-            self._tasks.add(waited)
+            answers = task.remote(job)
+            self._tasks[id(answers)] = answers
         try:
-            result: bytes = self._ray.get(waited)
+            unusable: bytes = self._ray.get(next(answers))
+            if unusable:
+                return unusable
+            if not self._ray.wait([answers], timeout=limit)[0]:
+                self._ray.cancel(answers, force=True)
+                raise self._ray.exceptions.GetTimeoutError
+            result: bytes = self._ray.get(next(answers))
+            next(answers, None)  # its end: the process is free for the next chunk
             return result
         finally:
             with self._lock:
-                self._tasks.discard(waited)
+                self._tasks.pop(id(answers), None)
                 self._lock.notify_all()
 
     def _room(self, batches: bool) -> int:
@@ -183,7 +189,7 @@ class RayExecutor(Executor):
     def close(self) -> None:
         with self._lock:
             self._closed = True
-            for waited in self._tasks:
+            for waited in self._tasks.values():
                 with suppress(Exception):  # gone already, with its node or the cluster
                     self._ray.cancel(waited, force=True)
             self._lock.wait_for(lambda: not self._tasks, _END_S)
@@ -243,23 +249,22 @@ def _keep_scratch() -> None:
     use_scratch(scratch())
 
 
-def _work(job: bytes, limit: float | None) -> bytes:
-    """Call a pickled function with a pickled chunk in a process of the cluster, and return the pickled result.
+def _work(job: bytes) -> Iterator[bytes]:
+    """Call a pickled function with a pickled chunk in a process of the cluster, and yield the pickled result.
 
-    What the function needs is imported and made first, which counts for no chunk's time; then the process ends itself
-    after ``limit`` seconds, whatever it hangs in.
+    What the function needs is imported and made first, which counts for no chunk's time. Then comes an empty answer, as
+    the chunk begins; or why it can't.
     """
     _keep_scratch()
     try:
         function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
         getattr(function, "prepare", lambda: None)()
     except RAISED as error:
-        return pickle.dumps(_Unusable(f"workers on the Ray cluster can't be used: {type(error).__name__}: {error}"))
+        yield pickle.dumps(_Unusable(f"workers on the Ray cluster can't be used: {type(error).__name__}: {error}"))
+        return
+    yield b""
     try:
-        if limit is not None:
-            faulthandler.dump_traceback_later(limit, exit=True)
-        return pickle.dumps(function(chunk))
+        result = pickle.dumps(function(chunk))
     except RAISED as error:
-        return pickle.dumps(portable(error))
-    finally:
-        faulthandler.cancel_dump_traceback_later()
+        result = pickle.dumps(portable(error))
+    yield result
