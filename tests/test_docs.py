@@ -93,6 +93,8 @@ def test_the_commands_that_are_run_are_in_the_docs():
 )
 def test_command(line: str, tmp_path: Path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
+    (tmp_path / "tasks").mkdir()
+    (tmp_path / "tasks" / "scenes").symlink_to(ROOT / "tasks" / "scenes")
     words = after_python(line)[1:]
     if "robot.path=my_lab" in line:
         write_arm(tmp_path / "my_lab")
