@@ -266,7 +266,7 @@ def moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
 def _check_touch(tool: Tool, mounts: Mapping[str, Sequence[Solid]]) -> None:
     """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one.
 
-    The axis of a hinge passes both, as its pin does.
+    The axis of a hinge must pass both at `MAX_PIN_M` or less, as a pin does.
     """
     sides = {name: list(mounts.get(name, ())) for name in tool.borne_on}
     for part in tool.parts:
@@ -295,10 +295,10 @@ def _check_touch(tool: Tool, mounts: Mapping[str, Sequence[Solid]]) -> None:
                 )
 
 
-def _pin(joint: ToolJoint, moved: Sequence[Solid], pose: Pose) -> Solid:
-    """Return a hinge's axis as far as what moves on it is beside it, in a frame where the joint's has a pose."""
+def _pin(joint: ToolJoint, beside: Sequence[Solid], pose: Pose) -> Solid:
+    """Return a hinge's axis as a solid, as long as the solids ``beside`` it; ``pose`` is that of the joint's frame."""
     axis: Array = np.array(joint.axis)
-    middles, halves = zip(*(solid.bounds() for solid in moved), strict=True)
+    middles, halves = zip(*(solid.bounds() for solid in beside), strict=True)
     along, reach = np.array(middles) @ axis, np.array(halves) @ np.abs(axis)
     low, high = float((along - reach).min()), float((along + reach).max())
     turn, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])

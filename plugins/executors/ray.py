@@ -151,7 +151,10 @@ class RayExecutor(Executor):
         has = self._ray.cluster_resources()
         room = has.get("CPU", 0) / self._num_cpus
         if room < 1:
-            raise UserError(f"executor.num_cpus={self._num_cpus:g}: the cluster has {has.get('CPU', 0):g} cores")
+            raise UserError(
+                f"executor.num_cpus={self._num_cpus:g}: the cluster has {has.get('CPU', 0):g} cores; "
+                "where it grows by itself, set executor.workers"
+            )
         if self._num_gpus > 0:
             cards = has.get("GPU", 0)
             if cards < self._num_gpus:

@@ -50,9 +50,8 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.condim, flex.priority = 3, 2  # above that of fixed geoms
         flex.friction = [mean_friction(soft.friction, tools_friction), 0.0, 0.0]
         flex.solref, flex.solimp = [reference[0], 1.3], IMPEDANCE
-        flex.elastic3d = int(
-            soft.form.kind == "solid"
-        )  # neo-Hookean; 0, Saint Venant-Kirchhoff's, folds up under loads
+        # Neo-Hookean: MuJoCo's other material, Saint Venant-Kirchhoff's, folds up under loads.
+        flex.elastic3d = int(soft.form.kind == "solid")
         if soft.form.kind == "cloth":
             flex.thickness = soft.form.thickness
             flex.elastic2d = _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES

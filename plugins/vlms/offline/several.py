@@ -25,12 +25,12 @@ from plugins.vlms.offline.tools import part_for, recognize, suffix
 _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
 _WAYS = (0, 90, -90, 180)  # degrees about the mount's axis, one after the other for the tasks
-_ABOVE_M = 0.02  # clearance of all parts over what the home is above of
+_ABOVE_M = 0.02  # clearance of all parts above the highest body below home
 _DRAWN = re.compile(r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)")
 
 
 class Draw(NamedTuple):
-    """A part's way, its length and random seed; ``text`` says so in a tool's description."""
+    """Which way a part points, its length and its random seed; ``text`` says so in a tool's description."""
 
     task: str
     degrees: int
@@ -82,14 +82,14 @@ def tools_answer(brief: Brief) -> dict[str, Any]:
             reasons.append(f"{part.name}: {error}")
     if not workshops:
         raise NothingToMove("; ".join(reasons))
-    bench = _Bench(brief, workshops, np.random.default_rng(brief.seed))
-    strategies = [bench.strategy(number) for number in range(brief.n_tool)]
+    maker = _ToolMaker(brief, workshops, np.random.default_rng(brief.seed))
+    strategies = [maker.strategy(number) for number in range(brief.n_tool)]
     return {"scene_analysis": f"{len(workshops)} tasks for one tool.", "strategies": strategies}
 
 
 @dataclass(frozen=True, eq=False)
-class _Bench:
-    """Makes tools for several tasks."""
+class _ToolMaker:
+    """Makes tools for several tasks; ``workshops`` are those of each, by its name."""
 
     brief: Brief
     workshops: Mapping[str, Workshop]
@@ -125,18 +125,17 @@ class _Bench:
             return joined, "the parts that do most", parents
         weights = 1.02 - np.clip(earned, 0.0, 1.0)
         weak = names[int(self.rng.choice(len(names), p=weights / weights.sum()))]
-        done = earned[names.index(weak)] >= self._part(weak).success_reward
+        done = earned[names.index(weak)] >= self._task(weak).success_reward
         if not done and self.rng.random() < _FRESH:
             return self._fresh(weak), f"a part for {weak}", []
         for attempt in range(_TRIES):
-            part = part_for(joined, self._part(weak))
+            part = part_for(joined, self._task(weak))
             changed, what = mutate(part, 1 / (1 + attempt / 3), self.rng)
-            new = _put(joined, part, changed)
-            if new is not None and changed.components != part.components and self._accepts(new):
+            if changed.components != part.components and (new := self._with(joined, part, changed)) is not None:
                 return new, f"{weak}: {what}", parents
         return self._fresh(weak), f"a part for {weak}", []
 
-    def _part(self, name: str) -> Task:
+    def _task(self, name: str) -> Task:
         return self.workshops[name].brief.task
 
     def _accepts(self, tool: Tool) -> bool:
@@ -144,7 +143,7 @@ class _Bench:
 
     def _fresh(self, name: str) -> Tool:
         """A tool with a part for one task, which points its own way and is as long as all others."""
-        task, mm = self._part(name), int(1000 * (min(w.room for w in self.workshops.values()) - _ABOVE_M))
+        task, mm = self._task(name), int(1000 * (min(w.room for w in self.workshops.values()) - _ABOVE_M))
         way = _WAYS[list(self.workshops).index(name) % len(_WAYS)]
         for _ in range(_TRIES):
             draw = Draw(suffix(task), way, mm, int(self.rng.integers(2**31)))
@@ -161,7 +160,7 @@ class _Bench:
         tool, parents = _tool_of(base.candidate), [base.candidate.id]
         for name, other in best.items():
             if other.figures.get(name, 0.0) > base.figures.get(name, 0.0):
-                task = self._part(name)
+                task = self._task(name)
                 part = part_for(_tool_of(other.candidate), task)
                 if (new := self._with(tool, part_for(tool, task, strict=True), part)) is not None:
                     tool = new
@@ -169,24 +168,15 @@ class _Bench:
         return tool, list(dict.fromkeys(parents))
 
     def _with(self, tool: Tool, old: Tool, part: Tool) -> Tool | None:
-        """Put a part in the place of an old one; None: it does not fit."""
-        new = _put(tool, old, part)
-        if new is None or not self._accepts(new):
-            return None
+        """Put a part in the place of an old one; None: it does not fit, or another component has one of its names."""
+        gone = {c.name for c in old.components}
+        kept = [c for c in tool.components if c.name not in gone]
+        added = [c for c in part.components if c not in kept]
         said = (tool.description, *(d for d in part.description.split("; ") if d not in tool.description))
-        return replace(new, description="; ".join(said))
+        new = replace(tool, components=(*kept, *added), description="; ".join(said))
+        return None if {c.name for c in kept} & {c.name for c in added} or not self._accepts(new) else new
 
 
 def _tool_of(candidate: Candidate) -> Tool:
     assert candidate.tool is not None
     return candidate.tool
-
-
-def _put(tool: Tool, old: Tool, new: Tool) -> Tool | None:
-    """Replace the components of a part by others; None: another component has the name of one of these."""
-    gone = {c.name for c in old.components}
-    kept = [c for c in tool.components if c.name not in gone]
-    added = [c for c in new.components if c not in kept]
-    if {c.name for c in kept} & {c.name for c in added}:
-        return None
-    return replace(tool, components=(*kept, *added))
