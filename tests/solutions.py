@@ -34,7 +34,8 @@ def literal(name: str) -> Candidate:
 def representation(file: Path, material: str = "paper") -> ToolRepresentation:
     """Return the representation that a designs file was written for, by its fields; with joints, if it has any."""
     written = load_designs(file)["strategies"][0]
-    joints = any("joint" in component for component in written.get("tool_components", ()))
+    items = [item for key in ("tool_components", "tool_solids") for item in written.get(key, ())]
+    joints = any("joint" in item for item in items)
     return next(tool for tool in _representations(material, joints) if {*tool.schema()} <= {*written})
 
 
