@@ -47,11 +47,6 @@ class Table:
         columns = tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
         return cls(name, columns, tuple(rows))
 
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise ValueError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
-
 
 def only(table: Table, places: Sequence[int]) -> Table:
     """The table with some of its columns."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from core.store.reader import rollouts
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wrapped
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import deviation, interval, mean
+from plugins.results.report.statistics import deviation, interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +67,7 @@ def rewards(results: Results) -> FigurePage:
         for i, method in enumerate(methods):
             groups = results.of(method)
             places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
-            means, spreads = [mean(g.rewards) for g in groups], [deviation(g.rewards) or 0.0 for g in groups]
+            means, spreads = [fmean(g.rewards) for g in groups], [deviation(g.rewards) or 0.0 for g in groups]
             ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **_look(results, method, "hatch"))
             known = [j for j, spread in enumerate(spreads) if spread]
             clipped = [(min(spreads[j], means[j]), min(spreads[j], max(0.0, 1.0 - means[j]))) for j in known]

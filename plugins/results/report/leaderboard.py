@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated, Any, NamedTuple
 
 from omegaconf import OmegaConf
@@ -26,7 +27,7 @@ from core.values.efforts import Effort, holds
 from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
-from plugins.results.report.statistics import RunCost, interval, mean
+from plugins.results.report.statistics import RunCost, interval
 
 AnyRun = FinishedRun | LeftOutRun
 
@@ -96,7 +97,7 @@ class RunResult:
 
         Then what does not hold scores 0, and the reference 1.
         """
-        lowest = min(map(mean, self.rewards.values()), default=0.0)
+        lowest = min(map(fmean, self.rewards.values()), default=0.0)
         if not rules.references:
             return lowest
         return self.effort.saved(rules.references[task]) if self.effort is not None and holds(lowest) else 0.0
@@ -113,8 +114,8 @@ class TaskResult:
     @classmethod
     def of(cls, runs: Sequence[RunResult], rules: Protocol, task: str) -> TaskResult:
         names = dict.fromkeys(engine for run in runs for engine in run.rewards)
-        engines = {name: mean([mean(run.rewards.get(name, (0.0,))) for run in runs]) for name in names}
-        return cls(mean([run.score(rules, task) for run in runs]), engines, tuple(runs))
+        engines = {name: fmean([fmean(run.rewards.get(name, (0.0,))) for run in runs]) for name in names}
+        return cls(fmean([run.score(rules, task) for run in runs]), engines, tuple(runs))
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ class Entry:
         """Compute all means of an entry with these runs."""
         rules = protocol(other.protocol)
         tasks = {task: TaskResult.of(own, rules, task) for task, own in runs.items()}
-        return replace(other, score=mean([task.score for task in tasks.values()]), tasks=tasks)
+        return replace(other, score=fmean([task.score for task in tasks.values()]), tasks=tasks)
 
     @property
     def runs(self) -> list[RunResult]:
@@ -329,9 +330,9 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
             (
                 *(entry.track, entry.name, entry.settings.get("prompt.told", "source"), entry.score),
                 *(interval(scores, "mean") or (None, None)),
-                *(mean([task.engines[e] for task in tasks]) if e in rules.engines else None for e in engines),
+                *(fmean([task.engines[e] for task in tasks]) if e in rules.engines else None for e in engines),
                 ", ".join(str(run.seed) for run in tasks[0].runs),
-                *(mean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
+                *(fmean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
                 sum(costs) if costs else None,
                 *(f"{entry.protocol} {entry.version}{alone}", entry.versions.get("vlmgineer"), verified),
             )

@@ -23,10 +23,6 @@ RESAMPLES = 10_000
 _BATCH = 1000  # resamples in memory at a time
 
 
-def mean(values: Sequence[float]) -> float:
-    return float(np.mean(values))
-
-
 def deviation(values: Sequence[float]) -> float | None:
     """The sample standard deviation (n - 1); None for fewer than two values."""
     return float(np.std(values, ddof=1)) if len(values) > 1 else None

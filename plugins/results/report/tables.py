@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
+from statistics import fmean
 from typing import Any
 
 from core.design import ranked
@@ -15,14 +16,7 @@ from plugins.results.pages.runs import reasons as why
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import (
-    RunCost,
-    deviation,
-    interquartile_mean,
-    interval,
-    known_sum,
-    mean,
-)
+from plugins.results.report.statistics import RunCost, deviation, interquartile_mean, interval, known_sum
 from plugins.results.report.verify import verification
 
 REASONS = 12  # of a run
@@ -49,9 +43,9 @@ def rewards(results: Results) -> Table:
     rows = [
         (
             *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
-            *(mean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
+            *(fmean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
             *(g.best.best.distance_m, g.best.best.candidate),
-            _over_known(mean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]),
+            _over_known(fmean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]),
             _over_known(min, [getattr(run.figures.unseen, "worst", None) for run in g.runs]),
         )
         for g in results.groups
@@ -69,11 +63,11 @@ def methods(results: Results) -> Table:
     for method in results.methods:
         groups = results.of(method)
         by_task = [g.rewards for g in groups]
-        means = mean([mean(rewards) for rewards in by_task])
+        means = fmean([fmean(rewards) for rewards in by_task])
         every = [reward for task in by_task for reward in task]
         rows.append(
             (
-                *(method, len(groups), len(every), mean([g.best.best.reward for g in groups]), means),
+                *(method, len(groups), len(every), fmean([g.best.best.reward for g in groups]), means),
                 *(interval(by_task, "mean") or (None, None)),
                 interquartile_mean(every),
                 *(interval(by_task, "interquartile mean") or (None, None)),
@@ -98,9 +92,9 @@ def generations(results: Results) -> Table:
             lost = (sum(f.n_rejected for f in there), sum(f.n_failed for f in there))
             rows.append(
                 (
-                    *(g.task, g.method, index, len(there), mean(so_far), deviation(so_far)),
-                    _over_known(mean, [f.best_reward for f in there]),
-                    _over_known(mean, [f.mean_reward for f in there]),
+                    *(g.task, g.method, index, len(there), fmean(so_far), deviation(so_far)),
+                    _over_known(fmean, [f.best_reward for f in there]),
+                    _over_known(fmean, [f.mean_reward for f in there]),
                     *(100 * count / candidates if candidates else None for count in lost),
                 )
             )
@@ -181,7 +175,7 @@ def models(results: Results) -> Table:
                 (
                     *(g.task, g.method, *model, *RunCost.of(asked[model])[1:], len(earned[model])),
                     100 * len(tried) / len(earned[model]) if earned[model] else None,
-                    *(_over_known(function, rewards) for function in (max, mean)),
+                    *(_over_known(function, rewards) for function in (max, fmean)),
                 )
             )
     return Table.of("models", head, rows)
@@ -201,7 +195,7 @@ def costs(results: Results) -> Table:
             (
                 *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
                 tried / seconds if seconds > 0 else None,
-                _over_known(mean, [s.requests for s in spent]),
+                _over_known(fmean, [s.requests for s in spent]),
                 sum(s.errors for s in spent),
                 *(known_sum(getattr(s, name) for s in spent) for name in RunCost._fields[3:]),
             )

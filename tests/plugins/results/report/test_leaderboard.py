@@ -299,5 +299,5 @@ def test_the_command_writes_and_compares_results_files(whole, tmp_path, monkeypa
     shown = run(f"entries=[{file},{file}]", "output=two")
     assert shown.count("first") == 2
     table = (tmp_path / "two" / "data" / "entries.csv").read_text()
-    assert table.count("\nvaried,first,source,0.59999") == 2
+    assert table.count("\nvaried,first,source,0.6,") == 2
     assert "Entries of the benchmark" in (tmp_path / "two" / "index.html").read_text()
