@@ -201,7 +201,9 @@ class ToolRepresentation(Variable[Tool], ABC):
 
 
 class ActionRepresentation(Variable[ActionPlan], ABC):
-    """How a model writes an action plan, and how that is read."""
+    """How a model writes an action plan, and how that is read; ``guards``: designers are asked for plans that feel."""
+
+    guards: bool = False
 
     @abstractmethod
     def instructions(self, brief: Brief) -> str:

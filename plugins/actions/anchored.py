@@ -186,18 +186,18 @@ class AnchoredActions(ActionRepresentation):
     """
 
     def __init__(self, guards: bool = False) -> None:
-        self._guards = guards
+        self.guards = guards
 
     def instructions(self, brief: Brief) -> str:
         names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
-        most = MAX_GUARDS if self._guards else 0
+        most = MAX_GUARDS if self.guards else 0
         return fill("plugins.actions", "anchored", names=names, gripper=brief.gripper, guards=most)
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         step = _STEPS.json_schema()
         hidden = {
             *(() if gripper else ("grip",)),
-            *(() if self._guards else ("until", "newtons", "otherwise", "corrects", "beyond")),
+            *(() if self.guards else ("until", "newtons", "otherwise", "corrects", "beyond")),
         }
         properties = {name: _plain(of) for name, of in step["properties"].items() if name not in hidden}
         waypoint = {"type": "object", "properties": properties, "required": ["offset"], "additionalProperties": False}

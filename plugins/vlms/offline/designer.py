@@ -110,7 +110,7 @@ def answer(brief: Brief) -> dict[str, Any]:
 def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
     """Design a tool with plans, or plans for the given tool: offspring of the elites, or fresh ones."""
     brief, rng, representation = workshop.brief, workshop.rng, workshop.brief.representation
-    given, parents = representation.given(brief.task), list[str]()
+    given, feels, parents = representation.given(brief.task), brief.actions.guards, list[str]()
     if given is not None:
         name, tool = "the given tool", given
         if (made := task_plans(workshop, given, elites)) is not None:
@@ -138,7 +138,10 @@ def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
         "gripper": tool.gripper,
         **representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
-        "action_sets": [workshop.written(use.plan, use.anchors) for use in uses],
+        "action_sets": [
+            workshop.feeling(use, tool) if feels and i % 2 == 0 else workshop.written(use.plan, use.anchors)
+            for i, use in enumerate(uses)
+        ],
         **({"parents": parents} if parents else {}),
     }
 

@@ -36,6 +36,8 @@ _BREAKS_RULES = 1000.0
 _ALONE = 0.8  # how often scattered bodies are moved one by one where a plan must do in several layouts
 _GUIDED = 0.85  # how often a guided way is chosen where one suits
 _HAND_M = 0.068  # the hand's height
+_LOW_M, _BEYOND_M = 0.05, 0.012  # where a tool works on the ground; heights are off by less than the second
+_TOUCH_MPS = 0.05
 
 A = TypeVar("A")
 
@@ -107,6 +109,27 @@ class Workshop:
     def written(self, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
         """A plan as in a designs document."""
         return self.brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, self.layouts[0].seen)
+
+    def feeling(self, use: Use, tool: Tool) -> list[Any]:
+        """A plan as in a designs document that first touches the ground where its tool gets low, and corrects heights.
+
+        A plan that stays high, or stands by nothing that can be corrected, is written as it is.
+        """
+        rows, names = use.plan, sorted({anchor.name for anchor in use.anchors} & {*self.layouts[0].seen.poses})
+        goals = {name for goal in self.analysis.goals for name in goal.bodies}
+        ground = min(float(self.analysis.things[name].points[:, 2].min()) for name in goals)
+        parts = tool_boxes(tool).carried(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix())
+        over = parts.bounds[0][:, 2].reshape(len(rows), -1).min(axis=1) - ground
+        low = np.flatnonzero((over > -_BEYOND_M) & (over < _LOW_M))
+        if not names or not len(low):
+            return self.written(rows, use.anchors)
+        at = int(low[0])
+        order = [*range(at + 1), at, *range(at, len(rows))]  # there, down, and up again
+        poses = rows[order]
+        poses[at + 1, 2] -= over[at] + _BEYOND_M
+        written = self.written(poses, [use.anchors[i] for i in order])
+        written[at + 1] |= {"until": "touch", "speed": _TOUCH_MPS, "corrects": names, "beyond": _BEYOND_M}
+        return written
 
     def _elsewhere(self, rows: Array, anchors: Sequence[Anchor]) -> list[Array]:
         """What becomes of a plan in the other layouts."""

@@ -113,7 +113,30 @@ def test_offspring_of_what_flew_away_can_be_written():
     assert len(answer(offspring)["strategies"]) == 4
 
 
-def test_a_plan_with_guards_has_offspring_without():
+def feeling(name, **more):
+    given = brief(name, "wide", AnchoredActions(guards=True), **more)
+    return given, [c for c in candidates(given, answer(given)) if any(step.until for step in c.plan.steps)]
+
+
+def test_every_other_plan_feels_for_the_ground():
+    _, found = feeling("ElevatePlate", n_tool=3, n_action=4)
+    assert len(found) == 6
+    for step in (step for c in found for step in c.plan.steps if step.until):
+        assert (step.until, step.corrects) == ("touch", ("plate",))
+
+
+def test_what_feels_for_the_ground_minds_heights_less():
+    given, found = feeling("ElevatePlate", n_tool=4)
+    blind = [replace(c, plan=replace(c.plan, steps=tuple(s for s in c.plan.steps if not s.until))) for c in found]
+    sim, settings = installed().create("sim", "mujoco"), RolloutSettings(perception=Perception(height=0.008))
+    felt, missed = (
+        [[e.reward for e in evaluate_batch(given.task, sim, tried, s, settings)] for s in (50, 51, 52)]
+        for tried in (found, blind)
+    )
+    assert np.mean(felt) > np.mean(missed) + 0.05
+
+
+def test_offspring_of_a_plan_with_guards_have_one_at_most():
     given = brief("BringCube", actions=AnchoredActions(guards=True))
     (first, *_) = candidates(given, answer(given))
     steps = [*first.plan.dump(), {"anchor": "cube", "offset": [0, 0.1, 0.3], "until": "touch"}]
@@ -122,8 +145,8 @@ def test_a_plan_with_guards_has_offspring_without():
     elites = (Evaluation(guarded, "ok", 0.9, moved_m={"cube": 0.3}),)
     offspring = replace(given, elites=elites, n_tool=2, n_action=3)
     plans = [c.plan for c in candidates(offspring, answer(offspring))]
-    assert len(plans) == 6
-    assert not any(step.until or "here" in (step.anchor, step.toward) for plan in plans for step in plan.steps)
+    assert [sum(bool(step.until) for step in plan.steps) for plan in plans] == [1, 0, 1] * 2
+    assert not any("here" in (step.anchor, step.toward) for plan in plans for step in plan.steps)
 
 
 @pytest.mark.thorough
