@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -100,6 +100,11 @@ def _simulator(part: PluginPart[Simulator]) -> Simulator:
     return part.create()
 
 
+# Layouts and engines share what is made of one plan.
+_motion = lru_cache(maxsize=64)(plan_task_motion)
+_self_collision = lru_cache(maxsize=64)(find_self_collision)
+
+
 def prepare(
     task: Task,
     candidate: Candidate,
@@ -116,7 +121,7 @@ def prepare(
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
     waypoints = resolve(candidate.plan, task, seed, settings, scene)
-    motion = plan_task_motion(waypoints, task, settings)
+    motion = (_motion if isinstance(task, Hashable) else plan_task_motion)(waypoints, task, settings)
     guards = None
     if waypoints.guards:
         guards = PlannedGuards(candidate.plan, waypoints, motion, task, seed, settings, scene)
@@ -206,7 +211,7 @@ class _Batch:
                 motion, job = self._prepared(candidate)
             except DesignError as error:
                 problem = str(error)
-        if problem is None and self._checks and (met := find_self_collision(robot, job.tool, motion.trajectory)):
+        if problem is None and self._checks and (met := _self_collision(robot, job.tool, motion.trajectory)):
             warnings = (met.describe(motion.arrivals),)
             problem = f"{warnings[0]}; {met.mend}" if self._forbids else None
         if problem is not None:

@@ -158,6 +158,12 @@ class Waypoints(ActionPlan):
     def __len__(self) -> int:
         return len(self.poses)
 
+    def __hash__(self) -> int:
+        return hash(self.content)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Waypoints) and self.content == other.content
+
     @property
     def grips(self) -> Array:
         """How far the gripper is closed at each, (N,); 0 for plans without it."""
