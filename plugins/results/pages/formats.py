@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,12 +46,6 @@ class Table:
         split = (word.partition(":") for word in head.split("|"))
         columns = tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
         return cls(name, columns, tuple(rows))
-
-
-def only(table: Table, places: Sequence[int]) -> Table:
-    """The table with some of its columns."""
-    rows = tuple(tuple(row[k] for k in places) for row in table.rows)
-    return replace(table, columns=tuple(table.columns[k] for k in places), rows=rows)
 
 
 def printed(cell: Cell, column: Column) -> str:

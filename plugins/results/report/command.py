@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
-from plugins.results.pages.formats import only, printed
+from plugins.results.pages.formats import printed
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.contents import DATA, contents
 from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_entries, read_entry
@@ -72,7 +73,8 @@ def report(
 
 def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
-    short_rewards = only(rewards(results), (0, 1, 2, 4, 5, 6, 8))
+    whole, short = rewards(results), itemgetter(0, 1, 2, 4, 5, 6, 8)
+    short_rewards = replace(whole, columns=short(whole.columns), rows=tuple(map(short, whole.rows)))
     for table in (short_rewards, *entry_tables(results.entries)[:1], verification(results.verified)):
         if table.rows:
             cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]

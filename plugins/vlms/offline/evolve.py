@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Component, DesignError, Evaluation, Tool
 from core.geometry import Array, Box, Pose, resized
-from core.interfaces import Anchor, Seen, Waypoints
+from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.heads import draw
 from plugins.vlms.offline.invent import Use, Workshop
@@ -49,17 +49,13 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
             way, anchors = candidate.plan.resolve(seen), candidate.plan.anchors
             anchors = anchors if len(anchors) == len(way) else (Anchor(),) * len(way)
             known = {*seen.poses, Anchor().name, Anchor().toward}  # not where a guard ends
-            felt = {i + after for i, guard in enumerate(way.guards) if guard for after in (0, _returns(way, i))}
-            kept = [i for i in range(len(way)) if i not in felt]
+            felt = {i for i, guard in enumerate(way.guards) if guard}
+            felt |= {i + 1 for i in felt if way.poses[i + 1 : i + 2].tolist() == way.poses[i - 1 : i].tolist()}
+            kept = [i for i in range(len(way)) if i not in felt]  # nor the way back from it
             anchors = tuple(anchors[i] if {anchors[i].name, anchors[i].toward} <= known else Anchor() for i in kept)
             rows = way.poses[kept]
             elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, evaluation.moved_m))
     return elites
-
-
-def _returns(way: Waypoints, guard: int) -> bool:
-    """Report whether the arm goes back from a guard to where it was."""
-    return 0 < guard < len(way) - 1 and bool(np.allclose(way.poses[guard + 1], way.poses[guard - 1]))
 
 
 def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:
