@@ -201,7 +201,7 @@ class ToolRepresentation(Variable[Tool], ABC):
 
 
 class ActionRepresentation(Variable[ActionPlan], ABC):
-    """How a model writes an action plan, and how that is read; ``guards``: designers are asked for plans that feel."""
+    """How a model writes an action plan, and how that is read; with ``guards`` designers may write plans that feel."""
 
     guards: bool = False
 

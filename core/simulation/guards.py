@@ -126,7 +126,8 @@ class PlannedGuards:
         begun, tempo, count = self.motion, self._waypoints.tempo, at + 1
         stop = _stopped(begun.trajectory, time, arm, self._arm, self._settings.speed)
         if arm is not None and tempo is not None and tempo.waits[at] > 0:
-            stop = _then(stop, _at_rest(stop, float(tempo.waits[at])))
+            times = np.array([0.0, tempo.waits[at]])
+            stop = _then(stop, JointTrajectory(times, stop.arm[[-1, -1]], stop.fingers[[-1, -1]]))
         arrivals = np.append(begun.arrivals[:at], stop.duration)
         self.motion = self._joined(stop, arrivals, self._rest(stop, count) if arm is not None else None)
         self._next()
@@ -212,10 +213,6 @@ def _stopped(trajectory: JointTrajectory, time: float, end: Array | None, arm: A
         np.vstack([trajectory.arm[before], targets[1:], np.clip(course, arm.lower, arm.upper)]),
         np.concatenate([trajectory.fingers[before], np.full(1 + len(since), fingers[1])]),
     )
-
-
-def _at_rest(stop: JointTrajectory, seconds: float) -> JointTrajectory:
-    return JointTrajectory(np.array([0.0, seconds]), stop.arm[[-1, -1]], stop.fingers[[-1, -1]])
 
 
 def _then(one: JointTrajectory, other: JointTrajectory) -> JointTrajectory:

@@ -100,7 +100,7 @@ def _simulator(part: PluginPart[Simulator]) -> Simulator:
     return part.create()
 
 
-# Layouts and engines share what is made of one plan.
+# Layouts and engines share what is made of one plan. A task of a third party may not be hashable.
 _motion = lru_cache(maxsize=64)(plan_task_motion)
 _self_collision = lru_cache(maxsize=64)(find_self_collision)
 

@@ -61,6 +61,17 @@ def check_body_is_not_pushed_through_the_table(simulator: Simulator) -> None:
     expect(lowest > 0.05 - _THROUGH, f"a cube under the tool was pushed {1000 * (0.05 - lowest):.1f} mm into the table")
 
 
+def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
+    wall = Body.of("wall", Box((0.4, 0.02, 0.4)), (0.5, 0.2, 0.2), mass=0.0, color=GREY)
+    plan = [[0.5, -0.1, 0.4, 0, 0, 0], [0.5, 0.35, 0.4, 0, 0, 0]]
+    joints = film(move(simulator, plan, wall, tool=stick(0.25), record_hz=100)).arm
+    tips = _tip(joints, 0.25)[:, 1]
+    expect(tips.min() < -0.08, "the tool did not come to where its sweep begins")
+    into = tips.max() - (0.2 - 0.02)  # half the wall and half the stick
+    expect(into > -0.005, f"the tool stopped {-1000 * into:.0f} mm before the wall")
+    expect(into < 0.01, f"a tool swept at a wall 0.02 m thick came {1000 * into:.0f} mm into it")
+
+
 def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
     """A rod pushed at an angle against a low wall 6 mm thick may get over its edge, but never through the wall."""
     half, inner = 0.006, 0.13

@@ -77,7 +77,7 @@ def observe(
     result, what, at = _Case(task, scene, motion, start, end, names, left, contacts, lags).judge(reward)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
     shifts = {name: _moved(scene, start, end, name) for name in start.names}
-    moved = {name: m for name, m in shifts.items() if name in names or _stirred(m)}
+    moved = {n: m for n, m in shifts.items() if n in names or _length(m.by) > _STILL_M or m.tilt_deg > _STILL_DEG}
     found = sorted(contacts.all, key=lambda contact: contact.kind == "body")
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
@@ -242,10 +242,6 @@ def _tilts(first: Array, quaternions: Array) -> Array:
 def _moved(scene: Scene, start: State, end: State, name: str) -> Moved:
     tilt = 0.0 if _is_ball(scene, name) else float(_tilts(start.quaternion(name), end.quaternion(name)))
     return Moved(_point(end.position(name) - start.position(name)), _point(end.position(name)), round(tilt, 1))
-
-
-def _stirred(moved: Moved) -> bool:
-    return _length(moved.by) > _STILL_M or moved.tilt_deg > _STILL_DEG
 
 
 def _offset(goal: Goal, position: Array) -> Offset:

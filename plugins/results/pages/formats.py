@@ -47,6 +47,11 @@ class Table:
         columns = tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
         return cls(name, columns, tuple(rows))
 
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
+
 
 def printed(cell: Cell, column: Column) -> str:
     """A cell for people; nothing is rounded up to 1."""

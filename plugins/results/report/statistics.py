@@ -8,7 +8,7 @@ all runs of all tasks, and percentiles of the same over runs drawn anew, with re
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, NamedTuple, TypeVar, cast
+from typing import Literal, NamedTuple, TypeVar, cast
 
 import numpy as np
 import scipy.stats
@@ -59,15 +59,10 @@ def interval(tasks: Sequence[Sequence[float] | Array], statistic: Statistic) -> 
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
 
 
-def _pooled(*tasks: Array, axis: int = -1) -> Any:
-    return scipy.stats.trim_mean(np.concatenate(tasks, axis=axis), 0.25, axis=axis)
-
-
-def _averaged(*tasks: Sequence[float] | Array, axis: int = -1) -> Any:
-    return np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0)
-
-
-_STATISTICS = {"mean": _averaged, "interquartile mean": _pooled}
+_STATISTICS = {
+    "mean": lambda *tasks, axis: np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0),
+    "interquartile mean": lambda *tasks, axis: scipy.stats.trim_mean(np.concatenate(tasks, axis=axis), 0.25, axis=axis),
+}
 
 
 N = TypeVar("N", int, float)

@@ -90,7 +90,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         added.append(_upright((0, 0), -t / 2, height, (1000 * flange.centring_m - CENTRING_MM) / 2000))
     arm = _arm(robot)
     clear = solid - union(arm)
-    lost = max(_shared(shape, arm) / union([shape]).volume() for shape in link.shapes)
+    lost = max((union([shape]) ^ union(arm)).volume() / union([shape]).volume() for shape in link.shapes)
     bores, screws, covered = _screws(robot, link, clear + union([plate]), fit)
     places = [bore[1].position for bore in bores[::2]]
     apart = max((float(np.linalg.norm(one - other)) for one in places for other in places), default=0.0)
@@ -106,10 +106,6 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         hardware.append(f"1 pin {1000 * flange.pin_m:g} m6 x 12")
     fitted, taken = clear + union(added) - union(bores), (*arm, *bores)
     return Mount(fitted, "mount_plate", (plate,), tuple(added), taken, checks, tuple(hardware))
-
-
-def _shared(shape: Placed, others: Sequence[Placed]) -> float:
-    return float((union([shape]) ^ union(others)).volume())
 
 
 def _upright(at: Sequence[float] | Array, low: float, high: float, radius: float) -> Placed:

@@ -148,7 +148,7 @@ class World:
         self._joints = [numbers[name] for name in moving]
         efforts = [client.getJointInfo(self.robot, joint)[10] for joint in self._joints]
         self._forces = [*efforts[: self._arm], *([grip.force_n] * len(grip.joints) if grip else ())]
-        self._idle = len(robot.finger_joints)
+        self._idle_fingers = len(robot.finger_joints)
         self._gains = [self._gain] * len(moving)
         self._velocity_gains = [1.0] * len(moving)
         self._fingers = len(moving) - self._arm
@@ -288,7 +288,7 @@ class World:
     def _joints_of(self, angles: Sequence[list[float]]) -> tuple[Array, Array]:
         """Arm (T, J) and fingers with the tool's joints (T, F + K)."""
         rows, count = np.array(angles), len(self._joints)
-        fingers = rows[:, self._arm : count] if self._fingers else np.zeros((len(rows), self._idle))
+        fingers = rows[:, self._arm : count] if self._fingers else np.zeros((len(rows), self._idle_fingers))
         return rows[:, : self._arm], np.concatenate([fingers, rows[:, count:]], axis=1)
 
     def _states_of(self, bodies: Sequence[list[tuple[float, ...]]]) -> State:

@@ -139,7 +139,7 @@ def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
         **representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
         "action_sets": [
-            workshop.feeling(use, tool) if feels and i % 2 == 0 else workshop.written(use.plan, use.anchors)
+            workshop.written_to_feel(use, tool) if feels and i % 2 == 0 else workshop.written(use.plan, use.anchors)
             for i, use in enumerate(uses)
         ],
         **({"parents": parents} if parents else {}),

@@ -36,8 +36,8 @@ _BREAKS_RULES = 1000.0
 _ALONE = 0.8  # how often scattered bodies are moved one by one where a plan must do in several layouts
 _GUIDED = 0.85  # how often a guided way is chosen where one suits
 _HAND_M = 0.068  # the hand's height
-_LOW_M, _BEYOND_M = 0.05, 0.012  # where a tool works on the ground; heights are off by less than the second
-_TOUCH_MPS = 0.05
+_LOW_M = 0.05  # a tool that is less high over the ground works there
+_BEYOND_M, _TOUCH_MPS = 0.012, 0.05  # of a touch of the ground, where heights are off by less
 
 A = TypeVar("A")
 
@@ -110,16 +110,16 @@ class Workshop:
         """A plan as in a designs document."""
         return self.brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, self.layouts[0].seen)
 
-    def feeling(self, use: Use, tool: Tool) -> list[Any]:
-        """A plan as in a designs document that first touches the ground where its tool gets low, and corrects heights.
+    def written_to_feel(self, use: Use, tool: Tool) -> list[Any]:
+        """Write a plan that touches the ground where its tool is low for the first time, and corrects heights by that.
 
-        A plan that stays high, or stands by nothing that can be corrected, is written as it is.
+        It is written as it is if the tool stays high, or if its waypoints stand by no body.
         """
         rows, names = use.plan, sorted({anchor.name for anchor in use.anchors} & {*self.layouts[0].seen.poses})
         goals = {name for goal in self.analysis.goals for name in goal.bodies}
         ground = min(float(self.analysis.things[name].points[:, 2].min()) for name in goals)
         parts = tool_boxes(tool).carried(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix())
-        over = parts.bounds[0][:, 2].reshape(len(rows), -1).min(axis=1) - ground
+        over = parts.bounds[0][:, 2].reshape(len(rows), len(tool.components)).min(axis=1, initial=np.inf) - ground
         low = np.flatnonzero((over > -_BEYOND_M) & (over < _LOW_M))
         if not names or not len(low):
             return self.written(rows, use.anchors)

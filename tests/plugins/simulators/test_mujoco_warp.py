@@ -38,6 +38,7 @@ ROOT = Path(__file__).parents[3]
 CHECKS = (
     output.check_batch_gives_what_each_job_alone_gives,
     output.check_broken_job_hurts_no_other,
+    robot.check_tool_stops_at_a_wall,
     robot.check_arm_follows_its_trajectory,
     robot.check_gripper_lifts_a_cube,
     robot.check_attachments_hold_a_cube,

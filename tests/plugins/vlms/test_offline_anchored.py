@@ -23,7 +23,7 @@ from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
-URDF = installed().create("tool", "urdf")
+URDF, GIVEN = (installed().create("tool", name) for name in ("urdf", "none"))
 
 
 class Recording(AnchoredActions):
@@ -123,6 +123,13 @@ def test_every_other_plan_feels_for_the_ground():
     assert len(found) == 6
     for step in (step for c in found for step in c.plan.steps if step.until):
         assert (step.until, step.corrects) == ("touch", ("plate",))
+
+
+def test_the_bare_hand_feels_for_nothing():
+    given = replace(brief("BringCube", actions=AnchoredActions(guards=True)), representation=GIVEN)
+    plans = answer(given)["strategies"][0]["action_sets"]
+    assert len(plans) == 2
+    assert not any("until" in step for plan in plans for step in plan)
 
 
 def test_what_feels_for_the_ground_minds_heights_less():
