@@ -18,7 +18,15 @@ LAG_EVERY = 10  # steps between two measurements of the arm's lag
 
 @runtime_checkable
 class Noting(World, Protocol):
-    """A world that decodes many snapshots at once, which is faster."""
+    """A world that takes the orders of many steps at once, and decodes many snapshots at once, which is faster."""
+
+    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Sequence[Any]:
+        """Turn what `step` takes, for S steps at once, into what `obey` takes for each."""
+        ...
+
+    def obey(self, order: Any) -> None:
+        """Take a step."""
+        ...
 
     def note(self) -> Any:
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
@@ -46,10 +54,17 @@ def play(world: World, job: Rollout) -> Outcome:
     settle, times = schedule(job, dt)
     every, tick = record_every(job, dt), feel_every(dt)
     arm, *others = targets(trajectory, times, dt)
-    orders = _orders(arm, others)
+    orders = _orders(world, arm, others)
 
     instants, notes = [], []
-    note = world.note if isinstance(world, Noting) else lambda: (*world.joints(), world.state())
+    note, step = (
+        (world.note, world.obey)
+        if isinstance(world, Noting)
+        else (
+            lambda: (*world.joints(), world.state()),
+            lambda order: world.step(*order),
+        )
+    )
     start = begin_motion(world) if settle == 0 else None
     reached: list[Array] = []
     k = -1
@@ -58,7 +73,7 @@ def play(world: World, job: Rollout) -> Outcome:
         if every and k % every == 0:
             instants.append(float(times[k]))
             notes.append(note())
-        world.step(*order)
+        step(order)
         if k == settle - 1:
             start = begin_motion(world)
         if k >= settle and k % LAG_EVERY == 0:
@@ -68,7 +83,7 @@ def play(world: World, job: Rollout) -> Outcome:
             if changed is not None:
                 _, times = schedule(replace(job, trajectory=changed), dt)
                 arm, *others = targets(changed, times, dt)
-                orders = _orders(arm, others, k + 1)
+                orders = _orders(world, arm, others, k + 1)
     if every:
         instants.append(float(times[-1] + dt))
         notes.append(note())
@@ -91,9 +106,11 @@ def feel_every(dt: float) -> int:
     return max(1, round(FEEL_S / dt))
 
 
-def _orders(arm: Array, others: Sequence[Array], begin: int = 0) -> Iterator[tuple[Any, ...]]:
+def _orders(world: World, arm: Array, others: Sequence[Array], begin: int = 0) -> Iterator[Any]:
     """What is asked of each step, from step ``begin`` on."""
     fingers, speeds, finger_speeds = (array[begin:] for array in others)
+    if isinstance(world, Noting):
+        return iter(world.orders(arm[begin:], fingers, speeds, finger_speeds))
     return zip(arm[begin:], fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
 
 

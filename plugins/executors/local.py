@@ -6,6 +6,7 @@ death of a worker is noticed at once, and costs nothing but its chunk.
 
 from __future__ import annotations
 
+import gc
 import mmap
 import multiprocessing
 import os
@@ -256,14 +257,17 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
 
     # In a thread, so that the pipe's end is noticed during a job too.
     threading.Thread(target=receive, name="jobs", daemon=True).start()
-    limited = False
+    begun = False
     while True:
         job = jobs.get()
         try:
             function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
             getattr(function, "prepare", lambda: None)()
-            if memory_mb is not None and not limited:
-                limited = _limit_memory(memory_mb)
+            if not begun:
+                begun = True
+                gc.freeze()  # what was imported stays: Python's garbage collector need not look there again and again
+                if memory_mb is not None:
+                    _limit_memory(memory_mb)
         except RAISED as error:
             pipe.send(portable(error))
             return
@@ -279,8 +283,8 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
         release_memory()
 
 
-def _limit_memory(memory_mb: int) -> bool:
-    """Limit the memory of the process's data, and write no core files; True.
+def _limit_memory(memory_mb: int) -> None:
+    """Limit the memory of the process's data, and write no core files.
 
     Addresses that are only reserved, as by graphics drivers, don't count.
 
@@ -288,7 +292,7 @@ def _limit_memory(memory_mb: int) -> bool:
         _Unusable: the process holds as much already, and could do nothing.
     """
     if sys.platform == "win32":
-        return True
+        return
     import resource
 
     needed_mb = _data_mb() + _ROLLOUT_MB
@@ -301,7 +305,6 @@ def _limit_memory(memory_mb: int) -> bool:
         _, hard = resource.getrlimit(what)
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(what, (allowed, hard))
-    return True
 
 
 def _data_mb() -> int:

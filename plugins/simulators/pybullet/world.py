@@ -104,7 +104,10 @@ def _unit(quaternions: Array) -> Array:
 
 
 class World:
-    """A fresh world on ``client``: the robot at the trajectory's first targets, free bodies at their initial poses."""
+    """A fresh world on ``client``: the robot at the trajectory's first targets, free bodies at their initial poses.
+
+    It is a `core.simulation.playback.Noting` and `Launching`, and a `core.values.jobs.FeelingWorld`.
+    """
 
     def __init__(
         self,
@@ -189,11 +192,16 @@ class World:
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        targets, velocities = arm.tolist(), speeds.tolist()
-        targets += [fingers] * self._fingers
-        velocities += [finger_speed] * self._fingers
-        if (targets, velocities) != self._driven:  # motors keep their targets
-            self._driven = targets, velocities
+        self.obey(*self.orders(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
+
+    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Array:
+        asked = [[arm, *[fingers] * self._fingers], [speeds, *[finger_speeds] * self._fingers]]
+        return np.stack([np.column_stack(each) for each in asked], axis=1)
+
+    def obey(self, order: Array) -> None:
+        asked = order.tolist()
+        if asked != self._driven:  # motors keep their targets
+            self._driven = targets, velocities = asked
             p.setJointMotorControlArray(  # names would cost half a microsecond a step
                 self.robot,
                 self._joints,
@@ -216,7 +224,6 @@ class World:
             self.forces.add_step()
 
     def pushes(self) -> tuple[Array, Array]:
-        """See `core.values.jobs.FeelingWorld`."""
         return pushes(self.client, self.robot, self._beyond)
 
     @cached_property
@@ -225,7 +232,6 @@ class World:
         return {self._links[name] for name in beyond(*self._held) & {*self._links}}
 
     def launch(self) -> None:
-        """See `core.simulation.playback.Launching`."""
         for number, joint in self._hung:  # a motor at rest is dry friction
             self.client.setJointMotorControl2(
                 self.robot, number, p.VELOCITY_CONTROL, targetVelocity=0, force=joint.friction
@@ -258,23 +264,22 @@ class World:
         """Read the state of the free bodies."""
         return self._states_of([self._bodies()])[0]
 
-    def note(self) -> tuple[list[float], list[tuple[float, ...]]]:
-        """See `core.simulation.playback.Noting`."""
+    def note(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         if self.forces:
             self.forces.note()
         return self._angles(), self._bodies()
 
     def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-        """See `core.simulation.playback.Noting`."""
         angles, bodies = zip(*notes, strict=True)
         return *self._joints_of(angles), self._states_of(bodies)
 
-    def _angles(self) -> list[float]:
-        return [state[0] for state in p.getJointStates(self.robot, self._noted, self._number)]
+    def _angles(self) -> tuple[float, ...]:
+        """The joints' positions; Python's garbage collector soon lets go of tuples of numbers, but not of lists."""
+        return tuple([state[0] for state in p.getJointStates(self.robot, self._noted, self._number)])
 
-    def _bodies(self) -> list[tuple[float, ...]]:
+    def _bodies(self) -> tuple[float, ...]:
         """Position, quaternion (x, y, z, w) and velocities of each free body's centre of mass, 13 numbers."""
-        found = []
+        found: list[float] = []
         for body, link in self._free:
             if link < 0:
                 position, quaternion = p.getBasePositionAndOrientation(body, self._number)
@@ -282,16 +287,16 @@ class World:
             else:
                 moving = self.client.getLinkState(body, link, 1, 1)
                 position, quaternion, linear, angular = moving[0], moving[1], moving[6], moving[7]
-            found.append((*position, *quaternion, *linear, *angular))
-        return found
+            found += (*position, *quaternion, *linear, *angular)
+        return tuple(found)
 
-    def _joints_of(self, angles: Sequence[list[float]]) -> tuple[Array, Array]:
+    def _joints_of(self, angles: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
         """Arm (T, J) and fingers with the tool's joints (T, F + K)."""
         rows, count = np.array(angles), len(self._joints)
         fingers = rows[:, self._arm : count] if self._fingers else np.zeros((len(rows), self._idle_fingers))
         return rows[:, : self._arm], np.concatenate([fingers, rows[:, count:]], axis=1)
 
-    def _states_of(self, bodies: Sequence[list[tuple[float, ...]]]) -> State:
+    def _states_of(self, bodies: Sequence[tuple[float, ...]]) -> State:
         rows = np.array(bodies, dtype=np.float64).reshape(len(bodies), len(self._free), 13)
         positions, quaternions = rows[..., :3].copy(), rows[..., [6, 3, 4, 5]]
         linear, angular = rows[..., 7:10].copy(), rows[..., 10:].copy()

@@ -34,6 +34,7 @@ _LEAST_RESTING, _LEAST_ROLLING, _RESTS = 0.02, 0.01, 0.05
 _BRAKE_EVERY = 0.02
 _ALIKE = 0.98, 1.02  # a brake is updated if the force changed by more than these factors
 _UP = np.array([0.0, 0.0, GRAVITY], dtype=np.float32)
+UNKNOWN_PACK = "this version of SAPIEN packs states in another way than 3.0.3: pip install sapien==3.0.3"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,14 @@ class Weighed:
     @cached_property
     def inertias(self) -> dict[str, Inertia]:
         return {body.name: body.inertia() for body in self.scene.free}
+
+    @cached_property
+    def radii(self) -> dict[str, float]:
+        """Those of lying cylinders."""
+        shapes = {
+            body.name: [shape for shape in rollers(body) if isinstance(shape, Cylinder)] for body in self.scene.free
+        }
+        return {name: max(shape.radius for shape in lying) for name, lying in shapes.items() if lying}
 
     @cached_property
     def moving(self) -> set[Surface]:
@@ -97,7 +106,7 @@ class Bodies:
                     place(shape, part.shape, part.pose)
                     component.attach(shape)
             entity.pose = to_sapien(body.pose)
-            radius = max((shape.radius for shape in rollers(body) if isinstance(shape, Cylinder)), default=0.0)
+            radius = weighed.radii.get(body.name, 0.0)
             arm = max(body.rolling_friction, _LEAST_ROLLING * radius)
             if not body.fixed and arm > 0:
                 drive, impulse = physx.PhysxDriveComponent(component), arm * body.mass * time_step
@@ -110,9 +119,7 @@ class Bodies:
         placed = weighed.scene.state()
         packed = self._numbers([self.note()])[0, :, :7]
         if not np.allclose(packed, np.hstack([placed.quaternions, placed.positions]), atol=1e-5):
-            raise RuntimeError(
-                "this version of SAPIEN packs states in another way than 3.0.3: pip install sapien==3.0.3"
-            )
+            raise RuntimeError(UNKNOWN_PACK)
 
     def stepped(self) -> None:
         """Update the brakes; call it after each time step."""
@@ -134,7 +141,7 @@ class Bodies:
         return self.read([self.note()])[0]
 
     def note(self) -> bytes:
-        """Take a snapshot for `read`, all in one call: reading figures one by one takes two hundred times as long."""
+        """Take a snapshot of the whole scene in one call: reading figures one by one takes 200 times as long."""
         noted: bytes = self._system.pack()
         return noted
 
@@ -151,8 +158,15 @@ class Bodies:
     def _numbers(self, notes: Sequence[bytes]) -> npt.NDArray[np.float32]:
         """Decode each free body's quaternion, position, linear and angular velocity, (T, B, 13)."""
         count = len(self._names)
-        numbers = np.frombuffer(b"".join(notes), dtype=np.float32).reshape(len(notes), -1)
-        return numbers[:, : 13 * count].reshape(len(notes), count, 13)
+        return _floats(notes)[:, : 13 * count].reshape(len(notes), count, 13)
+
+    def behind(self, notes: Sequence[bytes]) -> npt.NDArray[np.float32]:
+        """Decode what comes behind the bodies, (T, N): the robot's joints, and their speeds and forces."""
+        return _floats(notes)[:, 13 * len(self._names) + 13 :]
+
+
+def _floats(notes: Sequence[bytes]) -> npt.NDArray[np.float32]:
+    return np.frombuffer(b"".join(notes), dtype=np.float32).reshape(len(notes), -1)
 
 
 def _brake(drive: Any, impulse: float, acceleration: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -121,11 +121,15 @@ class ArticulatedArm:
                 joint.set_drive_target(moving.rest)
         self._pull = [(number, moving) for number, _, moving in self._hung if moving.friction > 0]
 
-    def drive(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Set the drives for the next step: targets (J,), a finger opening, and the speeds of their approach."""
-        orders: list[float] = (arm + self._ahead * speeds).tolist()
+    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
+        """What `drive` takes for each of S steps: from targets (S, J), finger openings (S,), and their speeds."""
+        asked = arm + self._ahead * speeds
         if self._gripper:
-            orders += [fingers + self._ahead * finger_speed] * self._fingers
+            asked = np.column_stack([asked, *[fingers + self._ahead * finger_speeds] * self._fingers])
+        return cast("list[list[float]]", asked.tolist())
+
+    def drive(self, orders: list[float]) -> None:
+        """Set the drives for the next step."""
         if self._pull:
             values, speeds = self._articulation.qpos, self._articulation.qvel
             for i, joint in self._pull:
@@ -141,15 +145,11 @@ class ArticulatedArm:
 
     def joints(self) -> tuple[Array, Array]:
         """Read the joint positions: arm (J,) and fingers (F,)."""
-        return self.read(self.note())
+        return self.read(self._articulation.qpos)
 
-    def note(self) -> Any:
-        """Take a snapshot for `read`."""
-        return self._articulation.qpos
-
-    def read(self, notes: Any) -> tuple[Array, Array]:
-        """Decode snapshots (..., J): arm (..., J) and fingers (..., F)."""
-        everything = np.asarray(notes, dtype=np.float64)
+    def read(self, values: Any) -> tuple[Array, Array]:
+        """Decode the articulation's joints (..., N): arm (..., J) and fingers (..., F)."""
+        everything = np.asarray(values, dtype=np.float64)
         values, loose = everything[..., self._numbers], everything[..., self._loose]
         fingers = values[..., self._arm :] if self._gripper else np.zeros((*values.shape[:-1], self._fingers))
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)

@@ -7,13 +7,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.description import beyond
 from core.scene import State
 from core.values.robots import Robot as Description
-from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
+from plugins.simulators.sapien.bodies import GRAVITY, UNKNOWN_PACK, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
@@ -39,7 +41,8 @@ class Settings(NamedTuple):
 class World:
     """A fresh scene: the robot at the trajectory's first targets, free bodies at their initial poses.
 
-    With ``forces`` the contact forces are measured.
+    With ``forces`` the contact forces are measured. It is a `core.simulation.playback.Noting` and `Launching`, and a
+    `core.values.jobs.FeelingWorld`, though PhysX does not tell friction.
     """
 
     def __init__(
@@ -76,11 +79,19 @@ class World:
         self._joints = Joints(weighed.scene, weighed.inertias, self._bodies.components, time_step, tracking_rate)
         self._robot = ArticulatedArm(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
         self._held = robot, tool
+        if not np.allclose(self.read([self._bodies.note()])[0], trajectory.arm[0], atol=1e-5):
+            raise RuntimeError(UNKNOWN_PACK)
         self.forces = Forces(self._system, weighed.scene, robot, tool) if forces else None
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        self._robot.drive(arm, fingers, speeds, finger_speed)
+        self.obey(*self.orders(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
+
+    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
+        return self._robot.orders(arm, fingers, speeds, finger_speeds)
+
+    def obey(self, order: list[float]) -> None:
+        self._robot.drive(order)
         self._joints.act()
         self._system.step()
         self._bodies.stepped()
@@ -88,7 +99,6 @@ class World:
             self.forces.add_step()
 
     def pushes(self) -> tuple[Array, Array]:
-        """See `core.values.jobs.FeelingWorld`. PhysX does not tell friction."""
         return pushes(self._system, self._beyond)
 
     @cached_property
@@ -99,7 +109,6 @@ class World:
         return {shape for link in own for shape in link.collision_shapes}
 
     def launch(self) -> None:
-        """See `core.simulation.playback.Launching`."""
         self._robot.launch()
         self._bodies.launch()
         self._joints.begin()
@@ -112,13 +121,10 @@ class World:
         """Read the state of the free bodies."""
         return self._bodies.state()
 
-    def note(self) -> tuple[Any, bytes]:
-        """See `core.simulation.playback.Noting`."""
+    def note(self) -> bytes:
         if self.forces:
             self.forces.note()
-        return self._robot.note(), self._bodies.note()
+        return self._bodies.note()
 
-    def read(self, notes: Sequence[tuple[Any, bytes]]) -> tuple[Array, Array, State]:
-        """See `core.simulation.playback.Noting`."""
-        joints, bodies = zip(*notes, strict=True)
-        return *self._robot.read(joints), self._bodies.read(bodies)
+    def read(self, notes: Sequence[bytes]) -> tuple[Array, Array, State]:
+        return *self._robot.read(self._bodies.behind(notes)), self._bodies.read(notes)

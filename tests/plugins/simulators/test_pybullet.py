@@ -40,16 +40,16 @@ def test_what_is_kept_between_rollouts_changes_no_bit_of_them():
 def test_motors_keep_targets_that_do_not_change(monkeypatch):
     from plugins.simulators.pybullet.world import World
 
-    sim, step = installed().create("sim", "pybullet"), World.step
+    sim, obey = installed().create("sim", "pybullet"), World.obey
     driven = []
 
-    def anew(world, *targets):
+    def anew(world, order):
         driven.append(world._driven)
         world._driven = None
-        step(world, *targets)
+        obey(world, order)
 
     kept = bits(move(sim, PLAN, *THINGS, tool=stick(0.25), record_hz=25))
-    monkeypatch.setattr(World, "step", anew)
+    monkeypatch.setattr(World, "obey", anew)
     assert bits(move(sim, PLAN, *THINGS, tool=stick(0.25), record_hz=25)) == kept
     assert len(driven) > 500
 
