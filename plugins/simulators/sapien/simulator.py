@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
@@ -25,17 +26,27 @@ class SapienSimulator(DrawingSimulator):
 
     Args:
         time_step: seconds.
+        speed: with ``fast`` steps are twice as long.
         solver_iterations: position iterations of the contact solver, per step.
         tracking_rate: how fast a joint converges to its target, 1/s.
     """
 
     feels = True
 
-    def __init__(self, time_step: float = 0.005, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
-        self._settings = Settings(time_step, solver_iterations, tracking_rate)
+    def __init__(
+        self,
+        time_step: float = 0.005,
+        speed: Literal["accurate", "fast"] = "accurate",
+        solver_iterations: int = 10,
+        tracking_rate: float = 50.0,
+    ) -> None:
+        steps = 2 if speed == "fast" else 1
+        self._settings = Settings(steps * time_step, solver_iterations, tracking_rate)
         check_positive("sim.", **self._settings._asdict())
-        if time_step > MAX_TIME_STEP:
-            raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
+        if steps * time_step > MAX_TIME_STEP:
+            raise UsageError(
+                f"sim.time_step must be at most {MAX_TIME_STEP / steps} s, got {time_step}: contacts would break"
+            )
         self._folder = temporary_folder()
         self._placed: tuple[Task, int, Weighed] | None = None  # of the last job: consecutive ones mostly share it
 
