@@ -146,12 +146,12 @@ class Joint:
     def limited(self) -> bool:
         return math.isfinite(self.lower)
 
-    def latch_force(self, position: Array) -> Array:
+    def latch_force(self, position: float) -> float:
         """Compute what its latches pull with at a position, N or N m, in its direction."""
-        total = np.zeros_like(position)
+        total = 0.0
         for latch in self.latches:
-            away = position - latch.at
-            total = total - np.where(np.abs(away) < latch.width, latch.force * np.sin(np.pi * away / latch.width), 0.0)
+            if abs(away := position - latch.at) < latch.width:
+                total -= latch.force * math.sin(math.pi * away / latch.width)
         return total
 
 

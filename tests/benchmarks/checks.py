@@ -26,7 +26,7 @@ from tests.solutions import FILES, representation
 CLOCKS = [  # what has the function, its name, the check
     (core.designs.reading, "check_tool", "tool's rules"),
     (core.designs.rules, "check_joints", "springs among them"),
-    (core.simulation.rollout, "find_self_collision", "self-collision"),
+    (core.simulation.rollout, "_self_collision", "self-collision"),
     (core.simulation.rollout, "findings", "penetration"),
     (core.simulation.rollout, "find_contacts", "contacts"),
     (core.solids.contacts, "nearest", "clearance among them"),

@@ -32,9 +32,10 @@ from core.simulation.rollout import Evaluator, prepare
 from tests.panda import ARM
 
 STEPS = {  # where each engine's own steps are called: nothing of ours is in there
-    "pybullet": "pybullet:stepSimulation",
-    "sapien": "sapien.physx:PhysxCpuSystem.step",
-    "mujoco": "plugins.simulators.mujoco.world:rollout",  # a whole trajectory's steps
+    "pybullet": ["pybullet:stepSimulation"],
+    "sapien": ["sapien.physx:PhysxCpuSystem.step"],
+    # A whole trajectory's steps, or one where forces are measured or latches pull.
+    "mujoco": ["plugins.simulators.mujoco.world:rollout", "mujoco:mj_step"],
 }
 PLAYED = ("pybullet", "sapien")  # by `core.simulation.playback.play`, step by step
 
@@ -50,7 +51,8 @@ class Clock:
     def around(self, holder: Any, name: str, label: str) -> None:
         """Replace a function by a timed one."""
         inner: Callable[..., Any] = getattr(holder, name)
-        self.seconds[label], self.calls[label] = 0.0, 0
+        self.seconds.setdefault(label, 0.0)
+        self.calls.setdefault(label, 0)
         seconds, calls, now = self.seconds, self.calls, self._now
 
         @functools.wraps(inner)
@@ -74,10 +76,11 @@ def _started(evaluator: Evaluator) -> Clock:
     if _clock is None:
         evaluator([])  # its parts are made before the clock runs
         clock = Clock()
-        clock.around(*step_of(evaluator.sim.name), "step")
+        for holder, name in steps_of(evaluator.sim.name):
+            clock.around(holder, name, "step")
         clock.around(core.simulation.rollout, "prepare", "ik")
-        clock.around(core.simulation.rollout, "findings", "checks")
-        clock.around(core.simulation.rollout, "find_self_collision", "checks")
+        for check in ("findings", "_self_collision", "find_self_collision", "find_contacts"):
+            clock.around(core.simulation.rollout, check, "checks")
         task = core.simulation.rollout._task(evaluator.task)
         simulator = core.simulation.rollout._simulator(evaluator.sim)
         clock.around(type(task), "reward", "reward")
@@ -91,20 +94,19 @@ def _started(evaluator: Evaluator) -> Clock:
     return _clock
 
 
-def step_of(sim: str) -> tuple[Any, str]:
-    """Return what holds the engine's step function, and the function's name.
+def steps_of(sim: str) -> list[tuple[Any, str]]:
+    """Return what holds each of the engine's step functions, and the function's name.
 
     Raises:
         UsageError: the step function of this engine isn't known.
     """
     if sim not in STEPS:
         raise choices("sim", sim, list(STEPS), "engines whose step function is known")
-    module, _, path = STEPS[sim].partition(":")
-    holder: Any = importlib.import_module(module)
-    *outer, name = path.split(".")
-    for attribute in outer:
-        holder = getattr(holder, attribute)
-    return holder, name
+    found = []
+    for module, path in (step.split(":") for step in STEPS[sim]):
+        *outer, name = path.split(".")
+        found.append((functools.reduce(getattr, outer, importlib.import_module(module)), name))
+    return found
 
 
 @dataclass(frozen=True)

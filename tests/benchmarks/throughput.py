@@ -83,7 +83,7 @@ def main() -> None:
         words.append(f"sim.time_step={given.time_step}")
     cfg = load("evaluate", [*words, "designs=none", f"executor={given.executor}", f"executor.workers={workers}"])
     sim = part("sim", cfg.sim)
-    clocked.step_of(sim.name)
+    clocked.steps_of(sim.name)
     evaluator = Evaluator(PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
     candidates = designs(task, given.tools, given.plans, given.seed)
 

@@ -99,7 +99,8 @@ class Moving:
             self._places[name] = _Place(slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping)))
         self._drives = [placed.joint.drive for placed in scene.ordered_joints if placed.joint.drive]
         self._launched = [body for body in scene.free if body.launched]
-        self._latched = [(one, model.joint(_name(scene, one.body)).id) for one in scene.joints if one.latches]
+        latched = [(one, model.joint(_name(scene, one.body))) for one in scene.joints if one.latches]
+        self._latched = [(one, at.id, int(at.qposadr[0]), int(at.dofadr[0])) for one, at in latched]
         self.drives, self.launches, self.latches = len(self._drives), bool(self._launched), bool(self._latched)
 
     def state(self, qpos: Array, qvel: Array) -> State:
@@ -139,16 +140,15 @@ class Moving:
 
     def pull(self, model: Element, data: Element) -> None:
         """Set the forces of latches. Where one rises it is a spring, which is stable however stiff."""
-        for joint, number in self._latched:
-            q, v = self._places[joint.body]
-            at = float(data.qpos[q][0])
+        for joint, number, q, v in self._latched:
+            at = float(data.qpos[q])
             rise = 0.0
             for latch in joint.latches:
                 if abs(at - latch.at) < latch.width / 2:
                     turn = math.pi / latch.width
                     rise += latch.force * turn * math.cos(turn * (at - latch.at))
             model.jnt_stiffness[number] = joint.stiffness + rise
-            data.qfrc_applied[v] = joint.latch_force(np.array(at)) + rise * (at - joint.rest)
+            data.qfrc_applied[v] = joint.latch_force(at) + rise * (at - joint.rest)
 
 
 def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]:

@@ -227,9 +227,9 @@ class Mechanism:
             torques = -joint.stiffness * Rotation.from_quat(quaternion).as_rotvec()
             client.setJointMotorControlMultiDof(*place, client.TORQUE_CONTROL, force=torques.tolist())
         else:
-            position = np.array([joint.start + client.getJointState(*place)[0]])
+            position = joint.start + client.getJointState(*place)[0]
             force = joint.stiffness * (joint.rest - position) + joint.latch_force(position)
-            client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=float(force[0]))
+            client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=force)
 
     def _aim(self, place: Place, joint: Joint) -> None:
         """Drive a joint to where its schedule is at the end of the step."""

@@ -232,7 +232,7 @@ class _Pull:
             self._motor.resist(slope, joint.damping)
             self._slope = slope
         self._motor.aim(position)
-        force = joint.stiffness * (joint.rest - self._turned) + float(joint.latch_force(np.asarray(position)))
+        force = joint.stiffness * (joint.rest - self._turned) + joint.latch_force(position)
         self._motor.push(force)
 
 
