@@ -8,18 +8,15 @@ import itertools
 import shutil
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.geometry import Pose
 from core.robot.description import assemble, tool_urdf
 from core.robot.trajectory import Motion
 from core.values.robots import Robot
-
-if TYPE_CHECKING:
-    import trimesh
 
 
 def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path) -> None:
@@ -74,8 +71,6 @@ def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:
 
     With two mounts, the attachments lie apart as on a gripper with each finger open by ``opening_m`` metres.
     """
-    import trimesh
-
     apart = {
         GRIPPER_MOUNTS[0]: Pose(np.array([0.0, opening_m, 0.0])),
         GRIPPER_MOUNTS[1]: Pose(np.array([0.0, -opening_m, 0.0])),

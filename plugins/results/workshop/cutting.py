@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import manifold3d
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -142,8 +143,6 @@ def _normals(region: Any) -> list[float]:
 
 def _in_region(region: Any, angle: float, printer: Printer) -> list[_Tail]:
     """Divide a region into columns, and put a tail into each that is nearly a rectangle."""
-    import manifold3d
-
     turned = region.rotate(-math.degrees(angle))
     left, low, right, high = turned.bounds()
     count = max(1, math.ceil((right - left) / WIDEST))
@@ -167,8 +166,6 @@ def _in_region(region: Any, angle: float, printer: Printer) -> list[_Tail]:
 
 def _sound(turned: Any, tail: _Tail, place: float, fit: Fit) -> bool:
     """Report whether a tail lies within the solid, and nothing is in its way as it slides in."""
-    import manifold3d
-
     up = np.array([0.0, 0.0, place])
     inner = manifold3d.Manifold.hull_points(tail.solid(0.0, 0.0, max(tail.floor, 0.01)) + up)
     swept = manifold3d.Manifold.hull_points(tail.solid(fit.joint_mm, 500.0, tail.floor) + up)

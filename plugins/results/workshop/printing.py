@@ -6,17 +6,17 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import networkx
 import numpy as np
+import trimesh
+import trimesh.sample
 
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import WELDS_MM, Placed, closed, manifold, to_mesh, union
-
-if TYPE_CHECKING:
-    import trimesh
 
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 
@@ -93,8 +93,6 @@ def print_part(
 
 def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer) -> Check:
     """Check that all shapes are connected by joints as wide as a wall, in two directions at least."""
-    import networkx
-
     solids = [union([shape]) for shape in shapes]
     joints = networkx.empty_graph(len(solids))
     for a, b in itertools.combinations(range(len(solids)), 2):
@@ -114,8 +112,6 @@ def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, print
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
     """The least thickness of a wall: from points of the surface straight in, to where the ray leaves the body."""
-    import trimesh.sample
-
     areas, normals = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)
     sound = np.flatnonzero(areas > _SLIVER_MM2)
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
@@ -144,8 +140,6 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh,
     Returns:
         The mesh as it lies, whether it fits, and the (4, 4) matrix that takes it back.
     """
-    import trimesh
-
     hull = mesh.convex_hull
     by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
     ways: list[tuple[tuple[bool, float, float], Array]] = []
@@ -180,8 +174,6 @@ def to_stl(part: PrintedPart) -> bytes:
 
 def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
     """All parts as one 3MF file, side by side."""
-    import trimesh
-
     scene = trimesh.Scene()
     at = 0.0
     for part in parts:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from PIL.ImageColor import getrgb
@@ -26,13 +26,11 @@ from plugins.results.pages.drawing import Painted, draw, painted
 from plugins.results.pages.figure import COLORS
 from plugins.results.pages.page import data_address, render
 from plugins.results.workshop.clearance import payload
+from plugins.results.workshop.motion import PlayedMotion, Sampled
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.strength import Strength, measured
+from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.verdicts import carried, printable, strong
-
-if TYPE_CHECKING:
-    from plugins.results.workshop.motion import PlayedMotion, Sampled
-    from plugins.results.workshop.tool import PrintedTool
 
 SCALES = (0.2, 0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20)  # millimetres of the tool to one on paper
 NUMBERED = 26  # components at most

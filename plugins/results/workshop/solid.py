@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import manifold3d
 import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool, ToolJoint
 from core.geometry import Array, Box, Compound, Cylinder, Mesh, Pose, Shape, resized
-
-if TYPE_CHECKING:
-    import trimesh
 
 Placed = tuple[Shape | Compound, Pose]
 NAMES = {RIGID_MOUNT: "tool", GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # others have their joints' names
@@ -98,8 +98,6 @@ def union(shapes: Sequence[Placed]) -> Any:
 
 @lru_cache(maxsize=256)
 def _union(shapes: tuple[Placed, ...]) -> Any:
-    import manifold3d
-
     if len(shapes) != 1:
         return manifold3d.Manifold.batch_boolean([_union((placed,)) for placed in shapes], manifold3d.OpType.Add)
     ((shape, pose),) = shapes
@@ -108,8 +106,6 @@ def _union(shapes: tuple[Placed, ...]) -> Any:
 
 def manifold(mesh: trimesh.Trimesh) -> Any:
     """Return a closed mesh as a Manifold."""
-    import manifold3d
-
     corners, faces = np.array(mesh.vertices, np.float64, order="C"), np.array(mesh.faces, np.uint64, order="C")
     return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
 
@@ -119,23 +115,17 @@ def to_mesh(whole: Any) -> trimesh.Trimesh:
 
     Edges that STL files can't hold are merged.
     """
-    import trimesh
-
     data = whole.simplify(SHORTEST_MM).to_mesh64()
     return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=False)
 
 
 def closed(mesh: trimesh.Trimesh) -> bool:
     """Report whether a mesh is closed as STL files hold it: in single precision, corners at one place being one."""
-    import trimesh
-
     return bool(trimesh.Trimesh(mesh.vertices.astype(np.float32), mesh.faces).is_volume)
 
 
 def hull(points: Array) -> Mesh:
     """Return the convex hull of points (N, 3)."""
-    import trimesh
-
     return Mesh.from_trimesh(trimesh.convex.convex_hull(points))
 
 
@@ -148,8 +138,6 @@ def box(low: Sequence[float] | Array, high: Sequence[float] | Array) -> Placed:
 
 def rod(start: Array, end: Array, radius: float) -> Placed:
     """Return a cylinder from one point to another, in metres."""
-    from scipy.spatial.transform import Rotation
-
     way = end - start
     turn, _ = Rotation.align_vectors(way[None], np.array([[0.0, 0.0, 1.0]]))
     return Cylinder(radius, float(np.linalg.norm(way))), Pose.from_rotation((start + end) / 2, turn)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -30,9 +30,7 @@ from core.scene import Scene
 from core.solids.tracks import robot_tracks
 from core.values.materials import Material
 from core.values.robots import Robot
-
-if TYPE_CHECKING:
-    from plugins.results.workshop.motion import PlayedMotion, Sampled
+from plugins.results.workshop.motion import PlayedMotion, Sampled
 
 HARDEST = 10  # instants with the largest forces on the tool, and with the largest moments; and for each body one more
 NEAR_M = 0.005  # of a contact point to the bounding boxes of components that may have it

@@ -9,7 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import manifold3d
 import numpy as np
+import trimesh
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Compound
@@ -167,23 +169,16 @@ def _fitted(link: ToolLink, fix: Callable[[Any], Mount], printer: Printer, fit: 
 def _faithful(fitted: _FittedLink) -> Check:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
     off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid, fitted.mount
-    wide, narrow = (_batch([_offset(shape, by) for shape in fitted.link.shapes]) for by in (off, -off))
+    solids = ([_offset(shape, by) for shape in fitted.link.shapes] for by in (off, -off))
+    wide, narrow = (manifold3d.Manifold.batch_boolean(each, manifold3d.OpType.Add) for each in solids)
     excess = max(0.0, (whole - wide - union(mount.adding)).volume())
     lack = max(0.0, (narrow - union(mount.taking) - whole).volume())
     here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
     return Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)
 
 
-def _batch(bodies: Sequence[Any]) -> Any:
-    import manifold3d
-
-    return manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
-
-
 def _offset(placed: Placed, by: float) -> Any:
     """Move the sides of a shape out, or in: of one that is not convex by Minkowski's sum with a cube."""
-    import manifold3d
-
     if not isinstance(placed[0], Compound):
         return union(widened([placed], by))
     cube = manifold3d.Manifold.cube((2 * abs(by),) * 3, True)
@@ -227,7 +222,5 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
 
 def _difference(file: Path, part: PrintedPart) -> float:
     """Measure what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed."""
-    import trimesh
-
     read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid
     return float(((read - whole).volume() + (whole - read).volume()) / whole.volume())
