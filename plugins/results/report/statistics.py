@@ -7,8 +7,8 @@ all runs of all tasks, and percentiles of the same over runs drawn anew, with re
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Literal, NamedTuple, TypeVar, cast
+from collections.abc import Callable, Iterable, Sequence
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.stats
@@ -83,11 +83,11 @@ class RunCost(NamedTuple):
         """Add up requests and their replies."""
         asked = list(requests)
         replies = [request.reply for request in asked if request.reply is not None]
-        sums = (known_sum(getattr(reply, name) for reply in replies) for name in cls._fields[3:])
+        sums = (over_known(sum, (getattr(reply, name) for reply in replies)) for name in cls._fields[3:])
         return cls(len(asked), len(replies), sum(reply.error is not None for reply in replies), *sums)
 
 
-def known_sum(values: Iterable[N | None]) -> N | None:
-    """Add up the values that are known; None: none is."""
+def over_known(function: Callable[[list[N]], N], values: Iterable[N | None]) -> N | None:
+    """``function`` of the values that are known, None where none is."""
     known = [value for value in values if value is not None]
-    return cast(N, sum(known)) if known else None
+    return function(known) if known else None

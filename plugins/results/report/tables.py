@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
+from functools import wraps
 from statistics import fmean
 from typing import Any
 
@@ -16,7 +17,7 @@ from plugins.results.pages.runs import reasons as why
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import RunCost, deviation, interquartile_mean, interval, known_sum
+from plugins.results.report.statistics import RunCost, deviation, interquartile_mean, interval, over_known
 from plugins.results.report.verify import verification
 
 REASONS = 12  # of a run
@@ -34,82 +35,74 @@ def tables(results: Results) -> list[Table]:
     return [table for table in every if table.rows]
 
 
-def rewards(results: Results) -> Table:
+def _table(head: str) -> Callable[[Callable[[Results], Iterator[tuple[Cell, ...]]]], Callable[[Results], Table]]:
+    """Make a function that yields rows into one that returns a table of its name, with this head (`Table.of`)."""
+    return lambda rows: wraps(rows)(lambda results: Table.of(rows.__name__, head, rows(results)))
+
+
+@_table(
+    "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
+    "|distance of the best (m):2|candidate|unseen layouts, mean:3|unseen layouts, worst:3"
+)
+def rewards(results: Results) -> Iterator[tuple[Cell, ...]]:
     """Best, average and deviation of rewards, by task and method."""
-    head = (
-        "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
-        "|distance of the best (m):2|candidate|unseen layouts, mean:3|unseen layouts, worst:3"
-    )
-    rows = [
-        (
+    for g in results.groups:
+        yield (
             *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
             *(fmean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
             *(g.best.best.distance_m, g.best.best.candidate),
-            _over_known(fmean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]),
-            _over_known(min, [getattr(run.figures.unseen, "worst", None) for run in g.runs]),
+            over_known(fmean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]),
+            over_known(min, [getattr(run.figures.unseen, "worst", None) for run in g.runs]),
         )
-        for g in results.groups
-    ]
-    return Table.of("rewards", head, rows)
 
 
-def methods(results: Results) -> Table:
+@_table(
+    "method|tasks:0|runs:0|mean of the best:3|mean:3|mean, low:3|mean, high:3|interquartile mean:3"
+    "|IQM, low:3|IQM, high:3|which tasks"
+)
+def methods(results: Results) -> Iterator[tuple[Cell, ...]]:
     """The paper's mean and the interquartile mean of each method, with intervals."""
-    head = (
-        "method|tasks:0|runs:0|mean of the best:3|mean:3|mean, low:3|mean, high:3|interquartile mean:3"
-        "|IQM, low:3|IQM, high:3|which tasks"
-    )
-    rows = []
     for method in results.methods:
         groups = results.of(method)
         by_task = [g.rewards for g in groups]
         means = fmean([fmean(rewards) for rewards in by_task])
         every = [reward for task in by_task for reward in task]
-        rows.append(
-            (
-                *(method, len(groups), len(every), fmean([g.best.best.reward for g in groups]), means),
-                *(interval(by_task, "mean") or (None, None)),
-                interquartile_mean(every),
-                *(interval(by_task, "interquartile mean") or (None, None)),
-                ", ".join(g.task for g in groups),
-            )
+        yield (
+            *(method, len(groups), len(every), fmean([g.best.best.reward for g in groups]), means),
+            *(interval(by_task, "mean") or (None, None)),
+            interquartile_mean(every),
+            *(interval(by_task, "interquartile mean") or (None, None)),
+            ", ".join(g.task for g in groups),
         )
-    return Table.of("methods", head, rows)
 
 
-def generations(results: Results) -> Table:
+@_table(
+    "task|method|generation:0|runs:0|best so far:3|standard deviation:3|best of the generation:3"
+    "|mean of the generation:3|rejected (%):1|failed (%):1"
+)
+def generations(results: Results) -> Iterator[tuple[Cell, ...]]:
     """Rewards by generation."""
-    head = (
-        "task|method|generation:0|runs:0|best so far:3|standard deviation:3|best of the generation:3"
-        "|mean of the generation:3|rejected (%):1|failed (%):1"
-    )
-    rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
         for index in range(max(len(run.figures.generations) for run in g.runs)):
             so_far = [run.best_so_far(index + 1)[index] for run in g.runs]
             there = [run.figures.generations[index] for run in g.runs if index < len(run.figures.generations)]
             candidates = sum(f.n_candidates for f in there)
             lost = (sum(f.n_rejected for f in there), sum(f.n_failed for f in there))
-            rows.append(
-                (
-                    *(g.task, g.method, index, len(there), fmean(so_far), deviation(so_far)),
-                    _over_known(fmean, [f.best_reward for f in there]),
-                    _over_known(fmean, [f.mean_reward for f in there]),
-                    *(100 * count / candidates if candidates else None for count in lost),
-                )
+            yield (
+                *(g.task, g.method, index, len(there), fmean(so_far), deviation(so_far)),
+                over_known(fmean, [f.best_reward for f in there]),
+                over_known(fmean, [f.mean_reward for f in there]),
+                *(100 * count / candidates if candidates else None for count in lost),
             )
-    return Table.of("generations", head, rows)
 
 
-def reasons(results: Results) -> Table:
+@_table("task|method|run|candidates|reason")
+def reasons(results: Results) -> Iterator[tuple[Cell, ...]]:
     """Why candidates earned nothing, or less than their rollout."""
-    rows: list[tuple[Cell, ...]] = [
-        (g.task, g.method, CellLink(run.folder.name, run.folder), *line.split(": ", 1))
-        for g in results.groups
-        for run in g.runs
-        for line in why(run.store)[:REASONS]
-    ]
-    return Table.of("reasons", "task|method|run|candidates|reason", rows)
+    for g in results.groups:
+        for run in g.runs:
+            for line in why(run.store)[:REASONS]:
+                yield (g.task, g.method, CellLink(run.folder.name, run.folder), *line.split(": ", 1))
 
 
 def _elites(run: FinishedRun) -> list[tuple[StoredEvaluation, set[str]]]:
@@ -130,32 +123,24 @@ def _elites(run: FinishedRun) -> list[tuple[StoredEvaluation, set[str]]]:
     return [(best[key], {best[parent].candidate for parent in parents[key] if parent}) for key in best if key in chosen]
 
 
-def lineage(results: Results) -> Table:
+@_table("generation:0|candidate|reward:3|derives from|in the model's words")
+def lineage(results: Results) -> Iterator[tuple[Cell, ...]]:
     """What the elites derive from, and the model's words."""
-    rows = []
     for run in results.runs if len(results.runs) == 1 else ():
         designs = run.store.designs()
         for e, parents in _elites(run):
             names = ("tool_name", "tool_description", "strategy_name", "strategy_description")
             said = (str(designs[e.design].written.get(name) or "").strip(" .") for name in names)
             words = ". ".join(dict.fromkeys(filter(None, said)))
-            rows.append((e.design[0], e.candidate, e.reward, ", ".join(sorted(parents)) or "–", words))
-    return Table.of("lineage", "generation:0|candidate|reward:3|derives from|in the model's words", rows)
+            yield (e.design[0], e.candidate, e.reward, ", ".join(sorted(parents)) or "–", words)
 
 
-def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
-    """``function`` of the values that are known, None where none is."""
-    known = [value for value in values if value is not None]
-    return function(known) if known else None
-
-
-def models(results: Results) -> Table:
+@_table(
+    "task|method|model|asked for|replies:0|of them failed:0|prompt tokens:0|completion tokens:0|cost (USD):4"
+    "|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
+)
+def models(results: Results) -> Iterator[tuple[Cell, ...]]:
     """What each model was asked, what that cost and earned; where a method has several, or a critic."""
-    head = (
-        "task|method|model|asked for|replies:0|of them failed:0|prompt tokens:0|completion tokens:0|cost (USD):4"
-        "|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
-    )
-    rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
         asked: defaultdict[tuple[str, str], list[StoredRequest]] = defaultdict(list)
         earned: defaultdict[tuple[str, str], list[StoredEvaluation]] = defaultdict(list)
@@ -171,79 +156,67 @@ def models(results: Results) -> Table:
         for model in sorted(asked) if len(asked) > 1 else ():
             tried = [e for e in earned[model] if e.status != "rejected"]
             rewards = [e.reward for e in tried if e.status == "ok"]
-            rows.append(
-                (
-                    *(g.task, g.method, *model, *RunCost.of(asked[model])[1:], len(earned[model])),
-                    100 * len(tried) / len(earned[model]) if earned[model] else None,
-                    *(_over_known(function, rewards) for function in (max, fmean)),
-                )
+            yield (
+                *(g.task, g.method, *model, *RunCost.of(asked[model])[1:], len(earned[model])),
+                100 * len(tried) / len(earned[model]) if earned[model] else None,
+                *(over_known(function, rewards) for function in (max, fmean)),
             )
-    return Table.of("models", head, rows)
 
 
-def costs(results: Results) -> Table:
+@_table(
+    "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
+    "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
+)
+def costs(results: Results) -> Iterator[tuple[Cell, ...]]:
     """Time, tokens and dollars that runs took."""
-    head = (
-        "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
-        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
-    )
-    rows = []
     for g in results.groups:
         spent = [RunCost.of(run.store.requests()) for run in g.runs]
         seconds, tried = sum(run.figures.wall_time_s for run in g.runs), sum(run.rollouts for run in g.runs)
-        rows.append(
-            (
-                *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
-                tried / seconds if seconds > 0 else None,
-                _over_known(fmean, [s.requests for s in spent]),
-                sum(s.errors for s in spent),
-                *(known_sum(getattr(s, name) for s in spent) for name in RunCost._fields[3:]),
-            )
+        yield (
+            *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
+            tried / seconds if seconds > 0 else None,
+            fmean([s.requests for s in spent]),
+            sum(s.errors for s in spent),
+            *(over_known(sum, (getattr(s, name) for s in spent)) for name in RunCost._fields[3:]),
         )
-    return Table.of("costs", head, rows)
 
 
-def runs(results: Results) -> Table:
+@_table(
+    "task|method|seed:0|best reward:3|unseen layouts, mean:3|least margin:2|distance (m):2"
+    "|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
+)
+def runs(results: Results) -> Iterator[tuple[Cell, ...]]:
     """All runs that are counted."""
-    head = (
-        "task|method|seed:0|best reward:3|unseen layouts, mean:3|least margin:2|distance (m):2"
-        "|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
-    )
-    rows = [
-        (
-            *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
-            *(getattr(run.best.margin, "margin", None), run.best.distance_m, run.best.generation),
-            *(run.best.candidate, run.rollouts, run.figures.wall_time_s),
-            *(
-                CellLink(run.folder.name, run.folder),
-                tuple(CellLink(what, file) for what, file in run.recordings().items()),
-            ),
-        )
-        for g in results.groups
-        for run in g.runs
-    ]
-    return Table.of("runs", head, rows)
+    for g in results.groups:
+        for run in g.runs:
+            yield (
+                *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
+                *(getattr(run.best.margin, "margin", None), run.best.distance_m, run.best.generation),
+                *(run.best.candidate, run.rollouts, run.figures.wall_time_s),
+                *(
+                    CellLink(run.folder.name, run.folder),
+                    tuple(CellLink(what, file) for what, file in run.recordings().items()),
+                ),
+            )
 
 
-def tools(results: Results) -> Table:
+@_table(
+    "task|method|tool|reward:3|distance (m):2|size|mass (g):0|material|components:0|description|how it is used|"
+    "candidate|run"
+)
+def tools(results: Results) -> Iterator[tuple[Cell, ...]]:
     """The best tools, with the model's descriptions."""
-    head = (
-        "task|method|tool|reward:3|distance (m):2|size|mass (g):0|material|components:0|description|how it is used|"
-        "candidate|run"
-    )
-    rows = [
-        (
+    for (task, method), winner in results.tools.best.items():
+        yield (
             *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
             *(1000 * winner.tool.mass, winner.material.name, len(winner.tool.components)),
             *(winner.tool.description, winner.use, winner.candidate),
             CellLink(winner.run.folder.name, winner.run.folder),
         )
-        for (task, method), winner in results.tools.best.items()
-    ]
-    return Table.of("tools", head, rows)
 
 
-def front(results: Results) -> Table:
+@_table("task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate")
+def front(results: Results) -> Iterator[tuple[Cell, ...]]:
     """What holds and is not beaten in mass without a longer motion, of all candidates that ``fitness=lean`` judged."""
     judged: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
     for g in results.groups:
@@ -253,12 +226,12 @@ def front(results: Results) -> Table:
                 if each.status == "ok" and {"lean", "motion_s", "mass_kg"} <= known.keys():
                     cost = (1000 * known["mass_kg"], known["motion_s"], known["lean"])
                     judged[g.task].append((*cost, g.method, run.seed, each.candidate))
-    rows = [(task, *own[n]) for task, own in judged.items() for n in unbeaten([(row[0], row[1]) for row in own])]
-    head = "task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate"
-    return Table.of("front", head, rows)
+    for task, own in judged.items():
+        yield from ((task, *own[n]) for n in unbeaten([(row[0], row[1]) for row in own]))
 
 
-def left_out(results: Results) -> Table:
+@_table("folder|task|status|reason")
+def left_out(results: Results) -> Iterator[tuple[Cell, ...]]:
     """The runs that no figure counts."""
-    rows = [(CellLink(run.folder.name, run.folder), run.task, run.status, run.reason) for run in results.left_out]
-    return Table.of("left_out", "folder|task|status|reason", rows)
+    for run in results.left_out:
+        yield CellLink(run.folder.name, run.folder), run.task, run.status, run.reason
