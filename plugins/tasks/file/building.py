@@ -25,7 +25,8 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     """Build the scene.
 
     Raises:
-        UserError: a file can't be used; or bodies, joints or goals don't fit together.
+        UserError: a file can't be used; two bodies or marks have one name (says where the second is); or bodies, joints
+            or goals don't fit together.
     """
     around = [floor(spec.floor_height)] * spec.floor + [table()] * spec.table
     marks = [Body.mark(mark.name, mark.position, mark.radius, rgba(mark.color)) for mark in spec.marks]
@@ -42,7 +43,12 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
             pose = _frame(other.at, (*marks, *bodies)) @ _pose(other)
         bodies += [replace(body, pose=pose @ body.pose) for body in found.bodies]
         joints += found.joints
-    _check_names(tree, spec, [body.name for body in around])
+    taken = [body.name for body in around]
+    for kind, names in (("marks", [mark.name for mark in spec.marks]), ("bodies", [body.name for body in spec.bodies])):
+        for number, name in enumerate(names):
+            if name in taken:
+                raise tree.error((kind, number, "name"), f"{name!r} is there already; choose another name")
+            taken.append(name)
     try:
         scene = Scene((*around, *marks, *bodies), tuple(joints))
     except ValueError as error:
@@ -138,19 +144,6 @@ def _frame(at: str | None, above: Sequence[Body]) -> Pose:
     if at not in frames:
         raise choices("body or mark", at, frames, "what the file has before it")
     return frames[at]
-
-
-def _check_names(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
-    """Refuse a name that two bodies or marks have.
-
-    Raises:
-        UserError: says where the second is.
-    """
-    for kind, names in (("marks", [mark.name for mark in spec.marks]), ("bodies", [body.name for body in spec.bodies])):
-        for number, name in enumerate(names):
-            if name in taken:
-                raise tree.error((kind, number, "name"), f"{name!r} is there already; choose another name")
-            taken.append(name)
 
 
 def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:

@@ -26,8 +26,9 @@ def find_doubts(scene: Scene, written: Mapping[str, Any]) -> Iterator[str]:
     for body in scene.bodies:
         if body.name in boxes and not (body.fixed and body.name in ("table", "floor")):
             yield from _of_body(body, boxes)
-        if body.fixed and not body.collisions and _away(body) > FAR_M:
-            yield f"mark {body.name} is {_away(body):.2g} m from the robot's base, beyond the reach of most arms"
+        away = float(np.linalg.norm(body.pose.position[:2]))
+        if body.fixed and not body.collisions and away > FAR_M:
+            yield f"mark {body.name} is {away:.2g} m from the robot's base, beyond the reach of most arms"
     for body in scene.free:
         if body.name in boxes and body.name not in hanging and not any(body.velocity):
             gap = _gap_below(body.name, boxes)
@@ -53,10 +54,6 @@ def _of_body(body: Body, boxes: Mapping[str, Box]) -> Iterator[str]:
         sinks = GRAVITY * body.elastic.density * float(high[2] - low[2]) / (2 * body.elastic.young)
         if sinks > SINKS:
             yield f"body {body.name} is pressed down by {sinks:.0%} by its own weight; is young in Pa?"
-
-
-def _away(body: Body) -> float:
-    return float(np.linalg.norm(body.pose.position[:2]))
 
 
 def _box(body: Body) -> Box:

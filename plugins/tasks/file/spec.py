@@ -307,7 +307,8 @@ def keys_at(where: Where) -> list[str]:
     found = [_schema()]
     for step in (None, *where):
         if step is not None:
-            found = [inner for node in found for inner in _below(node, step)]
+            below = (n.get("items") if isinstance(step, int) else n.get("properties", {}).get(step) for n in found)
+            found = [inner for inner in below if isinstance(inner, dict)]
         found = [inner for node in found for inner in _alternatives(node)]
     return sorted({key for node in found for key in node.get("properties", {})})
 
@@ -316,8 +317,3 @@ def _alternatives(node: Mapping[str, Any]) -> list[dict[str, Any]]:
     if "$ref" in node:
         return _alternatives(_schema()["$defs"][node["$ref"].rpartition("/")[2]])
     return [inner for choice in node["anyOf"] for inner in _alternatives(choice)] if "anyOf" in node else [dict(node)]
-
-
-def _below(node: Mapping[str, Any], step: str | int) -> list[dict[str, Any]]:
-    inner = node.get("items") if isinstance(step, int) else node.get("properties", {}).get(step)
-    return [inner] if isinstance(inner, dict) else []

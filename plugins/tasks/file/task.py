@@ -42,19 +42,10 @@ class FileTask(Task):
         spec = schema.read_spec(self._tree, self._tree.data)
         home = spec.home
         # Attributes of the object hide those of the class.
-        own: dict[str, Any] = {
-            "name": spec.name,
-            "description": " ".join(spec.description.split()),
-            "in_words": " ".join(spec.in_words.split()),
-            "goals": spec.goals,
-            "home": Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
-            "camera": spec.camera,
-            "success_reward": spec.success_reward,
-            "every": spec.every,
-            "hold_s": spec.hold_s,
-            "variations": spec.variations,
-        }
-        vars(self).update(own)
+        same = ("name", "goals", "camera", "success_reward", "every", "hold_s", "variations")
+        own: dict[str, Any] = {name: getattr(spec, name) for name in same}
+        own |= {name: " ".join(getattr(spec, name).split()) for name in ("description", "in_words")}
+        vars(self).update(own, home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)))
         self._photographs = spec.pictures
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)

@@ -91,11 +91,8 @@ class Tree:
         self.lines.setdefault(where, node.start_mark.line + 1)
         if isinstance(node, yaml.SequenceNode):
             return [self._read(item, (*where, number)) for number, item in enumerate(node.value)]
-        if isinstance(node, yaml.MappingNode):
-            return self._object(node, where)
-        return self._scalar(node, where)
-
-    def _object(self, node: Any, where: Where) -> dict[str, Any]:
+        if not isinstance(node, yaml.MappingNode):
+            return self._scalar(node, where)
         found: dict[str, Any] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):

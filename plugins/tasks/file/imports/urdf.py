@@ -111,28 +111,25 @@ class _UrdfBodies:
         return replace(made, lower=lower, upper=upper, start=_start(joint))
 
     def _body(self, head: str, pose: Pose, links: Sequence[tuple[RobotLink, Pose]], *, fixed: bool) -> Body | None:
-        visuals = [geom for link, place in links for shape in link.visuals for geom in self._drawn(shape, place)]
-        collisions = [geom for link, place in links for shape in link.collisions for geom in self._solid(shape, place)]
+        visuals = [geom for link, place in links for shape in link.visuals for geom in self._geoms(shape, place, True)]
+        solid = ((shape, place) for link, place in links for shape in link.collisions)
+        collisions = [geom for shape, place in solid for geom in self._geoms(shape, place, False)]
         name = self._prefix + head
         if fixed and not (visuals or collisions):
             return None
         mass = None if fixed else sum(link.inertial.mass for link, _ in links)
         return joined_body(name, pose, mass, visuals, collisions, _FRICTION)
 
-    def _drawn(self, shape: RobotShape, place: Pose) -> list[Geom]:
+    def _geoms(self, shape: RobotShape, place: Pose, drawn: bool) -> list[Geom]:
+        pose, color = place @ shape.origin.pose, shape.color or _GREY
         if not isinstance(shape.shape, Path):
-            return [Geom(shape.shape, place @ shape.origin.pose, shape.color or _GREY)]
-        if shape.shape.suffix.lower() not in KINDS:
+            return [Geom(shape.shape, pose, color)]
+        if drawn and shape.shape.suffix.lower() not in KINDS:
             self._notes.append(f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read")
             return []
-        solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=True)
-        return [Geom(mesh, place @ shape.origin.pose, own or shape.color or _GREY) for mesh, own in solid.drawn]
-
-    def _solid(self, shape: RobotShape, place: Pose) -> list[Geom]:
-        if not isinstance(shape.shape, Path):
-            return [Geom(shape.shape, place @ shape.origin.pose, shape.color or _GREY)]
-        parts = load_solid(shape.shape, self._folder, shape.scale).parts
-        return [Geom(part, place @ shape.origin.pose, shape.color or _GREY) for part in parts]
+        solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=drawn)
+        meshes = solid.drawn if drawn else [(part, None) for part in solid.parts]
+        return [Geom(mesh, pose, own or color) for mesh, own in meshes]
 
 
 def _start(joint: RobotJoint) -> float:
