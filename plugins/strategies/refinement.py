@@ -5,39 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from core.design import Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
 from core.geometry import Array
-from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, ToolRepresentation
+from core.interfaces import Budget, EvolutionStrategy, Numbers, ToolRepresentation
+from core.search.designer import ModelDesigner
 
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
 UNTIL = (60, 120)  # rollouts after which that is so; it does not depend on their number, which may be raised later
 MORE = 0.3  # the chance of another move in the same candidate
 TRIES = 20  # draws for a candidate that keeps the rules
-
-
-class Varies(Designer, Protocol):
-    """A designer that can vary the numbers of candidates."""
-
-    def parameters(self, candidate: Candidate) -> Numbers:
-        """Return the N numbers of a candidate's tool and plan that may vary."""
-
-    def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
-        """Make a candidate with ``values`` (N,) of its `parameters`, and ``key`` (`Candidate.key`).
-
-        One that breaks a rule has a `Candidate.problem`.
-        """
-
-    def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
-        """Return the values (N,) of a candidate's `parameters` that make it like ``other``.
-
-        None: the two differ in more than numbers.
-        """
 
 
 class Refinement(EvolutionStrategy):
@@ -58,7 +39,7 @@ class Refinement(EvolutionStrategy):
         UsageError: ``rollouts`` is no whole number above 0.
     """
 
-    def __init__(self, strategy: EvolutionStrategy, designer: Varies, rollouts: int) -> None:
+    def __init__(self, strategy: EvolutionStrategy, designer: ModelDesigner, rollouts: int) -> None:
         if type(rollouts) is not int or rollouts < 1:
             raise UsageError(f"evolution.refine must be a whole number from 0 on; got {rollouts!r}")
         super().__init__(designer, strategy.budget, strategy.tie)
@@ -111,7 +92,7 @@ class _Search:
     """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent."""
 
     def __init__(
-        self, number: int, designer: Varies, start: Evaluation, numbers: Numbers, earned: Sequence[Candidate]
+        self, number: int, designer: ModelDesigner, start: Evaluation, numbers: Numbers, earned: Sequence[Candidate]
     ) -> None:
         self.number, self.best = number, start.reward
         self._designer, self._start, self._numbers = designer, start.candidate, numbers

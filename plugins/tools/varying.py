@@ -18,40 +18,27 @@ SLIDE_M, MOST_SLIDE_M = 0.01, 0.2  # along the parent's surface, or into it
 TURN_RAD, MOST_TURN_RAD = 0.05, 0.5
 
 
-class VariedTools(ToolRepresentation):
-    """A representation that can write tools of any sizes and poses."""
-
-    def parameters(self, design: Tool) -> Numbers:
-        return tool_numbers(design)
-
-    def with_parameters(self, design: Tool, values: Array) -> Tool:
-        return vary_tool(design, values)
-
-    def toward(self, design: Tool, other: Tool) -> Array | None:
-        return tool_change(design, other)
-
-
-def tool_numbers(tool: Tool) -> Numbers:
+def tool_numbers(design: Tool) -> Numbers:
     """List the changes of a tool that `vary_tool` makes, all 0 as it is: nine for each component.
 
     A tool with joints has none.
     """
-    if tool.bearers:
+    if design.bearers:
         return Numbers()
     steps = np.repeat((GROWTH, SLIDE_M, TURN_RAD), 3)
     most = np.repeat((MOST_GROWTH, MOST_SLIDE_M, MOST_TURN_RAD), 3)
-    return sum((Numbers.near(np.zeros(9), steps, most) for _ in tool.components), Numbers())
+    return sum((Numbers.near(np.zeros(9), steps, most) for _ in design.components), Numbers())
 
 
-def vary_tool(tool: Tool, values: Array) -> Tool:
+def vary_tool(design: Tool, values: Array) -> Tool:
     """Return the tool with changes ``values`` (N,), see `tool_numbers`.
 
     A component grows about the point where it touches its parent, slides on the parent with that point, and turns
     about it; so the two go on touching. On the mount it does not slide. Compounds don't grow. Densities stay.
     """
     changed: dict[str, Component] = {}
-    old = {component.name: component for component in tool.components}
-    for component, (growth, slide, turn) in zip(tool.components, values.reshape(-1, 3, 3), strict=True):
+    old = {component.name: component for component in design.components}
+    for component, (growth, slide, turn) in zip(design.components, values.reshape(-1, 3, 3), strict=True):
         shape = component.shape
         if growth.any() and not isinstance(shape, Compound):
             shape = resized(shape, shape.bounds[1] * np.exp(growth))
@@ -64,18 +51,18 @@ def vary_tool(tool: Tool, values: Array) -> Tool:
         pose = Pose.from_rotation(goal - rotation.apply(own), rotation)
         mass = component.mass * shape.volume / component.shape.volume
         changed[component.name] = replace(component, pose=pose, shape=shape, mass=mass)
-    return replace(tool, components=tuple(changed.values()))
+    return replace(design, components=tuple(changed.values()))
 
 
-def tool_change(tool: Tool, other: Tool) -> Array | None:
-    """Return the changes (N,) by which `vary_tool` makes ``tool`` like ``other``, as far as it can.
+def tool_change(design: Tool, other: Tool) -> Array | None:
+    """Return the changes (N,) by which `vary_tool` makes ``design`` like ``other``, as far as it can.
 
     None: the tools have joints, or other components, parents or kinds of shapes.
     """
-    if tool.bearers or _structure(tool) != _structure(other):
+    if design.bearers or _structure(design) != _structure(other):
         return None
-    values, old, new = [], {c.name: c for c in tool.components}, {c.name: c for c in other.components}
-    for component, after in zip(tool.components, other.components, strict=True):
+    values, old, new = [], {c.name: c for c in design.components}, {c.name: c for c in other.components}
+    for component, after in zip(design.components, other.components, strict=True):
         slide = np.zeros(3)
         if component.parent in old:
             touch = _touching(component, old[component.parent])
@@ -113,3 +100,11 @@ def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
     theirs = solids_of(parent.name, parent.shape, Pose())
     return closest(solids_of(component.name, component.shape, component.pose), theirs)[1]
+
+
+class VariedTools(ToolRepresentation):
+    """A representation that can write tools of any sizes and poses."""
+
+    parameters = staticmethod(tool_numbers)
+    with_parameters = staticmethod(vary_tool)
+    toward = staticmethod(tool_change)
