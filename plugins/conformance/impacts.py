@@ -125,14 +125,10 @@ def check_oblique_blow_of_a_blade(simulator: Simulator) -> None:
         left = end(run(simulator, (_ice(), puck), job)).linear_velocity("puck")[:2] / speed
         due = math.cos(turn) * away + _braked(shape, friction, turn) * along
         faster = float(np.linalg.norm(left) / np.linalg.norm(due))
-        aside = _angle(left) - _angle(due)
+        aside = math.atan2(left[1], left[0]) - math.atan2(due[1], due[0])
         what = f"{shape}, struck by a blade turned by {degrees} degrees, friction {friction}, left "
         expect(abs(faster - 1) < _FASTER, f"{what}{faster:.2f} times as fast as it should")
         expect(abs(aside) < _ASIDE, f"{what}{math.degrees(aside):.1f} degrees aside")
-
-
-def _angle(vector: Array) -> float:
-    return math.atan2(vector[1], vector[0])
 
 
 def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> None:

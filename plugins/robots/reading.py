@@ -294,7 +294,7 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
         tilt = math.acos(min(1.0, abs(flange.rotation.apply(axis)[2])))
         if tilt > _TILT_RAD:
             along = flange.rotation.apply(axis) * np.sign(flange.rotation.apply(axis)[2] or 1.0)
-            way = _way(Rotation.from_rotvec(_to_vertical(along)))
+            way = _way(Rotation.align_vectors([(0.0, 0.0, 1.0)], [along])[0])
             found = f"at home the axis of {robot.arm_joints[-1]!r} is {math.degrees(tilt):.0f} degrees off the vertical"
             mend = "or choose a home where the flange looks down (vlmgineer home), or turn the mount: robot.mount_rpy"
             raise UserError(f"{found}; {way}, {mend}")
@@ -313,12 +313,6 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
         below = f"the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange {robot.mount_link!r}"
         raise UserError(f"at home {below}, which looks up; choose a home where it looks down (vlmgineer home)")
     return Pose.from_rotation((0.0, 0.0, 0.0), turn)
-
-
-def _to_vertical(along: Array) -> Array:
-    """Compute the rotation vector (3,) that turns a unit vector (3,) upright by the shortest way."""
-    about = np.cross(along, (0.0, 0.0, 1.0))
-    return about / max(float(np.linalg.norm(about)), 1e-9) * math.acos(min(1.0, along[2]))
 
 
 def _way(rotation: Rotation) -> str:

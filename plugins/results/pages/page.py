@@ -42,7 +42,7 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         loader=jinja2.FunctionLoader(_text),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
-        finalize=_printable,
+        finalize=lambda x: clean(x, _LONGEST) if isinstance(x, str) and not isinstance(x, Markup) else x,
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -68,11 +68,6 @@ def _text(name: str) -> str:
 
 def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-def _printable(value: Any) -> Any:
-    """``value`` without control characters; what is markup already passes."""
-    return clean(value, _LONGEST) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def figure_address(svg: bytes) -> Markup:

@@ -118,7 +118,11 @@ def attempt(held: Held, nodes: Nodes, words: Sequence[str], output: Path) -> dic
     if left:
         one = folder / digest(sorted(map(str, left)))[:8]
         OmegaConf.update(config, "task", together(left), merge=False)
-        _search(config, one)
+        one.mkdir(parents=True, exist_ok=True)
+        stopped = search(config, one, RunStore.open(one)).stopped  # goes on with what is there
+        if stopped is not None:
+            error = KeyboardInterrupt if stopped == INTERRUPTED else UserError
+            raise error(f"stopped: {stopped}; the same command goes on")
         found |= {name: cell for name, _, cell in _tried(one, file)}
     return dict.fromkeys(nodes, NOTHING) | found
 
@@ -154,15 +158,6 @@ def configured(held: Held, file: Path, words: Sequence[str]) -> DictConfig:
     if not getattr(installed().factory("vlm", config.vlm.name), "sees", True):
         config.prompt.picture = False
     return config
-
-
-def _search(config: DictConfig, folder: Path) -> None:
-    """Search for plans in ``folder``, or go on with that."""
-    folder.mkdir(parents=True, exist_ok=True)
-    stopped = search(config, folder, RunStore.open(folder)).stopped
-    if stopped is not None:
-        error = KeyboardInterrupt if stopped == INTERRUPTED else UserError
-        raise error(f"stopped: {stopped}; the same command goes on")
 
 
 def _tried(folder: Path, file: Path) -> list[tuple[str, dict[str, Any], Cell]]:

@@ -150,29 +150,18 @@ def whole(folder: Path) -> Iterator[Path]:
         if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
             raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
         beside.mkdir(parents=True, exist_ok=True)
-        with _locked(beside):
+        with contextlib.ExitStack() as at_end:
+            at_end.callback(os.close, handle := os.open(beside, os.O_RDONLY | os.O_NOFOLLOW))
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process; an error where another has it
             for left in beside.iterdir():
                 shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
-            try:
-                yield beside
-                beside.rename(folder)
-            finally:
-                shutil.rmtree(beside, ignore_errors=True)
+            at_end.callback(shutil.rmtree, beside, ignore_errors=True)
+            yield beside
+            beside.rename(folder)
     except BlockingIOError as error:
         raise UserError(f"another export is writing {folder}") from error
     except OSError as error:
         raise UserError(f"can't write {folder}: {error}") from error
-
-
-@contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder; the lock ends with the process. Raises BlockingIOError where another one has it."""
-    handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    finally:
-        os.close(handle)
 
 
 def _export(

@@ -208,19 +208,14 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     """
     if not made.parts:
         return made
-    files = {made.file(number): part for number, part in enumerate(made.parts)}
-    for name, part in files.items():
-        write_bytes(folder / name, to_stl(part))
-    most = max(_difference(folder / name, part) for name, part in files.items())
-    read = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
+    most = 0.0  # of what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed
+    for number, part in enumerate(made.parts):
+        write_bytes(file := folder / made.file(number), to_stl(part))
+        read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid
+        most = max(most, float(((read - whole).volume() + (whole - read).volume()) / whole.volume()))
+    same = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
     if not made.material.metal:
         write_bytes(folder / "tool.3mf", to_3mf(made.parts))
-    made = replace(made, checks=(*made.checks, read))
+    made = replace(made, checks=(*made.checks, same))
     write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=made).encode())
     return made
-
-
-def _difference(file: Path, part: PrintedPart) -> float:
-    """Measure what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed."""
-    read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid
-    return float(((read - whole).volume() + (whole - read).volume()) / whole.volume())

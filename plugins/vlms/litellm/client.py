@@ -100,11 +100,6 @@ def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
     return (float(prices[0]), float(prices[1])) if prices[0] and prices[1] else None
 
 
-def _registered(provider: str) -> Any:
-    """LiteLLM's record of a provider that speaks OpenAI's protocol; None: it has none."""
-    return importlib.import_module("litellm.llms.openai_like.json_loader").JSONProviderRegistry.get(provider)
-
-
 class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
 
@@ -160,20 +155,15 @@ class Client:
         # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library reads.
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
         missing = sorted(name for name in missing if name.endswith("_API_KEY"))
-        if not missing and self._provider not in OPENAI and self._speaks_openai():
-            missing = [self._variable()]  # LiteLLM would send OpenAI's key in its place
+        if not missing and self._provider not in OPENAI:
+            registry = importlib.import_module("litellm.llms.openai_like.json_loader").JSONProviderRegistry
+            registered, usual = registry.get(self._provider), f"{self._provider.upper().replace('-', '_')}_API_KEY"
+            if registered is not None:  # a provider that speaks OpenAI's protocol, as LiteLLM lists it
+                missing = [registered.api_key_env]  # LiteLLM would send OpenAI's key in its place
+            elif self._provider in (*self._litellm.openai_compatible_providers, *_LIKE_OPENAI):
+                missing = [_UNUSUAL.get(self._provider, usual)]
         given = any(map(os.environ.get, (*missing, *_OTHER_KEYS.get(self._provider, ()))))
         return [] if given else missing  # of Azure, LiteLLM names the key if only the address is missing
-
-    def _speaks_openai(self) -> bool:
-        listed = self._litellm.openai_compatible_providers
-        return self._provider in (*listed, *_LIKE_OPENAI) or _registered(self._provider) is not None
-
-    def _variable(self) -> str:
-        """The name of the variable for the provider's key, as LiteLLM reads it."""
-        registered = _registered(self._provider)
-        usual = f"{self._provider.upper().replace('-', '_')}_API_KEY"
-        return registered.api_key_env if registered is not None else _UNUSUAL.get(self._provider, usual)
 
     def _accepts(self, **parameter: Any) -> bool:
         parameter |= {"model": self._bare, "custom_llm_provider": self._provider, "drop_params": False}
