@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,26 @@ from core.interfaces import Pushes, Recording
 
 Thing = tuple[int, str]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
 TOOL: Thing = (-1, "tool")
+
+
+class Meeting(NamedTuple):
+    """Two things that touch: their names, or None for two parts of the robot or of a body, which don't count.
+
+    If one of them is the tool, ``body`` is the other, and ``sign`` is -1 where the tool comes second.
+    """
+
+    pair: tuple[str, str] | None
+    body: str | None
+    sign: float
+
+
+@cache
+def meeting(one: Thing, other: Thing) -> Meeting:
+    """Say what a contact of two things is."""
+    (rank, first), (others_rank, second) = ordered = sorted((one, other))
+    counts = others_rank > rank
+    body = second if counts and (rank, first) == TOOL else None
+    return Meeting((first, second) if counts else None, body, 1.0 if ordered == [one, other] else -1.0)
 
 
 class Impulses:
@@ -25,17 +47,15 @@ class Impulses:
         self._noted: list[dict[tuple[str, str], float]] = []
         self._pushes: list[tuple[int, str, Sequence[float], Array]] = []
 
-    def add(self, one: Thing, other: Thing, impulse: float) -> None:
-        """Add the impulse of a contact, N s; contacts within the robot or a body don't count."""
-        (rank, first), (others_rank, second) = sorted((one, other))
-        if impulse > 0 and others_rank > rank:
-            self._sums[first, second] = self._sums.get((first, second), 0.0) + impulse
+    def add(self, met: Meeting, impulse: float) -> None:
+        """Add the impulse of a contact, N s."""
+        if impulse > 0 and met.pair:
+            self._sums[met.pair] = self._sums.get(met.pair, 0.0) + impulse
 
-    def push(self, one: Thing, other: Thing, point: Sequence[float], impulse: Array) -> None:
-        """Add the impulse on ``one`` (3,), N s, of a contact at a point in the world, if one of the two is the tool."""
-        for (rank, name), (others_rank, body), sign in ((one, other, 1.0), (other, one, -1.0)):
-            if (rank, name) == TOOL and others_rank > rank:
-                self._pushes.append((len(self._noted), body, point, sign * impulse))
+    def push(self, met: Meeting, point: Sequence[float], impulse: Array) -> None:
+        """Add the impulse on the first thing (3,), N s, of a contact of the tool at a point in the world."""
+        assert met.body is not None
+        self._pushes.append((len(self._noted), met.body, point, met.sign * impulse))
 
     def note(self) -> None:
         """Note the sums at an instant of the recording."""

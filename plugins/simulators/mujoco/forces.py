@@ -116,8 +116,8 @@ class Meter:
         """Copy the contacts of the last step."""
         contact = data.contact
         geoms = contact.geom if not len(self._flexes) else np.where(contact.geom < 0, -1 - contact.flex, contact.geom)
-        arrays = geoms, contact.efc_address, contact.dim, contact.frame, contact.pos, data.efc_force
-        self._steps.append((*(array.copy() for array in arrays), data.body_awake.copy()))
+        where = geoms.copy(), contact.efc_address.copy(), contact.dim.copy(), contact.frame.copy(), contact.pos.copy()
+        self._steps.append((*where, data.efc_force.copy(), data.body_awake.copy()))
         if len(self._steps) == PACKED:
             self.packed()
 

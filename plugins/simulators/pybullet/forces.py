@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from core.geometry import Array
-from plugins.simulators.forces import TOOL, Impulses, Thing
+from plugins.simulators.forces import Impulses, Meeting, Thing, meeting
 from plugins.simulators.pybullet.engine import Client
 
 
@@ -36,11 +36,15 @@ class Forces(Impulses):
     def __init__(self, client: Client, things: Mapping[tuple[int, int], Thing], time_step: float) -> None:
         super().__init__()
         self._client, self._things, self._time_step = client, things, time_step
+        self._meetings: dict[tuple[int, ...], Meeting] = {}
 
     def add_step(self) -> None:
         """Add those of the last step."""
         for point in self._client.getContactPoints():
-            one, other = self._things[point[1], point[3]], self._things[point[2], point[4]]
-            self.add(one, other, point[9] * self._time_step)
-            if TOOL in (one, other):
-                self.push(one, other, point[5], _force(point) * self._time_step)
+            who = point[1:5]
+            if (met := self._meetings.get(who)) is None:
+                met = meeting(self._things[point[1], point[3]], self._things[point[2], point[4]])
+                self._meetings[who] = met
+            self.add(met, point[9] * self._time_step)
+            if met.body:
+                self.push(met, point[5], _force(point) * self._time_step)

@@ -11,7 +11,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Robot
 from core.scene import Scene
-from plugins.simulators.forces import TOOL, Impulses, Thing
+from plugins.simulators.forces import Impulses, Thing, meeting
 from plugins.simulators.sapien.description import robot_links
 
 
@@ -34,10 +34,13 @@ class Forces(Impulses):
         super().__init__()
         self._system = system
         self._things: dict[Any, Thing] = {}
+        self._fixed = frozenset((rank, body.name) for rank, body in enumerate(scene.bodies) if body.fixed)
+        self._still: dict[tuple[Any, ...], float] = {}  # the impulses of shapes at rest, which stay the same
         ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
         for component in (*system.rigid_dynamic_components, *system.rigid_static_components):
             name = component.entity.name
             self._things.update(dict.fromkeys(component.collision_shapes, (ranks[name], name)))
+        self._free = [(each, self._things[each.collision_shapes[0]]) for each in system.rigid_dynamic_components]
         links = {link.name: link.collisions for link in robot_links(robot, tool)}
         for component in system.articulation_link_components:
             parts, shapes = links[component.entity.name], component.collision_shapes
@@ -47,9 +50,18 @@ class Forces(Impulses):
 
     def add_step(self) -> None:
         """Add those of the last step. PhysX keeps them for bodies that sleep. It does not tell those of friction."""
+        resting = self._fixed.union(thing for component, thing in self._free if component.is_sleeping)
+        before, self._still = self._still, {}
         for contact in self._system.get_contacts():
-            one, other = (self._things[shape] for shape in contact.shapes)
-            self.add(one, other, sum(float(point.impulse @ point.normal) for point in contact.points))
-            if TOOL in (one, other):
+            shapes = tuple(contact.shapes)
+            one, other = (self._things[shape] for shape in shapes)
+            still, met = one in resting and other in resting, meeting(one, other)
+            impulse = before.get(shapes) if still else None
+            if impulse is None:
+                impulse = sum(float(point.impulse @ point.normal) for point in contact.points)
+            if still:
+                self._still[shapes] = impulse
+            self.add(met, impulse)
+            if met.body:
                 for point in contact.points:
-                    self.push(one, other, point.position, point.impulse)
+                    self.push(met, point.position, point.impulse)
