@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import coal
 import numpy as np
@@ -79,6 +79,14 @@ class Track:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
         return np.concatenate([[0.0], np.cumsum((self.moved + self.reach * self.turned)[:-1])])
 
+    @cached_property
+    def since(self) -> list[int]:
+        """From which sample on it has been where it is at each, to the last bit."""
+        still = (self.rotations[1:] == self.rotations[:-1]).all(axis=(1, 2))
+        still &= (self.positions[1:] == self.positions[:-1]).all(axis=1)
+        begins = np.where(np.append(False, still), 0, np.arange(len(self.positions)))
+        return cast("list[int]", np.maximum.accumulate(begins).tolist())
+
     def at_samples(self, values: Array, samples: Indices) -> Array:
         """Choose ``samples`` of the rows' values (T, ...); there is one for all of a solid that never moves."""
         return values[samples] if len(self.positions) > 1 else values
@@ -108,6 +116,7 @@ class Pair:
     def __init__(self, one: Track, other: Track) -> None:
         self.one, self.other = one, other
         self._measure = coal.ComputeDistance(other.geometry, one.geometry)
+        self._gaps: dict[tuple[int, int], float] = {}
 
     def query(self, k: int, share: float) -> tuple[float, Array, Array, Array]:
         """Find at an instant (see `Track.at`) the penetration depth, the way out for the first, and both rotations.
@@ -122,7 +131,11 @@ class Pair:
 
     def gap(self, k: int) -> float:
         """Measure the gap at a sample, metres, negative if they overlap."""
-        return float(self._measure(self.other.at(k, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, coal.DistanceResult()))
+        k, j = (track.since[min(k, len(track.positions) - 1)] for track in (self.one, self.other))
+        if (k, j) not in self._gaps:
+            result = coal.DistanceResult()
+            self._gaps[k, j] = float(self._measure(self.other.at(j, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result))
+        return self._gaps[k, j]
 
     def nearest(self, k: int) -> Array:
         """Find the point (3,) of the first that is nearest to the second at a sample."""
