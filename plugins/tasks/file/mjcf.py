@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, tostring
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -96,7 +96,11 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
     waiting, included, total = [(root, 0, 1)], {file.resolve()}, 0
     while waiting:
         element, depth, copies = waiting.pop()
-        copies *= _copies(element)
+        if element.tag == "replicate":
+            count = element.get("count", "").strip()
+            if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
+                raise UserError(f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}")
+            copies *= int(count)
         total += copies
         if depth > MAX_DEPTH:
             raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
@@ -133,20 +137,6 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
             mesh.attrib |= {"name": mesh.get("name", path.stem), "file": names[path], "maxhullvert": str(MAX_CORNERS)}
         archive.writestr("model.xml", tostring(root))
     return stream.getvalue()
-
-
-def _copies(element: Element) -> int:
-    """Return how many copies an element makes of what it holds.
-
-    Raises:
-        UserError: they are too many.
-    """
-    if element.tag != "replicate":
-        return 1
-    count = element.get("count", "").strip()
-    if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
-        raise UserError(f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}")
-    return int(count)
 
 
 class _Reading:

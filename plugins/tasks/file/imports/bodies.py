@@ -21,7 +21,11 @@ _NAME, _RENAME = re.compile(r"[A-Za-z0-9_.-]{1,96}"), "its name is not of letter
 
 @dataclass(frozen=True)
 class Imported:
-    """What a file holds: bodies and joints for a `Scene`, and in words what was left out or changed."""
+    """What a file holds: bodies and joints for a `Scene`, and in words what was left out or changed.
+
+    Raises:
+        UserError: it has what a scene file may not say either; names the body or joint and the number.
+    """
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
@@ -31,7 +35,19 @@ class Imported:
         shapes = [geom.shape for body in self.bodies for geom in (*body.visuals, *body.collisions)]
         faces = sum(len(shape.faces) for shape in shapes if isinstance(shape, Mesh))
         for body in self.bodies:
-            _check(body)
+            where = f"body {body.name[:64]!r}"
+            if not _NAME.fullmatch(body.name):
+                raise UserError(f"{where}: {_RENAME}")
+            if not 0 <= body.friction <= MAX_FRICTION:
+                raise UserError(f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read")
+            for geom in (*body.visuals, *body.collisions):
+                size, place = geom.shape.bounds[1], (body.pose @ geom.pose).position
+                if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
+                    far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
+                    raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")
+            thinnest = min((geom.shape.bounds[1].min() for geom in body.collisions), default=SHORTEST_M)
+            if thinnest < SHORTEST_M:
+                raise UserError(f"{where} has a collision shape of {thinnest:.3g} m; at least {SHORTEST_M:g} m is read")
         for joint in self.joints:
             if not _NAME.fullmatch(joint.name):
                 raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
@@ -43,27 +59,6 @@ class Imported:
             limits = f"at most {MAX_SHAPES} and {MAX_DRAWN}"
             raise UserError(f"there are {len(shapes)} shapes of {faces} triangles; {limits} are read: leave some out")
         Scene(self.bodies, self.joints)
-
-
-def _check(body: Body) -> None:
-    """Refuse what a scene file may not say of a body either.
-
-    Raises:
-        UserError: says which number, or its name.
-    """
-    where = f"body {body.name[:64]!r}"
-    if not _NAME.fullmatch(body.name):
-        raise UserError(f"{where}: {_RENAME}")
-    if not 0 <= body.friction <= MAX_FRICTION:
-        raise UserError(f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read")
-    for geom in (*body.visuals, *body.collisions):
-        size, place = geom.shape.bounds[1], (body.pose @ geom.pose).position
-        if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
-            far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
-            raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")
-    thinnest = min((geom.shape.bounds[1].min() for geom in body.collisions), default=SHORTEST_M)
-    if thinnest < SHORTEST_M:
-        raise UserError(f"{where} has a collision shape of {thinnest:.3g} m; at least {SHORTEST_M:g} m is read")
 
 
 def joined_body(
