@@ -22,7 +22,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Image, Recording, Task, ToolRepresentation, World
 from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
-from core.scene import State, Trace
+from core.scene import State
 from core.simulation.playback import begin_motion
 from core.solids.contacts import find_contacts, make_trace
 from core.support.text import shorten
@@ -194,18 +194,15 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
 
     def _reward(self, now: State) -> float:
-        complete = self._scene.complete
-        trace = self._trace() if self.task.reads_trace else None
+        complete, trace = self._scene.complete, None
+        if self.task.reads_trace:  # the trace of the episode until now, without forces
+            assert self._world is not None
+            film = [*self._film, self._instant(self._world)]
+            times, arm, fingers = (np.array([getattr(at, name) for at in film]) for name in ("times", "arm", "fingers"))
+            recording = Recording(times, arm, fingers, State.stack([at.states for at in film]))
+            found = find_contacts(self._scene, self.task.robot, self.tool, recording)
+            trace = replace(make_trace(self._scene, [found])[0], forces=None)
         return float(np.asarray(reward_of(self.task, complete(self._start), complete(now), trace)))
-
-    def _trace(self) -> Trace:
-        """Make the trace of the episode until now, without forces."""
-        assert self._world is not None
-        film = [*self._film, self._instant(self._world)]
-        times, arm, fingers = (np.array([getattr(at, name) for at in film]) for name in ("times", "arm", "fingers"))
-        recording = Recording(times, arm, fingers, State.stack([at.states for at in film]))
-        found = find_contacts(self._scene, self.task.robot, self.tool, recording)
-        return replace(make_trace(self._scene, [found])[0], forces=None)
 
     def _instant(self, world: World) -> Recording:
         return Recording(np.array(self._elapsed), *world.joints(), world.state())

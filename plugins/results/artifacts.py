@@ -32,21 +32,16 @@ def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path)
         writer.writerow([*names[: poses.shape[1]], "arrival_s"])
         writer.writerows(np.column_stack([poses, motion.arrivals.round(4)]).tolist())
     local = partial(copied, folder=folder)
-    urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool, mesh_path=local)}</robot>\n'
+    # The mount links are one root and, for a second mount, a fixed joint, so that the file is a whole robot.
+    links = "".join(f'<link name="{name}"/>\n' for name in tool.mounts)
+    for name in tool.mounts[1:]:
+        ends = f'<parent link="{tool.mounts[0]}"/><child link="{name}"/>'
+        links += f'<joint name="{name}_joint" type="fixed">{ends}</joint>\n'
+    urdf = f'<robot name="tool">\n{links}{tool_urdf(tool, mesh_path=local)}</robot>\n'
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
     whole = assemble(robot, tool, mesh_path=local)
     (folder / "robot.urdf").write_text(whole, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
-
-
-def _mounts(tool: Tool) -> str:
-    """Write the mount links: one root and, for a second mount, a fixed joint, so that the file is a whole robot."""
-    first, *others = tool.mounts
-    joints = (
-        f'<joint name="{name}_joint" type="fixed"><parent link="{first}"/><child link="{name}"/></joint>\n'
-        for name in others
-    )
-    return "".join(f'<link name="{name}"/>\n' for name in tool.mounts) + "".join(joints)
 
 
 def copied(mesh: Path, folder: Path) -> str:

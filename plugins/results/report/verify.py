@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Iterator, Sequence
@@ -85,15 +86,10 @@ def _config(entry: Entry, task: str) -> DictConfig:
     for key, value in settings.items():
         if OmegaConf.select(cfg, key) is None:
             raise UserError(f"tool={name} has no setting {short(key)}")
-        cfg.tool[key.removeprefix("tool.")] = _read(value)
+        with contextlib.suppress(ValueError):  # else it is a text
+            value = json.loads(value)
+        cfg.tool[key.removeprefix("tool.")] = value
     return cfg
-
-
-def _read(value: str) -> object:
-    try:
-        return json.loads(value)
-    except ValueError:
-        return value
 
 
 def verification(runs: Sequence[VerifiedRun]) -> Table:

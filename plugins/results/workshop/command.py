@@ -266,21 +266,15 @@ def main(words: list[str]) -> None:
     if len(folders) > 1:
         raise UsageError(f"one folder at a time; {USAGE}")
     made = export(configured([*(f"designs={folder}" for folder in folders), *words]))
-    failing = [verdict for one in made for verdict in _told(one)]
-    if failing:
+    for one in made:  # how the motion played, and what was not or not well checked
+        played = one.replays.items()
+        rows = [(one.task.name, engine, f"{of.reward:.3f}", "; ".join(of.problems)) for engine, of in played]
+        print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
+        most = max(one.limits, key=lambda of: of["torque_share"] or 0.0)
+        say(f"{one.motion.times[-1]:.2f} s, {one.motion.slower:.3f} times as long as simulated")
+        say(f"payload {one.payload['mass_kg']:g} kg of {one.task.robot.payload_kg:g}; most torque in {most['joint']}")
+        say(*(f"– {verdict}" for verdict in one.verdicts if verdict.passed is None))
+        say(*(f"✗ {verdict}" for verdict in one.verdicts if verdict.passed is False))
+    if failing := [verdict for one in made for verdict in one.verdicts if verdict.passed is False]:
         count = sum(len(one.verdicts) for one in made)
         raise UserError(f"{len(failing)} of {count} checks failed; the files are written all the same")
-
-
-def _told(made: Export) -> list[Check]:
-    """Print how the motion played, and what was not or not well checked; return what failed."""
-    played = made.replays.items()
-    rows = [(made.task.name, engine, f"{of.reward:.3f}", "; ".join(of.problems)) for engine, of in played]
-    print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
-    most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
-    say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
-    say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
-    failing = [verdict for verdict in made.verdicts if verdict.passed is False]
-    say(*(f"– {verdict}" for verdict in made.verdicts if verdict.passed is None))
-    say(*(f"✗ {verdict}" for verdict in failing))
-    return failing

@@ -203,7 +203,8 @@ def stresses(tool: Tool, joints: Mapping[str, Array], material: Material, loads:
         for load in beyond:
             groups.setdefault(load.what, []).append(load)
         if groups:
-            what = max(groups, key=lambda name: np.linalg.norm(_moment(groups[name], place)))
+            turns = {name: sum(np.cross(of.point - place, of.force) for of in own) for name, own in groups.items()}
+            what = max(turns, key=lambda name: np.linalg.norm(turns[name]))
             newtons = float(np.linalg.norm(sum(load.force for load in groups[what])))
             hardest = max(groups[what], key=lambda load: np.linalg.norm(load.force))
             bend, lever = beams.bend(hardest.component, hardest.point)[0], np.linalg.norm(hardest.point - place)
@@ -233,11 +234,6 @@ def _weakest(carried: Sequence[tuple[Load, Beam]]) -> tuple[float, Array, list[L
         if stress[k] > best[0]:
             best = float(stress[k]), sections[k], beyond[k]
     return best[0], best[1], [load for load, counts in zip(loads, best[2], strict=True) if counts]
-
-
-def _moment(loads: Sequence[Load], place: Array) -> Array:
-    moments: Array = np.sum([np.cross(load.point - place, load.force) for load in loads], axis=0)
-    return moments
 
 
 def strength(

@@ -62,9 +62,8 @@ class Ensemble(VLM):
     ) -> None:
         if not members:
             raise UsageError("vlm.members is empty; name models, such as vlm.members=[gemini,openai]")
-        for name, limit in {"max_cost_usd": max_cost_usd, "max_tokens_total": max_tokens_total}.items():
-            if limit is not None:
-                check_positive("vlm.", **{name: limit})
+        given = {"max_cost_usd": max_cost_usd, "max_tokens_total": max_tokens_total}
+        check_positive("vlm.", **{name: limit for name, limit in given.items() if limit is not None})
         limits = Spending(max_cost_usd, max_tokens_total)
         made = [part(MODEL, node).create() for node in listed("vlm", "model", members).values()]
         names = [member if isinstance(member, str) else str(member["name"]) for member in members]

@@ -55,9 +55,8 @@ class LanguageModel(VLM):
         if not self.model:
             raise UsageError("vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro")
         check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
-        for name in ("requests_per_minute", "max_output_tokens", "max_cost_usd", "max_tokens_total"):
-            if getattr(self, name) is not None:
-                check_positive("vlm.", **{name: getattr(self, name)})
+        names = ("requests_per_minute", "max_output_tokens", "max_cost_usd", "max_tokens_total")
+        check_positive("vlm.", **{name: limit for name in names if (limit := getattr(self, name)) is not None})
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
         self._client = Client(self.model, self.api_base, self.timeout_s, self.max_output_tokens)

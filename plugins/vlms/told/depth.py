@@ -40,11 +40,9 @@ def depth_picture(task: Task, seed: int) -> Picture:
     depth = np.nanmax(exact) + ABOVE_M - exact
     measured = exact + noise_m(depth) * np.random.default_rng(seed).standard_normal(exact.shape)
     low, top = (float(x) for x in np.nanpercentile(measured, (1, 99.9)))
-    shades = (np.clip((measured - low) / max(top - low, 1e-3), 0, 1) * (len(_COLORS) - 1))[..., None]
-    known = ~np.isnan(shades)
-    index = np.where(known, shades, 0).astype(int).clip(0, len(_COLORS) - 2)
-    mixed = _COLORS[index[..., 0]] + (shades - index) * (_COLORS[index[..., 0] + 1] - _COLORS[index[..., 0]])
-    pixels = np.where(known, mixed, _HOLE).astype(np.uint8)
+    shades = np.clip((measured - low) / max(top - low, 1e-3), 0, 1) * (len(_COLORS) - 1)
+    mixed = np.stack([np.interp(shades, range(len(_COLORS)), channel) for channel in _COLORS.T], axis=-1)
+    pixels = np.where(np.isnan(mixed), _HOLE, mixed).astype(np.uint8)
     picture = Pillow.fromarray(pixels.repeat(PIXEL, axis=0).repeat(PIXEL, axis=1))
     draw_grid(picture, camera, 0, 1)
     _scale(picture, low, top)
