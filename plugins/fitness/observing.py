@@ -154,8 +154,12 @@ def _forbidden(task: Task, scene: Scene, contacts: Contacts, start: State, end: 
     trace = make_trace(scene, [contacts])[0]
     for goal in goals:
         yield from _touched(goal, [name for name in goal.untouched if name in names], contacts, trace)
-    for goal in goals:
-        yield from _strayed(goal, start, end, trace)
+    for name in (name for goal in goals for name in goal.keep if name in start.names):
+        way = float(np.linalg.norm(end.position(name) - start.position(name)))
+        if way > MARGINAL * KEPT_M:
+            ways = np.linalg.norm(trace.states.position(name) - start.position(name), axis=-1)
+            begun = float(trace.times[(ways > MARGINAL * KEPT_M).argmax()])
+            yield begun, "forbidden", f"{name} moved by {1000 * way:.0f} mm, and is to stay"
 
 
 def _touched(goal: Goal, names: Iterable[str], contacts: Contacts, trace: Trace) -> Iterator[Cause]:
@@ -169,17 +173,6 @@ def _touched(goal: Goal, names: Iterable[str], contacts: Contacts, trace: Trace)
             by = [c for c in contacts.all if c.kind != "body" and c.other == name]
             first = min(by, key=lambda contact: contact.first_s).one if by else "the robot"
             yield float(trace.times[flags.argmax()]), "forbidden", f"{first} touched {name}"
-
-
-def _strayed(goal: Goal, start: State, end: State, trace: Trace) -> Iterator[Cause]:
-    for name in goal.keep:
-        if name not in start.names:
-            continue
-        way = float(np.linalg.norm(end.position(name) - start.position(name)))
-        if way > MARGINAL * KEPT_M:
-            ways = np.linalg.norm(trace.states.position(name) - start.position(name), axis=-1)
-            begun = float(trace.times[(ways > MARGINAL * KEPT_M).argmax()])
-            yield begun, "forbidden", f"{name} moved by {1000 * way:.0f} mm, and is to stay"
 
 
 def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:

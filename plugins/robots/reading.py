@@ -122,14 +122,20 @@ def unmounted(
 
 
 def mounted(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
-    """Turn the mount of an `unmounted` robot as its home has it, and the arm until that is exactly upright.
+    """Turn the mount of an `unmounted` robot as its home has it, and the arm in place until that is exactly upright.
 
     Raises:
-        UserError: at home the flange does not look down; says which way it is off.
+        UserError: at home the flange does not look down (says which way it is off), or can't be turned so near there.
     """
     mount, grip = _mount(robot, axis, rpy), robot.gripper
     grip = None if grip is None else replace(grip, mount=grip.mount @ mount)
-    return _straightened(replace(robot, mount=mount, gripper=grip))
+    robot = replace(robot, mount=mount, gripper=grip)
+    arm = Arm(robot)
+    solution = arm.inverse(Pose(arm.forward(arm.home).position), arm.home)
+    if solution.error_m > 1e-3 or solution.error_rad > 1e-3:
+        where = f"misses it by {solution.error_m:.3f} m and {solution.error_rad:.3f} rad"
+        raise UserError(f"near home the arm can't turn the flange straight down: it {where}; choose another home")
+    return replace(robot, home=tuple(solution.joints.round(6).tolist()))
 
 
 def _flange(description: Description, flange: str | None) -> str:
@@ -321,16 +327,6 @@ def _way(rotation: Rotation) -> str:
     angle = float(np.linalg.norm(way))
     axis = short_numbers(way / angle, 2, ", ")
     return f"turn the flange by {math.degrees(angle):.0f} degrees about the world's axis ({axis})"
-
-
-def _straightened(robot: Robot) -> Robot:
-    """Turn the arm at home until the mount's axes are exactly the world's, at the same place."""
-    arm = Arm(robot)
-    solution = arm.inverse(Pose(arm.forward(arm.home).position), arm.home)
-    if solution.error_m > 1e-3 or solution.error_rad > 1e-3:
-        where = f"misses it by {solution.error_m:.3f} m and {solution.error_rad:.3f} rad"
-        raise UserError(f"near home the arm can't turn the flange straight down: it {where}; choose another home")
-    return replace(robot, home=tuple(solution.joints.round(6).tolist()))
 
 
 def wrist_height(robot: Robot, joints: Array) -> float:

@@ -37,7 +37,15 @@ class Several(Task):
         names = [task.name for task in self._parts]
         if len(names) < 2 or len(set(names)) < len(names):
             raise UsageError(f"task.of needs two or more different tasks, got {', '.join(names)}")
-        self.tool_kinds = _common_kinds(of)
+        kinds = dict[str, list[str]]()
+        for settings in ({"name": entry} if isinstance(entry, str) else entry for entry in of):
+            usual = load("config", [f"task={settings['name']}"]).task.get("tool_kinds")
+            kinds[str(settings["name"])] = list(settings.get("tool_kinds") or usual or ("rigid",))
+        self.tool_kinds = tuple(k for k in next(iter(kinds.values())) if all(k in own for own in kinds.values()))
+        if not self.tool_kinds:
+            takes = ", ".join(f"{name} takes {' or '.join(own)}" for name, own in kinds.items())
+            mend = "set tool_kinds of one, or leave one out"
+            raise UsageError(f"these tasks have no tool kind in common: {takes}; {mend}")
         own: dict[str, Any] = {"name": "+".join(names), "combine": combine, "home": self._parts[0].home}
         own["success_reward"] = min(task.success_reward for task in self._parts)
         own["description"] = " ".join(f"{task.name}: {task.description}" for task in self._parts)
@@ -63,20 +71,3 @@ class Several(Task):
 
     def reward(self, start: State, end: State) -> Array:
         raise UsageError(f"{self.name} has several rewards: choose one of its tasks")
-
-
-def _common_kinds(of: list[str | dict[str, Any]]) -> tuple[str, ...]:
-    """Return the tool kinds that all tasks take.
-
-    Raises:
-        UsageError: there is none.
-    """
-    kinds = dict[str, list[str]]()
-    for settings in ({"name": entry} if isinstance(entry, str) else entry for entry in of):
-        usual = load("config", [f"task={settings['name']}"]).task.get("tool_kinds")
-        kinds[str(settings["name"])] = list(settings.get("tool_kinds") or usual or ("rigid",))
-    common = tuple(kind for kind in next(iter(kinds.values())) if all(kind in own for own in kinds.values()))
-    if not common:
-        takes = ", ".join(f"{name} takes {' or '.join(own)}" for name, own in kinds.items())
-        raise UsageError(f"these tasks have no tool kind in common: {takes}; set tool_kinds of one, or leave one out")
-    return common

@@ -76,17 +76,16 @@ class ComponentTools(VariedTools):
         """Write a shape as `readers` read it."""
 
     def schema(self) -> dict[str, Any]:
-        items = [self._component_schema(shape) for shape in self.shape_schemas]
+        items = []
+        for shape in self.shape_schemas:
+            properties = {"name": TEXT, "parent": TEXT, **shape}
+            properties |= {"position": TRIPLE, "rpy": TRIPLE, "mass": NUMBER, "color": TEXT}
+            if self.joints:
+                kinds = TEXT | {"enum": ["hinge", "slider"]}
+                own = {"kind": kinds, "axis": TRIPLE, "at": TRIPLE, **dict.fromkeys(_JOINT_NUMBERS, NUMBER)}
+                properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
+            items.append(_object(properties))
         return {self.field: {"type": "array", "items": items[0] if len(items) == 1 else {"anyOf": items}}}
-
-    def _component_schema(self, shape: Mapping[str, Any]) -> dict[str, Any]:
-        properties = {"name": TEXT, "parent": TEXT, **shape}
-        properties |= {"position": TRIPLE, "rpy": TRIPLE, "mass": NUMBER, "color": TEXT}
-        if self.joints:
-            kinds = TEXT | {"enum": ["hinge", "slider"]}
-            own = {"kind": kinds, "axis": TRIPLE, "at": TRIPLE, **dict.fromkeys(_JOINT_NUMBERS, NUMBER)}
-            properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
-        return _object(properties)
 
     def instructions(self, brief: Brief) -> str:
         mount, name, size, at = first_box(brief)

@@ -38,18 +38,6 @@ def recordings(run: Path) -> list[Path]:
     return files
 
 
-def viewer_binary() -> str:
-    """The viewer's file, in the package that Rerun's makers deliver it in.
-
-    Raises:
-        UserError: Rerun is not installed.
-    """
-    spec = importlib.util.find_spec("rerun_cli")
-    if spec is None or spec.origin is None:
-        raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
-    return str(Path(spec.origin).with_name("rerun"))
-
-
 def listens(port: int, host: str = HERE) -> bool:
     """True if a server listens on the port."""
     with socket.socket() as client:
@@ -74,11 +62,14 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     """Show recordings until the window is closed or an interrupt comes, which is the usual end of a server.
 
     Raises:
-        UserError: they can't be shown.
+        UserError: they can't be shown, or Rerun is not installed.
     """
     page, data = free_port(port) if web else 0, free_port()
     server = ("--serve-web", "--web-viewer-port", str(page)) if web else ()
-    words = [viewer_binary(), *map(str, files), *server, "--port", str(data), "--bind", HERE]
+    spec = importlib.util.find_spec("rerun_cli")  # the package that Rerun's makers deliver the viewer in
+    if spec is None or spec.origin is None:
+        raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
+    words = [str(Path(spec.origin).with_name("rerun")), *map(str, files), *server, "--port", str(data), "--bind", HERE]
     with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
         viewer = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=output)  # noqa: S603
         try:

@@ -96,32 +96,22 @@ def every_tool(run: FinishedRun) -> Iterator[Winner]:
     order = ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie)
     for evaluation in sorted(order, key=lambda e: e.candidate != run.best.candidate):  # what the run chose is first
         best.setdefault(evaluation.design, evaluation)
-    designs = run.store.designs()
+    designs, robot = run.store.designs(), representation.robot
     for key, evaluation in best.items():
-        yield _winner(run, evaluation, designs[key].written, representation, rules)
-
-
-def _winner(
-    run: FinishedRun,
-    evaluation: StoredEvaluation,
-    written: dict[str, Any],
-    representation: ToolRepresentation,
-    rules: SpawnRules,
-) -> Winner:
-    """Read a design again. It may break a rule, but must have a size: there were others when it was tried."""
-    design, robot = written | {"action_sets": [evaluation.plan]}, representation.robot
-    (read,) = read_designs({"strategies": [design]}, representation, rules)
-    tool, problem = read.tool, f"the design of {evaluation.candidate} can't be read again: "
-    if tool is None:
-        raise UserError(f"{problem}{read.problem}")
-    for component, solid in as_held(tool, robot):
-        sides, corners = component.shape.bounds[1], np.asarray(solid.vertices)
-        if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
-            raise UserError(f"{problem}component {component.name!r} has no size that can be drawn")
-    name = tool.name or read.strategy_name or evaluation.candidate
-    use = read.strategy_description or read.strategy_name
-    earned = evaluation.candidate, evaluation.reward, evaluation.distance_m
-    return Winner(run, robot, representation.material, tool, name, use, *earned, design)
+        design = designs[key].written | {"action_sets": [evaluation.plan]}
+        # It may break a rule, but must have a size: there were others when it was tried.
+        (read,) = read_designs({"strategies": [design]}, representation, rules)
+        tool, problem = read.tool, f"the design of {evaluation.candidate} can't be read again: "
+        if tool is None:
+            raise UserError(f"{problem}{read.problem}")
+        for component, solid in as_held(tool, robot):
+            sides, corners = component.shape.bounds[1], np.asarray(solid.vertices)
+            if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
+                raise UserError(f"{problem}component {component.name!r} has no size that can be drawn")
+        name = tool.name or read.strategy_name or evaluation.candidate
+        use = read.strategy_description or read.strategy_name
+        earned = evaluation.candidate, evaluation.reward, evaluation.distance_m
+        yield Winner(run, robot, representation.material, tool, name, use, *earned, design)
 
 
 def size(tool: Tool, robot: Robot) -> str:
