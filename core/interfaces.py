@@ -53,6 +53,7 @@ class Simulator(ABC):
     feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
     softens: ClassVar[bool] = False  # it has soft bodies (`core.scene.Soft`)
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
+    usual: Simulator | None = None  # this engine with shorter steps: it plays again what passed through something
 
     @abstractmethod
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:

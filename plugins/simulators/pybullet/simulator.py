@@ -26,7 +26,7 @@ class PyBulletSimulator(Simulator):
 
     Args:
         time_step: seconds.
-        speed: with ``fast`` steps are twice as long.
+        speed: with ``fast`` steps are twice as long; what passes through something is played again with usual ones.
         solver_iterations: of the contact solver, per step.
         tracking_rate: how fast a joint converges to its target, 1/s, independent of the time step.
         separation_rate: how fast overlapping bodies are pushed apart, 1/s. With PyBullet's own default, five times as
@@ -50,6 +50,8 @@ class PyBulletSimulator(Simulator):
             raise UsageError(
                 f"sim.time_step must be at most {MAX_TIME_STEP / steps} s, got {time_step}: contacts would break"
             )
+        if speed == "fast":
+            self.usual = PyBulletSimulator(time_step, "accurate", solver_iterations, tracking_rate, separation_rate)
         self._client = Client()
         self._begin()
 
