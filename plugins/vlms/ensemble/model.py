@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from math import fsum
 from statistics import fmean
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,13 +26,6 @@ from core.support.text import clean
 from core.support.threads import run_in_thread
 
 _LONGEST = 150  # characters of a label
-
-
-class Member(NamedTuple):
-    """A model, and its name as in ``vlm=NAME``."""
-
-    vlm: VLM
-    name: str
 
 
 class Ensemble(VLM):
@@ -69,18 +62,19 @@ class Ensemble(VLM):
         names = [member if isinstance(member, str) else str(member["name"]) for member in members]
         if any(isinstance(vlm, Ensemble) for vlm in made):
             raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")
-        self._members: dict[str, Member] = {}
+        self._members: dict[str, VLM] = {}
         self._events = event_hub()
         seen: Counter[str] = Counter()
+        able: dict[str, str] = {}  # members that write critiques, and their names as in ``vlm=NAME``
         for vlm, name in zip(made, names, strict=True):
             vlm.share(limits)
             seen[vlm.model] += 1
             label = clean(vlm.model, _LONGEST) + (f" ({seen[vlm.model]})" if seen[vlm.model] > 1 else "")
-            self._members[label] = Member(vlm, name)
+            self._members[label] = vlm
+            able |= {label: name} if vlm.criticises else {}
             add_listener(self._events, vlm, label)
         self.model = f"ensemble of {', '.join(self._members)}"
         self.takes_schema = all(vlm.takes_schema for vlm in made)
-        able = {label: member.name for label, member in self._members.items() if member.vlm.criticises}
         self._critics = [label for label, name in able.items() if critic in ("", name, label)]
         if critic and not self._critics:
             raise choices("member that writes critiques", critic, able.values(), "vlm.critic")
@@ -112,7 +106,7 @@ class Ensemble(VLM):
         brief = request.brief
         ranking = self._dealer.ranking(brief.generation, brief.agent, critique=request.critique)
         if request.critique:
-            able = [label for label in ranking if self._members[label].vlm.criticises]
+            able = [label for label in ranking if self._members[label].criticises]
             ranking = sorted(able, key=lambda label: label not in self._critics)
         return next((label for label in ranking if label not in closed), None)
 
@@ -122,7 +116,7 @@ class Ensemble(VLM):
         stop = threading.Event()
 
         def receive(label: str) -> None:
-            for reply in self._members[label].vlm.complete(hands[label]):
+            for reply in self._members[label].complete(hands[label]):
                 arrived.put((label, reply))
                 if stop.is_set():
                     return

@@ -148,24 +148,20 @@ class Workshop:
 
     def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
         """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
+        return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
 
-        def use_once() -> tuple[Use, float]:
-            errands = self._errands()
-            head, pose = find_head(errands[0])
-            return self._planned(tool, pose, self._path(errands, head), errands)
-
-        return _least_faulty(use_once, _PLAN_TRIES)
+    def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
+        errands = self._errands()
+        head, pose = find_head(errands[0])
+        return self._planned(tool, pose, self._path(errands, head), errands)
 
     def fault(self, tool: Tool) -> float:
         """The least fault of some plans for a tool of any origin; 0: one has none."""
-        faults = []
-        for _ in range(_PLAN_TRIES):
-            errands = self._errands()
-            head, pose = recognize(tool, errands[0], self.rng)
-            faults.append(self._planned(tool, pose, self._path(errands, head), errands)[1])
-            if faults[-1] == 0.0:
-                break
-        return min(faults)
+        least, tries = np.inf, 0
+        while least > 0.0 and tries < _PLAN_TRIES:
+            _, fault = self._use_once(tool, lambda errand: recognize(tool, errand, self.rng))
+            least, tries = min(least, fault), tries + 1
+        return least
 
     def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, Use], float]:
         errands = self._errands()

@@ -134,7 +134,7 @@ def test_members_hear_of_their_own_replies_and_equal_names_differ():
         vlm.reply_received(next(r for r in requests_of(0, 2) if r.id == reply.request_id), reply)
         assert reply.model in ("a", "a (2)"), one
     first, second = vlm._members.values()
-    assert (first.vlm.heard, second.vlm.heard) == (["g0-a0"], ["g0-a1"])
+    assert (first.heard, second.heard) == (["g0-a0"], ["g0-a1"])
 
 
 @given(
