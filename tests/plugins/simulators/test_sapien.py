@@ -11,7 +11,7 @@ from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Rollout
 from core.plugins import installed
-from core.scene import Body, Joint
+from core.scene import Body, Joint, table
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
@@ -130,3 +130,31 @@ def test_spring_stays_linear_at_large_angles(kind, stiffness):
         world.step(arm, 0.04, np.zeros_like(arm), 0.0)
     state = scenery.scene(0).complete(world.state())
     assert state.joint("h").position == pytest.approx(2.8, rel=0.015)
+
+
+# --- contact forces ---------------------------------------------------------------------------------------------
+
+
+def test_what_sleeps_presses_as_if_its_contacts_were_read_anew(monkeypatch):
+    from plugins.simulators.sapien.forces import Forces
+
+    bodies = table(), cube("low", (0.6, 0, 0.05)), cube("high", (0.6, 0, 0.15)), cube("falls", (0.6, 0, 2.5), mass=0.05)
+    job = Rollout(BARE, still(), hold_s=2.5, record_hz=30.0, forces=True)
+    kept = film(sapien().rollout(Bodies(*bodies), [job])[0]).forces
+    read, add_step = [], Forces.add_step
+
+    def anew(forces):
+        read.append(len(forces._still))
+        forces._still = {}
+        add_step(forces)
+
+    monkeypatch.setattr(Forces, "add_step", anew)
+    taken = film(sapien().rollout(Bodies(*bodies), [job])[0])
+    assert kept.keys() == taken.forces.keys() == {("table", "low"), ("low", "high"), ("high", "falls")}
+    assert all(np.array_equal(kept[pair], forces) for pair, forces in taken.forces.items())
+    before, after = (
+        taken.forces["table", "low"][(taken.times > a) & (taken.times < b)] for a, b in ((0.5, 0.8), (2, 3))
+    )
+    np.testing.assert_allclose(before, 2 * GRAVITY, rtol=0.06)
+    np.testing.assert_allclose(after, 2.05 * GRAVITY, rtol=0.06)
+    assert min(read) == 0 < max(read)
