@@ -209,7 +209,10 @@ class _Course:
             if k not in self._intervals or ahead >= travel[k + 1]:
                 return k + 1, 0.0
         else:
+            sure = ahead + self.least - depth
             ahead += max(self.least - depth, self.step) if -depth < _FROM_AFAR_M else -depth
+            if k in self._intervals and sure < travel[k + 1] <= ahead:
+                return k + 1, 0.0  # by then they may be as deep, and stay so though neither moves
             number = bisect_left(self.near, bisect_right(travel, ahead) - 1)
             if ahead > travel[-1] or number == len(self.near):
                 return None
