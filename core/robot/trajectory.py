@@ -145,17 +145,17 @@ def straight_path(positions: Array, rotations: Rotation) -> tuple[Array, Array, 
 
 def joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
     """Join knots (K, J) over s in [0, 1]: a cubic spline, or one without overshoot if that would exceed a limit."""
-    s, ends, degree, close = _even(len(knots))
-    path = make_interp_spline(s, knots, degree, ends)
-    between = path(close)
+    s, own, degree, more = _places(len(knots))
+    path = make_interp_spline(s, knots, degree, own)
+    between = path(more)
     if ((between < arm.lower - _ROUNDING) | (between > arm.upper + _ROUNDING)).any():
         return PchipInterpolator(s, knots, axis=0)
     return path
 
 
 @lru_cache(maxsize=256)
-def _even(count: int) -> tuple[Array, Array, int, Array]:
-    """Where the knots of a spline are if they are even, its own knots, its degree, and eight times as many places."""
+def _places(count: int) -> tuple[Array, Array, int, Array]:
+    """Say where K knots are along a path: s (K,), the knots of SciPy's spline, its degree, and s (8 K,) between."""
     s, degree = np.linspace(0.0, 1.0, count), min(3, count - 1)
     return s, make_interp_spline(s, s, degree).t, degree, np.linspace(0.0, 1.0, 8 * count)
 

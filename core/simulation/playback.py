@@ -17,15 +17,15 @@ LAG_EVERY = 10  # steps between two measurements of the arm's lag
 
 
 @runtime_checkable
-class Noting(World, Protocol):
-    """A world that takes the orders of many steps at once, and decodes many snapshots at once, which is faster."""
+class BulkWorld(World, Protocol):
+    """A world that prepares the orders of many steps at once, and decodes many snapshots at once, which is faster."""
 
     def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Sequence[Any]:
-        """Turn what `step` takes, for S steps at once, into what `obey` takes for each."""
+        """Make of what `step` takes, for S steps (S, ...), the S orders that `obey` takes."""
         ...
 
     def obey(self, order: Any) -> None:
-        """Take a step."""
+        """Take one step as ordered."""
         ...
 
     def note(self) -> Any:
@@ -57,14 +57,8 @@ def play(world: World, job: Rollout) -> Outcome:
     orders = _orders(world, arm, others)
 
     instants, notes = [], []
-    note, step = (
-        (world.note, world.obey)
-        if isinstance(world, Noting)
-        else (
-            lambda: (*world.joints(), world.state()),
-            lambda order: world.step(*order),
-        )
-    )
+    note = world.note if isinstance(world, BulkWorld) else lambda: (*world.joints(), world.state())
+    step = world.obey if isinstance(world, BulkWorld) else lambda order: world.step(*order)
     start = begin_motion(world) if settle == 0 else None
     reached: list[Array] = []
     k = -1
@@ -109,7 +103,7 @@ def feel_every(dt: float) -> int:
 def _orders(world: World, arm: Array, others: Sequence[Array], begin: int = 0) -> Iterator[Any]:
     """What is asked of each step, from step ``begin`` on."""
     fingers, speeds, finger_speeds = (array[begin:] for array in others)
-    if isinstance(world, Noting):
+    if isinstance(world, BulkWorld):
         return iter(world.orders(arm[begin:], fingers, speeds, finger_speeds))
     return zip(arm[begin:], fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
 
@@ -143,7 +137,7 @@ def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array
 
 
 def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-    if isinstance(world, Noting):
+    if isinstance(world, BulkWorld):
         return world.read(notes)
     arms, fingers, states = zip(*notes, strict=True)
     return np.array(arms), np.array(fingers), State.stack(states)

@@ -174,7 +174,7 @@ def evaluate_batch(
         batch.follow(attempt)
     judged = dict(zip(map(id, attempts), batch.judged(attempts), strict=True))
     again = [attempt for attempt in attempts if judged[id(attempt)].reason]  # it failed, or earns nothing for a passage
-    if simulator.usual is not None and again:
+    if again and simulator.usual is not simulator:
         better = evaluate_batch(task, simulator.usual, [a.candidate for a in again], seed, settings)
         judged |= dict(zip(map(id, again), better, strict=True))
     return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]

@@ -81,7 +81,7 @@ class Track:
 
     @cached_property
     def since(self) -> list[int]:
-        """From which sample on it has been where it is at each, to the last bit."""
+        """For each sample the first one, of those in a row before it, that has exactly its pose; T numbers."""
         still = (self.rotations[1:] == self.rotations[:-1]).all(axis=(1, 2))
         still &= (self.positions[1:] == self.positions[:-1]).all(axis=1)
         begins = np.where(np.append(False, still), 0, np.arange(len(self.positions)))

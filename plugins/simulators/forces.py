@@ -17,9 +17,12 @@ TOOL: Thing = (-1, "tool")
 
 
 class Meeting(NamedTuple):
-    """Two things that touch: their names, or None for two parts of the robot or of a body, which don't count.
+    """Two things that touch.
 
-    If one of them is the tool, ``body`` is the other, and ``sign`` is -1 where the tool comes second.
+    Attributes:
+        pair: their names; None: both are the robot's, or of one body, which does not count.
+        body: what the tool touches, if one of the two is the tool.
+        sign: -1 where the tool comes second, else 1.
     """
 
     pair: tuple[str, str] | None
@@ -29,7 +32,7 @@ class Meeting(NamedTuple):
 
 @cache
 def meeting(one: Thing, other: Thing) -> Meeting:
-    """Say what a contact of two things is."""
+    """Say what a contact between two things counts for."""
     (rank, first), (others_rank, second) = ordered = sorted((one, other))
     counts = others_rank > rank
     body = second if counts and (rank, first) == TOOL else None

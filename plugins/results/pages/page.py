@@ -42,6 +42,7 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         loader=jinja2.FunctionLoader(_text),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
+        # No control characters; what is markup already passes.
         finalize=lambda x: clean(x, _LONGEST) if isinstance(x, str) and not isinstance(x, Markup) else x,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -151,7 +151,8 @@ def whole(folder: Path) -> Iterator[Path]:
             raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
         beside.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as at_end:
-            at_end.callback(os.close, handle := os.open(beside, os.O_RDONLY | os.O_NOFOLLOW))
+            handle = os.open(beside, os.O_RDONLY | os.O_NOFOLLOW)
+            at_end.callback(os.close, handle)
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process; an error where another has it
             for left in beside.iterdir():
                 shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, Unpack
+from typing import Unpack
 
 from core.design import Tool
-from core.errors import UsageError, check_positive
+from core.errors import check_positive
 from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task, View
 from core.robot.trajectory import at_home
 from core.simulation.playback import play
@@ -17,8 +17,7 @@ from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.world import PreparedScene, Settings, World, robot_file
 from plugins.simulators.rigid import only_rigid
-
-MAX_TIME_STEP = 0.02
+from plugins.simulators.steps import Speed, step_length
 
 
 class PyBulletSimulator(Simulator):
@@ -38,18 +37,13 @@ class PyBulletSimulator(Simulator):
     def __init__(
         self,
         time_step: float = 0.002,
-        speed: Literal["accurate", "fast"] = "accurate",
+        speed: Speed = "accurate",
         solver_iterations: int = 50,
         tracking_rate: float = 50.0,
         separation_rate: float = 25.0,
     ) -> None:
-        steps = 2 if speed == "fast" else 1
-        self._settings = Settings(steps * time_step, solver_iterations, tracking_rate, separation_rate)
+        self._settings = Settings(step_length(time_step, speed), solver_iterations, tracking_rate, separation_rate)
         check_positive("sim.", **self._settings._asdict())
-        if steps * time_step > MAX_TIME_STEP:
-            raise UsageError(
-                f"sim.time_step must be at most {MAX_TIME_STEP / steps} s, got {time_step}: contacts would break"
-            )
         if speed == "fast":
             self.usual = PyBulletSimulator(time_step, "accurate", solver_iterations, tracking_rate, separation_rate)
         self._client = Client()

@@ -106,7 +106,7 @@ def _unit(quaternions: Array) -> Array:
 class World:
     """A fresh world on ``client``: the robot at the trajectory's first targets, free bodies at their initial poses.
 
-    It is a `core.simulation.playback.Noting` and `Launching`, and a `core.values.jobs.FeelingWorld`.
+    It is a `core.simulation.playback.BulkWorld` and `Launching`, and a `core.values.jobs.FeelingWorld`.
     """
 
     def __init__(

@@ -49,7 +49,7 @@ class Weighed:
 
     @cached_property
     def radii(self) -> dict[str, float]:
-        """Those of lying cylinders."""
+        """The radius of each body that lies on cylinders, metres; of several the largest."""
         shapes = {
             body.name: [shape for shape in rollers(body) if isinstance(shape, Cylinder)] for body in self.scene.free
         }

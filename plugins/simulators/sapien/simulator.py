@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from core.design import Tool
-from core.errors import UsageError, check_positive
+from core.errors import check_positive
 from core.interfaces import Outcome, Robot, Rollout, Task
 from core.robot.trajectory import at_home
 from core.simulation.playback import play
@@ -17,8 +16,7 @@ from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
-
-MAX_TIME_STEP = 0.02
+from plugins.simulators.steps import Speed, step_length
 
 
 class SapienSimulator(DrawingSimulator):
@@ -36,17 +34,12 @@ class SapienSimulator(DrawingSimulator):
     def __init__(
         self,
         time_step: float = 0.005,
-        speed: Literal["accurate", "fast"] = "accurate",
+        speed: Speed = "accurate",
         solver_iterations: int = 10,
         tracking_rate: float = 50.0,
     ) -> None:
-        steps = 2 if speed == "fast" else 1
-        self._settings = Settings(steps * time_step, solver_iterations, tracking_rate)
+        self._settings = Settings(step_length(time_step, speed), solver_iterations, tracking_rate)
         check_positive("sim.", **self._settings._asdict())
-        if steps * time_step > MAX_TIME_STEP:
-            raise UsageError(
-                f"sim.time_step must be at most {MAX_TIME_STEP / steps} s, got {time_step}: contacts would break"
-            )
         if speed == "fast":
             self.usual = SapienSimulator(time_step, "accurate", solver_iterations, tracking_rate)
         self._folder = temporary_folder()

@@ -41,7 +41,7 @@ class Settings(NamedTuple):
 class World:
     """A fresh scene: the robot at the trajectory's first targets, free bodies at their initial poses.
 
-    With ``forces`` the contact forces are measured. It is a `core.simulation.playback.Noting` and `Launching`, and a
+    With ``forces`` the contact forces are measured. It is a `core.simulation.playback.BulkWorld` and `Launching`, and a
     `core.values.jobs.FeelingWorld`, though PhysX does not tell friction.
     """
 

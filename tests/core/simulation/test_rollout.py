@@ -53,7 +53,7 @@ def test_a_rollout_without_states_has_failed():
 class Counting(Faulty):
     def __init__(self, broken, usual=None):
         super().__init__()
-        self.broken, self.usual, self.played = broken, usual, 0
+        self.broken, self.usual, self.played = broken, usual or self, 0
 
     def one(self, task, job):
         self.played += 1

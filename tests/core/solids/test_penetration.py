@@ -96,6 +96,18 @@ def test_a_body_that_gets_in_and_stays(way, rest, hz):
     assert "deep inside 'table'" in found
 
 
+def test_a_thrown_body_that_rests_too_deep_is_found_however_deep():
+    """Where it was looked at last on its way down, it may be almost too deep, and then it does not move any more."""
+    scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
+
+    def found(height):
+        way = np.vstack([FALL, np.tile((0.5, 0.3, height), (200, 1))])
+        return penetrations(scene, recording(scene, {"cube": way}, hz=400.0))
+
+    assert all(len(found(height)) == 1 for height in np.linspace(0.005, 0.0149, 41))
+    assert found(0.0152) == []  # 9.8 mm deep
+
+
 def test_a_body_that_turns_through_a_wall():
     """Its middle stays where it is; only its end passes."""
     bar = body("bar", Box((0.3, 0.01, 0.01)), (0.4, 0.0, 0.25))

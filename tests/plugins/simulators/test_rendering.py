@@ -15,7 +15,7 @@ from tests.panda import ARM, FINGER_OPEN
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
 
 
-class Noting(Renderer):
+class BulkWorld(Renderer):
     name = "a pencil"
 
     def load(self, task, seed, tool):
@@ -43,7 +43,7 @@ def painter(monkeypatch):
     monkeypatch.setattr(installed(), "offers", installed().offers | {("sim", "painter"): offer})
 
 
-class Pencilless(Noting):
+class Pencilless(BulkWorld):
     def __init__(self):
         raise NoPicture("its own renderer needs a pencil")
 
@@ -59,7 +59,7 @@ def drawing(own, other):
 
 
 def test_what_is_left_out_is_as_at_spawn():
-    renderer = Noting()
+    renderer = BulkWorld()
     assert renderer.render(TASK, width=4, height=3).shape == (3, 4, 3)
     joints, fingers, state = renderer.posed
     assert renderer.loaded == (TASK, 0, None)
@@ -70,7 +70,7 @@ def test_what_is_left_out_is_as_at_spawn():
 
 
 def test_what_is_given_is_shown():
-    renderer, camera, state = Noting(), Camera(position=(1.0, 1.0, 1.0)), TASK.scene(0).state()
+    renderer, camera, state = BulkWorld(), Camera(position=(1.0, 1.0, 1.0)), TASK.scene(0).state()
     renderer.render(TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
     assert renderer.loaded == (TASK, 3, None)
     np.testing.assert_array_equal(renderer.posed[0], np.ones(7))
@@ -80,7 +80,7 @@ def test_what_is_given_is_shown():
 
 
 def test_its_own_renderer_comes_first(painter):
-    pictures = drawing(Noting, "painter")
+    pictures = drawing(BulkWorld, "painter")
     assert pictures.render(TASK, width=4, height=3).max() == 0
     assert pictures.drawn_by == "a pencil"
 
