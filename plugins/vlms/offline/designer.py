@@ -17,8 +17,8 @@ from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply,
 from core.scene import Goal, Scene
 from core.support.cli import say
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
-from plugins.vlms.offline.invent import Layout, Workshop
 from plugins.vlms.offline.plans import turn_of
+from plugins.vlms.offline.sampler import Layout, Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.several import task_plans, tools_answer
 from plugins.vlms.offline.tools import recognize
@@ -99,35 +99,35 @@ def answer(brief: Brief) -> dict[str, Any]:
         if (turn := turn_of(layout.analysis, layout.seen)) is not None:
             layout = Layout(brief, turn)
         others = [Layout(other) for other in _unlike(brief)]
-    workshop = Workshop(brief, layout, others)
+    sampler = Sampler(brief, layout, others)
     elites = elites_with(brief.elites, brief.gripper, layout.seen)
-    strategies = [_strategy(workshop, elites) for _ in range(brief.n_tool)]
-    things, moving = layout.analysis.things, sum(len(goal.bodies) for goal in layout.analysis.goals)
-    analysis = f"{len(things)} bodies have collision shapes; to be moved: {moving}."
+    strategies = [_strategy(sampler, elites) for _ in range(brief.n_tool)]
+    solids, moving = layout.analysis.solids, sum(len(goal.bodies) for goal in layout.analysis.goals)
+    analysis = f"{len(solids)} bodies have collision shapes; to be moved: {moving}."
     return {"scene_analysis": analysis, "strategies": strategies}
 
 
-def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
+def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
     """Design a tool with plans, or plans for the given tool: offspring of the elites, or fresh ones."""
-    brief, rng, representation = workshop.brief, workshop.rng, workshop.brief.representation
+    brief, rng, representation = sampler.brief, sampler.rng, sampler.brief.representation
     given, feels, parents = representation.given(brief.task), brief.actions.guards, list[str]()
     if given is not None:
         name, tool = "the given tool", given
-        if (made := task_plans(workshop, given, elites)) is not None:
+        if (made := task_plans(sampler, given, elites)) is not None:
             uses, parents = made
             description = f"Plans varied from {parents[0]}." if parents else f"It {uses[0].text}."
         elif elites:
             elite = elites[int(rng.integers(len(elites)))]
-            uses, parents = offspring_plans(elite, tool, brief.n_action, workshop), [elite.id]
+            uses, parents = offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
             description = f"Plans varied from {elite.id}."
         else:
-            uses = [workshop.use(tool, lambda errand: recognize(given, errand, rng)) for _ in range(brief.n_action)]
+            uses = [sampler.use(tool, lambda subgoal: recognize(given, subgoal, rng)) for _ in range(brief.n_action)]
             description = f"It {uses[0].text}."
     elif elites:
-        name, description, tool, uses, parents = breed(elites, brief.n_action, workshop)
+        name, description, tool, uses, parents = breed(elites, brief.n_action, sampler)
     else:
-        tool, head, pose, use = workshop.invent()
-        uses = [use, *(workshop.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
+        tool, head, pose, use = sampler.invent()
+        uses = [use, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
         name, description = f"{head.use} with {tool.name}", f"The {head.kind} {use.text}."
         if parents := [elite.candidate.id for elite in brief.elites[:1]]:
             description += " A fresh design: no elite has this kind of tool."
@@ -139,7 +139,7 @@ def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
         **representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
         "action_sets": [
-            workshop.written_to_feel(use, tool) if feels and i % 2 == 0 else workshop.written(use.plan, use.anchors)
+            sampler.written_to_feel(use, tool) if feels and i % 2 == 0 else sampler.written(use.plan, use.anchors)
             for i, use in enumerate(uses)
         ],
         **({"parents": parents} if parents else {}),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, DesignError, Evaluation, Tool
@@ -13,7 +14,7 @@ from core.geometry import Array, Box, Pose, resized
 from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.heads import draw
-from plugins.vlms.offline.invent import Use, Workshop
+from plugins.vlms.offline.sampler import SampledPlan, Sampler
 from plugins.vlms.offline.scene_analysis import SceneAnalysis, wanted
 from plugins.vlms.offline.tools import middle, part_for, recognize
 
@@ -58,12 +59,12 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
     return elites
 
 
-def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:
+def breed(elites: Sequence[Elite], count: int, sampler: Sampler) -> tuple[str, str, Tool, list[SampledPlan], list[str]]:
     """One offspring: name, description, tool, ``count`` plans, parents' ids. Better elites are parents more often.
 
     Where no change keeps the rules, the tool is its parent's.
     """
-    rng = workshop.rng
+    rng = sampler.rng
     weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
     for attempt in range(_TRIES):
         first, second = (elites[int(i)] for i in rng.choice(len(elites), 2, p=weights / weights.sum()))
@@ -72,7 +73,7 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str,
             tool, done = cross(first.tool, second.tool, rng)
         else:
             tool, done = mutate(first.tool, first.scale / (1 + attempt / 3), rng)
-        if tool.components != first.tool.components and workshop.accepts(tool):
+        if tool.components != first.tool.components and sampler.accepts(tool):
             break
     else:
         crossing, tool, done = False, first.tool, "other plans"
@@ -81,28 +82,28 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str,
     base = first.tool.description.split("; changed: ")[0]
     tool = replace(tool, name=first.tool.name, description=f"{base}; changed: {done}")
     description = f"{name.capitalize()} of {' and '.join(parents)}: {done}."
-    return f"{name}: {done}", description, tool, offspring_plans(first, tool, count, workshop), parents
+    return f"{name}: {done}", description, tool, offspring_plans(first, tool, count, sampler), parents
 
 
-def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) -> list[Use]:
+def offspring_plans(elite: Elite, tool: Tool, count: int, sampler: Sampler) -> list[SampledPlan]:
     """Plans for a tool derived from the elite's: its plan fitted to the tool, variations of it, or fresh ones."""
-    rng, old, own = workshop.rng, *(part_for(one, workshop.brief.task) for one in (elite.tool, tool))
+    rng, old, own = sampler.rng, *(part_for(one, sampler.brief.task) for one in (elite.tool, tool))
     base = elite.plan.copy()  # the foot of the new tool moves as that of the elite's did
     base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(middle(old) - middle(own))
-    uses: list[Use] = []
+    uses: list[SampledPlan] = []
     for i in range(count):
         if 0 < i == count - 1 and rng.random() < elite.scale:
-            uses.append(workshop.use(tool, lambda errand: recognize(own, errand, rng)))
+            uses.append(sampler.use(tool, lambda subgoal: recognize(own, subgoal, rng)))
             continue
         new, anchors, done = base, elite.anchors, ["the parent's plan"]
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
-            new, anchors, what = vary(new, anchors, elite, workshop.analysis, rng)
+            new, anchors, what = vary(new, anchors, elite, sampler.analysis, rng)
             done.append(what)
         try:
-            workshop.written(new, anchors)
+            sampler.written(new, anchors)
         except DesignError:  # it leads too far away
             new, anchors, done = base, elite.anchors, done[:1]
-        uses.append(Use(new, ", ".join(done), anchors))
+        uses.append(SampledPlan(new, ", ".join(done), anchors))
     return uses
 
 
@@ -120,7 +121,7 @@ def _last_stroke(plan: Array) -> tuple[int, int]:
 
 
 def vary(
-    plan: Array, anchors: Sequence[Anchor], elite: Elite, analysis: SceneAnalysis, rng: np.random.Generator
+    plan: Array, anchors: Sequence[Anchor], elite: Elite, analysis: SceneAnalysis, rng: Generator
 ) -> tuple[Array, Sequence[Anchor], str]:
     """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
     start, end = _last_stroke(plan)
@@ -169,14 +170,14 @@ def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
     """Mean distance in metres by which the elite's bodies fell short (negative: went too far); 0 if unknown."""
     options = []
     for goal in analysis.goals:
-        places = {name: analysis.things[name].position for name in goal.bodies if name in elite.moved_m and goal.place}
+        places = {name: analysis.solids[name].position for name in goal.bodies if name in elite.moved_m and goal.place}
         missing = [float(np.linalg.norm(wanted(at, goal) - at)) - elite.moved_m[name] for name, at in places.items()]
         if missing:
             options.append(min(missing) if goal.any else float(np.mean(missing)))
     return min(options, key=abs, default=0.0)
 
 
-def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
+def mutate(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
     """Make one change: to a component's size, position or orientation; or add, remove or replace one."""
     count = len(tool.components)
     kinds = {
@@ -212,7 +213,7 @@ def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, st
     return joined(replace(tool, components=(*tool.components[:number], *new, *tool.components[number + 1 :]))), text
 
 
-def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
+def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
     """Lengthen or shorten one side; children of the component move with its faces."""
     number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
     factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
@@ -233,7 +234,7 @@ def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, 
     return replace(tool, components=tuple(components)), f"{old.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
 
 
-def _added(tool: Tool, rng: np.random.Generator) -> tuple[Tool, str]:
+def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
     """Add a plate on a face of a component."""
     parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
     axis, side = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))
@@ -261,7 +262,7 @@ def _free_name(name: str, tool: Tool) -> str:
     return next(free for free in (name, *(f"{name}_{i}" for i in range(2, 200))) if free not in taken)
 
 
-def cross(first: Tool, second: Tool, rng: np.random.Generator) -> tuple[Tool, str]:
+def cross(first: Tool, second: Tool, rng: Generator) -> tuple[Tool, str]:
     """Cross two tools: interpolate between tools of equal structure, or put a part of the second on the first."""
     alike = [(c.name, c.parent) for c in first.components] == [(c.name, c.parent) for c in second.components]
     if alike and rng.random() < 0.7:

@@ -10,15 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.values.joints import Placement
 from plugins.vlms.offline.boxes import axes_of
 from plugins.vlms.offline.heads import SIDES, Head, box
-from plugins.vlms.offline.openings import Under, frame_of, pushed, under
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.scene_analysis import UP, Errand
+from plugins.vlms.offline.raycast import Under, frame_of, pushed, under
+from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
 _STEP_M, _STEP_RAD = 0.045, 0.15  # between waypoints
@@ -27,45 +28,45 @@ _BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
 _LIP_M = 0.004  # thickness of a fork's channels
 
 
-Stroke = Callable[[Path, np.random.Generator], str]
+Stroke = Callable[[Path, Generator], str]
 Motion = Sequence[Pose]  # of a body: displacements in the world, one after another
 
 
-def suits(errand: Errand) -> bool:
-    """Report whether the errand's only body hangs from a joint, is to be turned, or stands in or around another."""
-    goal = errand.goal
-    if goal is None or len(errand.things) > 1:
+def suits(subgoal: Subgoal) -> bool:
+    """Report whether the subgoal's only body hangs from a joint, is to be turned, or stands in or around another."""
+    goal = subgoal.goal
+    if goal is None or len(subgoal.solids) > 1:
         return False
-    lower, upper = errand.others.bounds
-    held = (lower < errand.upper - 0.003) & (upper > errand.lower + 0.003)
-    return goal.joint is not None or _turn(errand) is not None or bool(held.all(axis=1).any())
+    lower, upper = subgoal.others.bounds
+    held = (lower < subgoal.upper - 0.003) & (upper > subgoal.lower + 0.003)
+    return goal.joint is not None or _turn(subgoal) is not None or bool(held.all(axis=1).any())
 
 
-def guided(errand: Errand, rng: np.random.Generator) -> Head | None:
-    """Make a head for an errand that `suits`; None: there is no way in."""
-    assert errand.goal is not None
-    if errand.goal.joint is not None:
-        return mover(errand, rng)
-    turn = _turn(errand)
-    return carrier(errand, rng) if turn is None else tipper(errand, turn, rng)
+def guided(subgoal: Subgoal, rng: Generator) -> Head | None:
+    """Make a head for a subgoal that `suits`; None: there is no way in."""
+    assert subgoal.goal is not None
+    if subgoal.goal.joint is not None:
+        return mover(subgoal, rng)
+    turn = _turn(subgoal)
+    return carrier(subgoal, rng) if turn is None else tipper(subgoal, turn, rng)
 
 
-def _turn(errand: Errand) -> tuple[Array, float] | None:
+def _turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     """Compute the axis (3,) about which the bodies are to be turned, level or nearly so, and the angle."""
-    if errand.goal is None or errand.goal.axis is None:
+    if subgoal.goal is None or subgoal.goal.axis is None:
         return None
-    now = errand.things[0].body.pose.rotation.apply(errand.goal.axis)
-    now, wanted = now / np.linalg.norm(now), np.divide(errand.goal.points, np.linalg.norm(errand.goal.points))
+    now = subgoal.solids[0].body.pose.rotation.apply(subgoal.goal.axis)
+    now, wanted = now / np.linalg.norm(now), np.divide(subgoal.goal.points, np.linalg.norm(subgoal.goal.points))
     angle = float(np.arccos(np.clip(now @ wanted, -1.0, 1.0)))
     axis = np.cross(now, wanted)
-    if angle < max(_TURNED, np.radians(errand.goal.tolerance_deg)) or abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
+    if angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg)) or abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
         return None
     return axis, angle
 
 
-def _choose_under(errand: Errand, headings: Sequence[float], width: float, rng: np.random.Generator) -> Under | None:
+def _choose_under(subgoal: Subgoal, headings: Sequence[float], width: float, rng: Generator) -> Under | None:
     """Choose at random among the places that are worth most; None: there is none."""
-    places = [place for heading in headings if (place := under(errand, heading, width)) is not None]
+    places = [place for heading in headings if (place := under(subgoal, heading, width)) is not None]
     good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
     return good[int(rng.integers(len(good)))] if good else None
 
@@ -80,22 +81,22 @@ def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, str
     return Head(kind, "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, across, stroke=stroke)
 
 
-def carrier(errand: Errand, rng: np.random.Generator) -> Head | None:
+def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     """Tines that lift a body out of what it stands in, carry it over, and lower it at the goal."""
     width, high = 0.009, 0.2 * UP
-    if any(errand.blocked(high, start, step=0.006) for start in (np.zeros(3), errand.shift + 0.004 * UP)):
+    if any(subgoal.blocked(high, start, step=0.006) for start in (np.zeros(3), subgoal.shift + 0.004 * UP)):
         return None
-    if (spot := _choose_under(errand, _QUARTERS, width, rng)) is None:
+    if (spot := _choose_under(subgoal, _QUARTERS, width, rng)) is None:
         return None
     ahead = axes_of(spot.heading)[0]
     gap = rng.uniform(0.01, 0.02)
-    depth = gap + min(spot.depth, float(np.ptp(errand.points @ ahead)))
+    depth = gap + min(spot.depth, float(np.ptp(subgoal.points @ ahead)))
 
-    def stroke(path: Path, rng: np.random.Generator) -> str:
+    def stroke(path: Path, rng: Generator) -> str:
         inside = spot.rear - gap * ahead - 0.001 * UP
-        path.enter(errand, spot.heading, inside - (depth + 0.02) * ahead, inside)
+        path.enter(subgoal, spot.heading, inside - (depth + 0.02) * ahead, inside)
         path.hold()
-        lifted, goal = inside + 0.001 * UP, inside + 0.001 * UP + errand.shift
+        lifted, goal = inside + 0.001 * UP, inside + 0.001 * UP + subgoal.shift
         over = [
             np.array([*place[:2], max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)]) for place in (lifted, goal)
         ]
@@ -108,27 +109,27 @@ def carrier(errand: Errand, rng: np.random.Generator) -> Head | None:
     return _tines("tines", spot, width, min(0.008, spot.room / 2), depth, stroke)
 
 
-def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) -> Head | None:
+def tipper(subgoal: Subgoal, turn: tuple[Array, float], rng: Generator) -> Head | None:
     """A lip that raises a body by one side, and turns it about its opposite edge."""
     axis, angle = turn
     headings, width = _QUARTERS, 0.016
     if np.linalg.norm(axis) > 0.2:
         x, y, _ = np.cross(axis, UP)
         headings = [float(np.arctan2(y, x))]
-    if (spot := _choose_under(errand, headings, width, rng)) is None:
+    if (spot := _choose_under(subgoal, headings, width, rng)) is None:
         return None
     ahead, thick = axes_of(spot.heading)[0], min(0.008, 0.6 * spot.room)
     grip = min(spot.depth * rng.uniform(0.5, 0.9), 0.04)
     gap = rng.uniform(0.006, 0.015)
-    pivot = spot.rear + (errand.extent(spot.heading).front - spot.rear @ ahead) * ahead
-    pivot[2] = errand.lower[2]
+    pivot = spot.rear + (subgoal.extent(spot.heading).front - spot.rear @ ahead) * ahead
+    pivot[2] = subgoal.lower[2]
     radius = float((pivot - spot.rear) @ ahead) - grip
     most = angle + rng.uniform(0.0, 0.15) if angle < 2.0 else rng.uniform(1.7, 2.3)
     depth = grip + gap  # from the face to the tip
 
-    def stroke(path: Path, rng: np.random.Generator) -> str:
+    def stroke(path: Path, rng: Generator) -> str:
         tip = spot.rear + grip * ahead - 0.001 * UP
-        path.enter(errand, spot.heading, tip - depth * ahead - (depth + 0.02) * ahead, tip - depth * ahead)
+        path.enter(subgoal, spot.heading, tip - depth * ahead - (depth + 0.02) * ahead, tip - depth * ahead)
         path.hold()
         rise = float(tip[2] - pivot[2])
         for turned in np.linspace(0.0, most, int(np.ceil(most / _STEP_RAD)) + 1)[1:]:
@@ -140,43 +141,43 @@ def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) 
     return _tines("lip", spot, width, thick, depth, stroke)
 
 
-def _joint_way(errand: Errand, rng: np.random.Generator) -> tuple[Array, Array | None, Motion] | None:
+def _joint_way(subgoal: Subgoal, rng: Generator) -> tuple[Array, Array | None, Motion] | None:
     """Compute the way (3,) that a joint's body goes at first, the joint's pole if it is a hinge, and all the motion.
 
     The pole (2, 3) is a point of the axis, and its direction. The motion goes a little beyond the goal.
     """
-    assert errand.goal is not None
-    placed, body = errand.analysis.scene.placed_joints[errand.goal.joint or ""], errand.things[0].body
-    joint, to = placed.joint, float(errand.goal.to or 0.0)
+    assert subgoal.goal is not None
+    placed, body = subgoal.analysis.scene.placed_joints[subgoal.goal.joint or ""], subgoal.solids[0].body
+    joint, to = placed.joint, float(subgoal.goal.to or 0.0)
     if joint.kind == "ball" or to == joint.start:
         return None
     way, pole = body.pose.rotation.apply(joint.axis) * np.sign(to - joint.start), None
     if joint.kind == "hinge":
         pole = np.stack([body.pose.apply(joint.origin), way])
-        turned = np.cross(way, errand.points - pole[0])
+        turned = np.cross(way, subgoal.points - pole[0])
         way = turned[int(np.linalg.norm(turned, axis=1).argmax())]
     to = float(np.clip(to + (to - joint.start) * rng.uniform(0.0, 0.4), joint.lower, joint.upper))
-    parent = Placement.at_rest(errand.analysis.scene[joint.parent].pose if joint.parent else Pose())
+    parent = Placement.at_rest(subgoal.analysis.scene[joint.parent].pose if joint.parent else Pose())
     count = max(2, int(np.ceil(abs(to - joint.start) / (_STEP_RAD if joint.kind == "hinge" else _STEP_M))))
     places = (placed.carry(np.asarray(v), np.zeros(()), parent) for v in np.linspace(joint.start, to, count + 1)[1:])
     motion = [Pose(there.position, there.quaternion) @ body.pose.inverse() for there in places]
     return way / np.linalg.norm(way), pole, motion
 
 
-def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
+def mover(subgoal: Subgoal, rng: Generator) -> Head | None:
     """A rod that pushes, or a hook that pulls, a body along the motion that its joint leaves it."""
-    if (known := _joint_way(errand, rng)) is None:
+    if (known := _joint_way(subgoal, rng)) is None:
         return None
     way, pole, motion = known
-    contacts = pushed(errand, way, pole)
+    contacts = pushed(subgoal, way, pole)
     if not contacts:
         return None
     contact = contacts[int(rng.integers(len(contacts)))]
     length, thick = contact.length + rng.uniform(0.04, 0.07), 2 * contact.half
 
-    def stroke(path: Path, rng: np.random.Generator) -> str:
+    def stroke(path: Path, rng: Generator) -> str:
         tip = contact.point - way * rng.uniform(0.001, 0.004)
-        path.enter(errand, frame_of(way), contact.point - way * (contact.length + 0.03), tip)
+        path.enter(subgoal, frame_of(way), contact.point - way * (contact.length + 0.03), tip)
         end = path.follow(motion)
         path.go(end, end.position - way * 0.03, touch=True)
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
@@ -185,14 +186,14 @@ def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
     return Head("rod", "guided", pieces, np.array([0.006 - length, 0.0, 0.0]), 0.0, thick, stroke=stroke)
 
 
-def handles(errand: Errand) -> tuple[Errand, float, float] | None:
-    """The bodies' loose container, if parts stand out of it on both sides: the errand of moving it as they are, the
+def handles(subgoal: Subgoal) -> tuple[Subgoal, float, float] | None:
+    """The bodies' loose container, if parts stand out of it on both sides: the subgoal of moving it as they are, the
     heading that is easiest to reach from the arm's side, and the container's half width without them. None: no such.
     """
-    if errand.holder is None:
+    if subgoal.holder is None:
         return None
-    pan = Errand((errand.holder,), errand.shift, errand.analysis)
-    away = errand.space.direction(errand.holder.position)
+    pan = Subgoal((subgoal.holder,), subgoal.shift, subgoal.analysis)
+    away = subgoal.space.direction(subgoal.holder.position)
     for heading in sorted(_QUARTERS, key=lambda turn: -np.cos(turn - away))[:2]:
         (out, halves), (right, left) = pan.overhang(heading), pan.boxes.extents(axes_of(heading)[1], pan.center)
         if (out & (left > 0)).any() and (out & (right < 0)).any() and not out.all():
@@ -200,7 +201,7 @@ def handles(errand: Errand) -> tuple[Errand, float, float] | None:
     return None
 
 
-def pourer(errand: Errand, grips: tuple[Errand, float, float], rng: np.random.Generator, stout: float) -> Head:
+def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator, stout: float) -> Head:
     """Two channels, open toward each other, that slide over the handles of the bodies' container.
 
     It is lifted, carried to the goal and turned over there by the arm's last joint: the flange points ahead, and the
@@ -231,19 +232,19 @@ def pourer(errand: Errand, grips: tuple[Errand, float, float], rng: np.random.Ge
             z, size = -drop + up * (tall + lip) / 2, (length + 0.002, side - inner + 0.002, lip)
             pieces.append(box(f"{name}_{edge}", along, sign * (inner + side) / 2, z, size, 1))
 
-    def stroke(path: Path, rng: np.random.Generator) -> str:
+    def stroke(path: Path, rng: Generator) -> str:
         grasp = pan.center + (rear - gap - _BACK_M) * ahead
         grasp[2] = (low + high) / 2 + drop
         before = grasp - (length + rng.uniform(0.01, 0.03)) * ahead
         path.go(heading, before + rng.uniform(0.06, 0.15) * UP, before)
         path.stroke(grasp, heading, rng.uniform(0.1, 0.3))
         # High enough for the container to pass over everything near, upright and on its side.
-        height = errand.clear_z + max(grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2)
+        height = subgoal.clear_z + max(grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2)
         height += rng.uniform(0.01, 0.06)
         path.stroke(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
         path.hold()
-        place = np.mean([thing.position for thing in errand.things], axis=0) + errand.shift
-        there_heading = errand.space.direction(place) + rng.uniform(-0.5, 0.8)
+        place = np.mean([solid.position for solid in subgoal.solids], axis=0) + subgoal.shift
+        there_heading = subgoal.space.direction(place) + rng.uniform(-0.5, 0.8)
         sign, turn = float(rng.choice([-1.0, 1.0])), rng.uniform(2.2, 3.0)
         onward, aside = axes_of(there_heading)
         there = place - (gap + _BACK_M - rear) * onward - sign * 0.5 * drop * aside
@@ -252,7 +253,7 @@ def pourer(errand: Errand, grips: tuple[Errand, float, float], rng: np.random.Ge
         for share in np.linspace(0.0, 1.0, int(rng.integers(3, 7)) + 1)[1:]:
             path.add(Pose.xyz_rpy(there, (sign * share * turn, 0.0, there_heading)), touch=True)
         path.go(path.poses[-1], there + 0.02 * UP, there, there + 0.02 * UP, touch=True)
-        carried = f"slides over the handles, lifts, carries by {errand.length:.2f} m"
+        carried = f"slides over the handles, lifts, carries by {subgoal.length:.2f} m"
         return f"{carried} and turns over by {np.degrees(turn):.0f} degrees"
 
     pose = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.scene_analysis import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
 Use = Literal["push", "surround", "scoop", "hook", "clamp", "guided", "pour"]
 Size = tuple[float, float, float]
@@ -52,11 +53,11 @@ class Head:
     width: float
     level: float = 0.0
     aside: Array = field(default_factory=lambda: np.zeros(3))
-    stroke: Callable[[Path, np.random.Generator], str] | None = None
+    stroke: Callable[[Path, Generator], str] | None = None
     pose: Pose | None = None
 
 
-def draw(weights: Mapping[K, float], rng: np.random.Generator) -> K:
+def draw(weights: Mapping[K, float], rng: Generator) -> K:
     """Choose at random, by weights."""
     shares = np.array(list(weights.values()))
     return list(weights)[int(rng.choice(len(shares), p=shares / shares.sum()))]
@@ -153,39 +154,39 @@ def hook(length: float, toe: float, breadth: float, thick: float, gap: float, ou
     return Head("hook", "hook", pieces, hold, length, toe, aside=outward * (toe + 0.004))
 
 
-def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
+def sample_clamp(subgoal: Subgoal, rng: Generator) -> Head:
     """Two pads, a little farther apart than the bodies are wide, that close by twice the fingers' travel."""
-    extent = errand.extent(0.0)
+    extent = subgoal.extent(0.0)
     gap = extent.across + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
     thick = rng.uniform(0.006, 0.014)
     long = extent.along * rng.uniform(0.3, 1.2)
-    if errand.deep:  # there is little clearance beside them
+    if subgoal.deep:  # there is little clearance beside them
         gap, thick, long = extent.across + rng.uniform(0.006, 0.025), thick / 2, extent.along * rng.uniform(0.15, 0.4)
-    size = (max(0.012, long), thick, float(np.clip(errand.tall * rng.uniform(0.5, 1.3), 0.02, 0.12)))
+    size = (max(0.012, long), thick, float(np.clip(subgoal.tall * rng.uniform(0.5, 1.3), 0.02, 0.12)))
     pieces = tuple(
         box(f"{name}_pad", 0.0, -side * (gap + thick) / 2, size[2] / 2, size) for name, side in SIDES
     )  # the left finger is at the negative y
     return Head("clamp", "clamp", pieces, np.array([0.0, (gap + thick) / 2, size[2]]), size[0] / 2, gap)
 
 
-def sample_head(errand: Errand, rng: np.random.Generator, stout: float = 1.0) -> Head:
+def sample_head(subgoal: Subgoal, rng: Generator, stout: float = 1.0) -> Head:
     """A head of a suitable family at random, sized by the bodies; walls are ``stout`` times as thick as usual."""
-    rises, falls = errand.shift[2] > 0.03, errand.shift[2] < -0.1
+    rises, falls = subgoal.shift[2] > 0.03, subgoal.shift[2] < -0.1
     # A body that falls is pushed horizontally and goes down by itself.
-    barred = errand.length > 0.03 and errand.blocked(errand.shift * np.array([1.0, 1.0, float(not falls)]))
-    extent, rooms = errand.extent(errand.heading), errand.rooms(errand.heading)
+    barred = subgoal.length > 0.03 and subgoal.blocked(subgoal.shift * np.array([1.0, 1.0, float(not falls)]))
+    extent, rooms = subgoal.extent(subgoal.heading), subgoal.rooms(subgoal.heading)
     widest = extent.across + 2 * min(rooms) - 0.002  # a head that moves behind the bodies
     if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
-        return _lifter(errand, extent.along, extent.across, widest, stout, rng)
-    if rng.random() < (0.8 if errand.covered else 0.08):
-        return _hook(errand, extent.along, extent.across, rooms, stout, rng)
-    return _pusher(errand, extent.along, extent.across, widest, stout, rng)
+        return _lifter(subgoal, extent.along, extent.across, widest, stout, rng)
+    if rng.random() < (0.8 if subgoal.covered else 0.08):
+        return _hook(subgoal, extent.along, extent.across, rooms, stout, rng)
+    return _pusher(subgoal, extent.along, extent.across, widest, stout, rng)
 
 
-def _pusher(errand: Errand, along: float, across: float, widest: float, stout: float, rng: np.random.Generator) -> Head:
+def _pusher(subgoal: Subgoal, along: float, across: float, widest: float, stout: float, rng: Generator) -> Head:
     """A head that moves bodies horizontally, by its face or by enclosing them."""
     thick = stout * rng.uniform(0.004, 0.012)
-    height = float(np.clip(errand.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
+    height = float(np.clip(subgoal.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
     kinds = {"blade": 2.0, "peg": 0.7}
     spare = rng.uniform(0.004, 0.04)
     if widest > across + 0.02:
@@ -208,15 +209,15 @@ def _pusher(errand: Errand, along: float, across: float, widest: float, stout: f
             half = rng.uniform(0.6, 1.2)
             return wedge(across * rng.uniform(0.6, 1.2) / np.sin(half), half, height, thick)
         case _:
-            smallest = min(float(np.ptp(thing.points[:, :2], axis=0).min()) for thing in errand.things)
+            smallest = min(float(np.ptp(solid.points[:, :2], axis=0).min()) for solid in subgoal.solids)
             return rake(min(widest, across * rng.uniform(1.0, 1.6)), height, thick, 0.6 * smallest)
 
 
-def _lifter(errand: Errand, along: float, across: float, widest: float, stout: float, rng: np.random.Generator) -> Head:
+def _lifter(subgoal: Subgoal, along: float, across: float, widest: float, stout: float, rng: Generator) -> Head:
     """A head that goes under the bodies, or under their overhang if they have one."""
-    height = float(np.clip(errand.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
-    depth, boxes, foot = along * rng.uniform(0.75, 1.15), errand.boxes, errand.lower[2]
-    out, halves = errand.overhang(errand.heading)
+    height = float(np.clip(subgoal.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
+    depth, boxes, foot = along * rng.uniform(0.75, 1.15), subgoal.boxes, subgoal.lower[2]
+    out, halves = subgoal.overhang(subgoal.heading)
     if out.any() and rng.random() < 0.8:
         lower = boxes.bounds[0][:, 2]
         under = float(lower[out].min() - foot)
@@ -228,22 +229,22 @@ def _lifter(errand: Errand, along: float, across: float, widest: float, stout: f
     if rng.random() < 0.2:
         tine = across * rng.uniform(0.08, 0.2)
         return fork(across * rng.uniform(0.4, 0.7), depth, height, tine, stout * 0.002, int(rng.integers(2, 5)))
-    rail = 0.0 if rng.random() < 0.3 else errand.tall * rng.uniform(0.1, 0.6)
+    rail = 0.0 if rng.random() < 0.3 else subgoal.tall * rng.uniform(0.1, 0.6)
     width = min(across + rng.uniform(0.005, 0.04), max(widest, 0.6 * across))
     return scoop(width, depth, height, rail, stout * rng.uniform(0.001, 0.003))
 
 
 def _hook(
-    errand: Errand, along: float, across: float, rooms: tuple[float, float], stout: float, rng: np.random.Generator
+    subgoal: Subgoal, along: float, across: float, rooms: tuple[float, float], stout: float, rng: Generator
 ) -> Head:
     """A head that passes beside or over the bodies, and pulls them from behind."""
-    sides = [(rooms[0], np.array([0.0, -1.0, 0.0])), (rooms[1], np.array([0.0, 1.0, 0.0])), (errand.headroom, UP)]
+    sides = [(rooms[0], np.array([0.0, -1.0, 0.0])), (rooms[1], np.array([0.0, 1.0, 0.0])), (subgoal.headroom, UP)]
     room, outward = sides[draw({i: min(room, 0.1) + 1e-3 for i, (room, _) in enumerate(sides)}, rng)]
     over = outward[2] > 0.5
     thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), 0.003, stout * 0.014))
     gap = min(0.004, 0.1 * room)
-    longest = errand.tall if over else across
+    longest = subgoal.tall if over else across
     toe = float(np.clip((room - thick - gap) * rng.uniform(0.5, 0.9), 0.004, longest * rng.uniform(0.5, 1.0)))
-    breadth = (across if over else errand.tall) * rng.uniform(0.4, 0.9)
-    length = along + (errand.length * rng.uniform(0.9, 1.4) if errand.covered else rng.uniform(0.02, 0.1))
+    breadth = (across if over else subgoal.tall) * rng.uniform(0.4, 0.9)
+    length = along + (subgoal.length * rng.uniform(0.9, 1.4) if subgoal.covered else rng.uniform(0.02, 0.1))
     return hook(length, toe, breadth, thick, gap, outward)

@@ -6,13 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.random import Generator
 from scipy.spatial.transform import Rotation, Slerp
 
 from core.geometry import Array, Pose
 from core.interfaces import Anchor, Seen
 from core.robot.kinematics import Arm
 from plugins.vlms.offline.boxes import Boxes, overlaps
-from plugins.vlms.offline.scene_analysis import UP, Errand, SceneAnalysis
+from plugins.vlms.offline.scene_analysis import UP, SceneAnalysis, Subgoal
 
 _SEGMENT_S = 0.5  # minimum duration of a segment
 _MOST_SEGMENTS = 10  # of a stroke
@@ -25,8 +26,8 @@ _APART_M = 0.03  # two bodies that are nearer give no direction
 class Path:
     """Poses of a head in the world, one per waypoint, with the gripper's value.
 
-    ``touching`` marks the waypoints on the way to which the head may touch the bodies of its errand. ``ends`` has, for
-    each errand, the number of waypoints at its end, and the number of the one from which on its bodies are moved.
+    ``touching`` marks the waypoints on the way to which the head may touch the bodies of its subgoal. ``ends`` has, for
+    each subgoal, the number of waypoints at its end, and the number of the one from which on its bodies are moved.
     ``anchors`` are what the waypoints stand by, ``texts`` describe the strokes.
     """
 
@@ -49,9 +50,9 @@ class Path:
         self.grips.append(grip)
         self.touching.append(touch)
 
-    def enter(self, errand: Errand, turn: float | Pose, position: Array, *others: Array) -> None:
+    def enter(self, subgoal: Subgoal, turn: float | Pose, position: Array, *others: Array) -> None:
         """Come down to a position from above everything near, and go on to others."""
-        rise = max(0.03, errand.clear_z - float(position[2]) + 0.03)
+        rise = max(0.03, subgoal.clear_z - float(position[2]) + 0.03)
         self.go(turn, position + rise * UP, position, *others)
 
     def stroke(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
@@ -73,7 +74,7 @@ class Path:
         self.held = len(self.poses) - 1
 
     def end(self) -> None:
-        """End an errand."""
+        """End a subgoal."""
         first = self.ends[-1][0] if self.ends else 0
         touched = self.touching.index(True, first) if True in self.touching[first:] else len(self.poses)
         self.ends.append((len(self.poses), self.held if self.held is not None else max(first, touched - 1)))
@@ -118,19 +119,19 @@ def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, m
     return count
 
 
-def anchors_of(path: Path, errands: Sequence[Errand], rng: np.random.Generator) -> list[Anchor]:
-    """Choose an anchor for each waypoint of a path through the errands.
+def anchors_of(path: Path, subgoals: Sequence[Subgoal], rng: Generator) -> list[Anchor]:
+    """Choose an anchor for each waypoint of a path through the subgoals.
 
     Until the bodies are moved it is by them, or by what contains them; then it goes over to where the goal wants them.
     """
     positions, anchors = np.array([pose.position for pose in path.poses]), []
     first = 0
-    for errand, (last, contact) in zip(errands, path.ends, strict=False):
-        base, goal = _base(errand, rng), errand.reference
+    for subgoal, (last, contact) in zip(subgoals, path.ends, strict=False):
+        base, goal = _base(subgoal, rng), subgoal.reference
         shares = np.zeros(last - first)
-        if goal is not None and goal != base.name and errand.length > _APART_M:
-            along = (positions[first:last] - positions[contact]) @ (errand.shift * [1.0, 1.0, 0.0]) / errand.length
-            shares = np.clip(along / max(float(along.max()), errand.length), 0.0, 1.0).round(3)
+        if goal is not None and goal != base.name and subgoal.length > _APART_M:
+            along = (positions[first:last] - positions[contact]) @ (subgoal.shift * [1.0, 1.0, 0.0]) / subgoal.length
+            shares = np.clip(along / max(float(along.max()), subgoal.length), 0.0, 1.0).round(3)
             shares[: contact - first] = 0.0
         for share in shares.tolist():
             toward = goal if goal is not None and (share or base.toward) else base.toward
@@ -145,27 +146,27 @@ def turn_of(analysis: SceneAnalysis, seen: Seen) -> Pose | None:
     None: they are not taken along its axes, or there is nothing to turn.
     """
     goal, reference = analysis.groups[0][0]
-    things = [analysis.things[name] for name in goal.bodies]
-    name = analysis.container(things[:1] if goal.any else things)
-    if name is None and len(things) == 1 and reference in (None, goal.bodies[0]):
+    solids = [analysis.solids[name] for name in goal.bodies]
+    name = analysis.container(solids[:1] if goal.any else solids)
+    if name is None and len(solids) == 1 and reference in (None, goal.bodies[0]):
         (name,) = goal.bodies
     yaw = 0.0 if name is None else -float(seen.poses[name].rpy[2])
     base = Pose(analysis.space.base)
     return base @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ base.inverse() if yaw else None
 
 
-def _base(errand: Errand, rng: np.random.Generator) -> Anchor:
+def _base(subgoal: Subgoal, rng: Generator) -> Anchor:
     """Choose the frame in which the bodies are taken."""
-    container = errand.analysis.container(errand.things)
+    container = subgoal.analysis.container(subgoal.solids)
     if container is not None:
         return Anchor(container, axes="anchor")
-    if len(errand.things) > 1:  # they are scattered otherwise in each layout
-        return Anchor(toward=errand.reference or "")
-    (thing,) = errand.things
-    name, reference = thing.body.name, errand.analysis.things.get(errand.reference or "")
-    away = errand.reference is not None and errand.reference != name and errand.length > _APART_M
+    if len(subgoal.solids) > 1:  # they are scattered otherwise in each layout
+        return Anchor(toward=subgoal.reference or "")
+    (solid,) = subgoal.solids
+    name, reference = solid.body.name, subgoal.analysis.solids.get(subgoal.reference or "")
+    away = subgoal.reference is not None and subgoal.reference != name and subgoal.length > _APART_M
     if reference is not None:  # it may be below
-        away = away and float(np.hypot(*(reference.position - thing.position)[:2])) > _APART_M
-    if away and (errand.alone or rng.random() < 0.8):
-        return Anchor(name, toward=errand.reference or "")
+        away = away and float(np.hypot(*(reference.position - solid.position)[:2])) > _APART_M
+    if away and (subgoal.alone or rng.random() < 0.8):
+        return Anchor(name, toward=subgoal.reference or "")
     return Anchor(name, axes="anchor")

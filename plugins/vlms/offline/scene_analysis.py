@@ -1,26 +1,25 @@
-"""The scene for the designer: bodies and their sizes, the shifts that the goals need, and obstacles."""
+"""The scene for the designer: its bodies and their sizes, the subgoals that follow from the goals, and obstacles."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.random import Generator
 from scipy.spatial import ConvexHull
 
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
+from core.geometry import Array, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
 from core.scene import Body, Goal, Soft
 from plugins.vlms.offline.boxes import Boxes, axes_of, overlaps
 from plugins.vlms.offline.workspace import workspace_of
 
-Flags = npt.NDArray[np.bool_]
-
 UP = np.array([0.0, 0.0, 1.0])
+LEVEL = np.array([1.0, 1.0, 0.0])  # times a vector: its level part
 LIFT_M = 0.15  # what is to be held is lifted by this
 _DEEP_M = 0.05
 _NEAR_M = 0.15
@@ -32,7 +31,7 @@ class NothingToMove(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Thing:
+class Solid:
     """A body with collision shapes: their corners (V, 3), and boxes around them; of a soft body those at the start."""
 
     points: Array
@@ -44,11 +43,11 @@ class Thing:
         return self.body.pose.position
 
     @classmethod
-    def of(cls, body: Body) -> Thing:
+    def of(cls, body: Body) -> Solid:
         points, placed = [], []
         for part in body.collisions or body.visuals:
             pose = body.pose @ part.pose
-            points.append(pose.apply(np.asarray(part.shape.to_trimesh().vertices)))
+            points.append(pose.apply(part.shape.to_trimesh().vertices))
             placed += [(pose @ around, np.maximum(size, 1e-4)) for around, size in _boxes_around(part.shape)]
         return cls(np.concatenate(points), Boxes.of(placed), body)
 
@@ -58,26 +57,31 @@ def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
 
     A cylinder gets four, which form an octagon; a mesh gets the smallest one.
     """
-    if isinstance(shape, Box):
-        return [(Pose(), np.array(shape.size))]
     if isinstance(shape, Cylinder):
         size = np.array([2 * shape.radius, 2 * shape.radius * np.tan(np.pi / 8), shape.length])
-        return [(Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, k * np.pi / 4)), size) for k in range(4)]
+        return [(_turned(k * np.pi / 4), size) for k in range(4)]
     vertices = np.asarray(shape.to_trimesh().vertices)
-    yaws = [0.0]
+    turns = [Pose()]
     if isinstance(shape, Mesh):
         flat = vertices[:, :2]
         edges = np.diff(flat[ConvexHull(flat).simplices], axis=1)[:, 0]
-        yaws += list(np.arctan2(edges[:, 1], edges[:, 0]))
-    turns = [Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) for yaw in yaws]
-    turned = [turn.inverse().apply(vertices) for turn in turns]
-    best = min(range(len(yaws)), key=lambda i: float(np.prod(np.ptp(turned[i], axis=0))))
-    lower, upper = turned[best].min(axis=0), turned[best].max(axis=0)
-    return [(turns[best] @ Pose((lower + upper) / 2), upper - lower)]
+        turns += [_turned(yaw) for yaw in np.arctan2(edges[:, 1], edges[:, 0])]
+    around = []
+    for turn in turns:
+        inside = turn.inverse().apply(vertices)
+        lower = inside.min(axis=0)
+        upper = inside.max(axis=0)
+        around.append((turn @ Pose((lower + upper) / 2), upper - lower))
+    return [min(around, key=lambda placed: float(np.prod(placed[1])))]
 
 
-class Extent(NamedTuple):
-    """Unit vectors ahead and to the left of a heading, and where an errand's bodies begin and end along both."""
+def _turned(yaw: float) -> Pose:
+    return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """Unit vectors ahead and to the left of a heading, and where a subgoal's bodies begin and end along both."""
 
     heading: float
     ahead: Array
@@ -101,79 +105,85 @@ class Extent(NamedTuple):
         return (self.left + self.right) / 2 * self.side
 
 
-class Errand:
+@dataclass(eq=False)
+class Subgoal:
     """Bodies that are moved together, and the ``shift`` (3,) that brings them to their goal.
 
-    ``reference`` is the body or mark by which the goal's place is given; ``alone``: it is one of several errands, with
+    ``reference`` is the body or mark by which the goal's place is given; ``alone``: it is one of several subgoals, with
     a body each. ``points`` (V, 3) and ``boxes`` are all bodies', ``length`` is that of the shift on the ground.
     """
 
-    def __init__(
-        self,
-        things: Sequence[Thing],
-        shift: Array,
-        analysis: SceneAnalysis,
-        goal: Goal | None = None,
-        reference: str | None = None,
-        alone: bool = False,
-    ) -> None:
-        self.things, self.shift, self.analysis = tuple(things), shift, analysis
-        self.goal, self.reference, self.alone, self.space = goal, reference, alone, analysis.space
-        self.points = np.concatenate([thing.points for thing in things])
-        self.boxes = Boxes.join(thing.boxes for thing in things)
-        self.lower, self.upper = np.asarray(self.points.min(axis=0)), np.asarray(self.points.max(axis=0))
-        self.center, self.tall = (self.lower + self.upper) / 2, float(self.upper[2] - self.lower[2])
-        self.length = float(np.hypot(*shift[:2]))
+    solids: Sequence[Solid]
+    shift: Array
+    analysis: SceneAnalysis
+    goal: Goal | None = None
+    reference: str | None = None
+    alone: bool = False
+
+    def __post_init__(self) -> None:
+        self.points = np.concatenate([solid.points for solid in self.solids])
+        self.boxes = Boxes.join(solid.boxes for solid in self.solids)
+        self.lower: Array = self.points.min(axis=0)
+        self.upper: Array = self.points.max(axis=0)
+        self.center: Array = (self.lower + self.upper) / 2
+        self.tall = float(self.upper[2] - self.lower[2])
+        self.length = float(np.hypot(*self.shift[:2]))
+        self.space = self.analysis.space
 
     @cached_property
     def others(self) -> Boxes:
         """The boxes of all other bodies."""
-        return Boxes.join(thing.boxes for thing in self.analysis.things.values() if thing not in self.things)
+        return Boxes.join(solid.boxes for solid in self.analysis.solids.values() if solid not in self.solids)
 
     @cached_property
     def clear_z(self) -> float:
         """The height above everything near the bodies' way."""
-        (lower, upper), ends = self.analysis.boxes.bounds, (self.points, self.points + self.shift)
-        low = np.minimum(*ends).min(axis=0)[:2] - _NEAR_M
-        high = np.maximum(*ends).max(axis=0)[:2] + _NEAR_M
-        return float(upper[((lower[:, :2] < high) & (upper[:, :2] > low)).all(axis=1), 2].max())
+        lower, upper = self.analysis.boxes.bounds
+        low = np.minimum(self.lower, self.lower + self.shift) - _NEAR_M
+        high = np.maximum(self.upper, self.upper + self.shift) + _NEAR_M
+        return float(upper[((lower < high) & (upper > low))[:, :2].all(axis=1), 2].max())
 
     @cached_property
-    def holder(self) -> Thing | None:
+    def holder(self) -> Solid | None:
         """A loose body that encloses the positions of all bodies."""
-        return next((thing for thing in self.analysis.around(self.things) if not thing.body.fixed), None)
+        loose = (solid for solid in self.analysis.around(self.solids) if not solid.body.fixed)
+        return next(loose, None)
 
     @property
     def heading(self) -> float:
         """The level direction of the shift; if there is none, toward the robot: in a turned scene, along an axis."""
         x, y = self.shift[:2] if self.length > 0.01 else -self.space.from_axis(self.center)
         angle = float(np.arctan2(y, x))
-        return round(angle / (np.pi / 2)) * np.pi / 2 if self.analysis.turned and self.length <= 0.01 else angle
+        if self.length <= 0.01 and self.analysis.turned:
+            return round(angle / (np.pi / 2)) * np.pi / 2
+        return angle
 
     def extent(self, heading: float) -> Extent:
         ahead, side = axes_of(heading)
-        along, across = (self.points[:, :2] @ axes_of(turn)[0][:2] for turn in (heading, heading + np.pi / 2))
-        return Extent(
-            heading, ahead, side, *(float(end) for axis in (along, across) for end in (axis.min(), axis.max()))
-        )
+        along = self.points[:, :2] @ ahead[:2]
+        across = self.points[:, :2] @ axes_of(heading + np.pi / 2)[0][:2]
+        ends = (float(end) for end in (along.min(), along.max(), across.min(), across.max()))
+        return Extent(heading, ahead, side, *ends)
 
     def rooms(self, heading: float) -> tuple[float, float]:
         """The clearance, on the right and left of the bodies, of a tool that moves behind them."""
-        way, rooms = self.extent(heading), [1.0, 1.0]
-        for lower, upper in zip(*self.others.bounds, strict=True):
-            corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
-            along, across = corners @ way.ahead[:2], corners @ way.side[:2]
-            beside = along.max() >= way.rear - 0.05 and along.min() <= way.rear + self.length
-            if beside and upper[2] >= self.lower[2] + _SUPPORT_M and lower[2] <= self.upper[2]:
-                on_left = bool(across.mean() > (way.left + way.right) / 2)
-                room = across.min() - way.left if on_left else way.right - across.max()
-                rooms[on_left] = min(rooms[on_left], max(0.0, room))
-        return rooms[0], rooms[1]
+        way = self.extent(heading)
+        lower, upper = self.others.bounds
+        others = Boxes((lower + upper) / 2, np.broadcast_to(np.eye(3), (len(lower), 3, 3)), (upper - lower) / 2)
+        rear, front = others.extents(way.ahead, np.zeros(3))
+        right, left = others.extents(way.side, np.zeros(3))
+        beside = (front >= way.rear - 0.05) & (rear <= way.rear + self.length)
+        beside &= (upper[:, 2] >= self.lower[2] + _SUPPORT_M) & (lower[:, 2] <= self.upper[2])
+        on_left = left + right > way.left + way.right
+        free_right = (way.right - left)[beside & ~on_left].min(initial=1.0)
+        free_left = (right - way.left)[beside & on_left].min(initial=1.0)
+        return max(0.0, float(free_right)), max(0.0, float(free_left))
 
-    def overhang(self, heading: float) -> tuple[Flags, Array]:
+    def overhang(self, heading: float) -> tuple[npt.NDArray[np.bool_], Array]:
         """Which boxes stand out across a heading, beyond those at the bodies' foot; and the half widths (N,) of all."""
         right, left = self.boxes.extents(axes_of(heading)[1], self.center)
-        halves, low = np.maximum(left, -right), self.boxes.bounds[0][:, 2] < self.lower[2] + 0.004
+        halves = np.maximum(left, -right)
+        low = self.boxes.bounds[0][:, 2] < self.lower[2] + 0.004
         return ~low & (halves > halves[low].max() + 0.006), halves
 
     @cached_property
@@ -194,24 +204,22 @@ class Errand:
         """Report whether near obstacles are much higher than the bodies, which are then reached from above."""
         return self.clear_z - float(self.upper[2]) > _DEEP_M
 
-    def blocked(self, shift: Array, start: Array | None = None, margin: float = 0.0, step: float = 0.03) -> bool:
+    def blocked(self, shift: Array, start: Array | float = 0.0, margin: float = 0.0, step: float = 0.03) -> bool:
         """Report whether an obstacle is within ``margin`` of the bodies' way, which begins at ``start`` (3,)."""
         steps = max(2, int(np.ceil(np.linalg.norm(shift) / step)))
-        way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + (np.zeros(3) if start is None else start)
-        lifted = way + _SUPPORT_M * UP
+        way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + start + _SUPPORT_M * UP
         shrunk = Boxes(self.boxes.centers, self.boxes.axes, self.boxes.halves - 0.001)
-        turns = np.broadcast_to(np.eye(3), (len(lifted), 3, 3))
-        return overlaps(shrunk.carried(lifted, turns), self.others, margin) > 0
+        turns = np.broadcast_to(np.eye(3), (len(way), 3, 3))
+        return overlaps(shrunk.carried(way, turns), self.others, margin) > 0
 
     def detour(self) -> Array:
         """The shortest step (3,) aside, in the air, after which nothing is above the bodies; zero if none helps."""
-        angles = np.arange(8) * np.pi / 4
-        steps = [r * np.array([np.cos(a), np.sin(a), 0.0]) for r in (0.01, 0.02, 0.03, 0.04, 0.06) for a in angles]
-        rise = max(float(self.shift[2]), 0.05)
-        for aside in (np.zeros(3), *steps):
-            if not self.blocked(rise * UP, aside + 0.02 * UP, 0.006):
-                return aside
-        return np.zeros(3)
+        rise = max(self.shift[2], 0.05) * UP
+        steps = [np.zeros(3)]
+        for radius in (0.01, 0.02, 0.03, 0.04, 0.06):
+            steps += [radius * axes_of(angle)[0] for angle in np.arange(8) * np.pi / 4]
+        free = (aside for aside in steps if not self.blocked(rise, aside + 0.02 * UP, 0.006))
+        return next(free, np.zeros(3))
 
 
 class SceneAnalysis:
@@ -230,7 +238,9 @@ class SceneAnalysis:
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        task, scene, self.home = brief.task, brief.task.scene(brief.scene_seed), brief.task.home
+        task = brief.task
+        scene = task.scene(brief.scene_seed)
+        self.home = task.home
         if turn is not None:
             self.home = turn @ self.home
             scene = replace(scene, bodies=tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies))
@@ -243,64 +253,72 @@ class SceneAnalysis:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
             self.groups = [[(Goal((scene.free[0].name,), away=0.2), None)]]
-        self.things = {body.name: Thing.of(body) for body in scene.bodies if body.collisions or isinstance(body, Soft)}
-        self.scene, self.space, self.turned = scene, workspace_of(task.robot), turn is not None
+        self.solids = {body.name: Solid.of(body) for body in scene.bodies if body.collisions or isinstance(body, Soft)}
+        self.boxes = Boxes.join(solid.boxes for solid in self.solids.values())
+        self.scene = scene
+        self.space = workspace_of(task.robot)
+        self.turned = turn is not None
         self.cache: dict[Hashable, object] = {}
 
     @property
     def goals(self) -> list[Goal]:
         return [goal for group in self.groups for goal, _ in group]
 
-    @cached_property
-    def boxes(self) -> Boxes:
-        return Boxes.join(thing.boxes for thing in self.things.values())
-
-    def errands(self, rng: np.random.Generator, alone: bool = False) -> list[Errand]:
-        """Draw errands for a group of goals at random, in order.
+    def subgoals(self, rng: Generator, alone: bool = False) -> list[Subgoal]:
+        """Draw subgoals for a group of goals at random, in order.
 
         They are for all bodies, in lanes if these are many; for one of them if it is enough. With ``alone`` each
         scattered body gets its own.
         """
         group = self.groups[int(rng.integers(len(self.groups)))] if len(self.groups) > 1 else self.groups[0]
-        return [errand for goal, reference in group for errand in self._errands(goal, reference, rng, alone)]
+        found = []
+        for goal, reference in group:
+            found += self._subgoals(goal, reference, rng, alone)
+        return found
 
-    def _errands(self, goal: Goal, reference: str | None, rng: np.random.Generator, alone: bool) -> list[Errand]:
-        things = [self.things[name] for name in goal.bodies]
-        if goal.any and len(things) > 1:
-            things = [self._easiest(things, rng)]
-        alone = alone and len(things) > 1 and self.container(things) is None
+    def _subgoals(self, goal: Goal, reference: str | None, rng: Generator, alone: bool) -> list[Subgoal]:
+        solids = [self.solids[name] for name in goal.bodies]
+        if goal.any and len(solids) > 1:
+            solids = [self._choose_easiest(solids, rng)]
+        alone = alone and len(solids) > 1 and self.container(solids) is None
         if self.turned:  # what one container holds is moved at once
-            lanes = [things]
+            lanes = [solids]
+        elif alone:
+            lanes = [[solids[i]] for i in rng.permutation(len(solids))]
         else:
-            lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
-        shifts = [_shift(Errand(lane, np.zeros(3), self), goal, rng) for lane in lanes]
-        return [Errand(lane, shift, self, goal, reference, alone) for lane, shift in zip(lanes, shifts, strict=True)]
+            lanes = _draw_lanes(solids, goal, rng)
+        shifts = [_draw_shift(Subgoal(lane, np.zeros(3), self), goal, rng) for lane in lanes]
+        return [Subgoal(lane, shift, self, goal, reference, alone) for lane, shift in zip(lanes, shifts, strict=True)]
 
-    def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
-        """A thing with nothing on top, at random from the highest ones."""
-        free = [thing for thing in things if Errand((thing,), np.zeros(3), self).headroom > 0.03] or things
-        tops = np.array([thing.points[:, 2].max() for thing in free])
+    def _choose_easiest(self, solids: list[Solid], rng: Generator) -> Solid:
+        """A body with nothing on top, at random from the highest ones."""
+        free = [solid for solid in solids if Subgoal([solid], np.zeros(3), self).headroom > 0.03] or solids
+        tops = np.array([solid.points[:, 2].max() for solid in free])
         return free[int(rng.choice(np.flatnonzero(tops > tops.max() - 0.005)))]
 
-    def around(self, things: Sequence[Thing]) -> Iterator[Thing]:
-        """Yield the bodies that enclose the positions of all things."""
-        inside = np.array([thing.position for thing in things])
-        for other in self.things.values():
-            lower, upper = other.points.min(axis=0), other.points.max(axis=0)
-            if (inside > lower).all() and (inside < upper).all() and all(other is not thing for thing in things):
-                yield other
+    def around(self, solids: Sequence[Solid]) -> list[Solid]:
+        """The bodies that enclose the positions of all the others."""
+        inside = np.array([solid.position for solid in solids])
+        found = []
+        for other in self.solids.values():
+            holds = (inside > other.points.min(axis=0)) & (inside < other.points.max(axis=0))
+            if holds.all() and other not in solids:
+                found.append(other)
+        return found
 
-    def container(self, things: Sequence[Thing]) -> str | None:
-        """The name of the smallest body, fixed or loose, that encloses the positions of all things."""
-        around = sorted(self.around(things), key=lambda thing: float(np.prod(np.ptp(thing.points, axis=0))))
-        return around[0].body.name if around else None
+    def container(self, solids: Sequence[Solid]) -> str | None:
+        """The name of the smallest body, fixed or loose, that encloses the positions of all bodies."""
+        around = self.around(solids)
+        if not around:
+            return None
+        return min(around, key=lambda solid: float(np.prod(np.ptp(solid.points, axis=0)))).body.name
 
 
-def _shift(errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
-    if goal.place is None:
-        return LIFT_M * UP if goal.held else _escape(errand, float(goal.away or 0.1), rng)
-    middle: Array = np.mean([thing.position for thing in errand.things], axis=0)
-    return wanted(middle, goal) - middle
+def _draw_shift(subgoal: Subgoal, goal: Goal, rng: Generator) -> Array:
+    if goal.place is not None:
+        middle: Array = np.mean([solid.position for solid in subgoal.solids], axis=0)
+        return wanted(middle, goal) - middle
+    return LIFT_M * UP if goal.held else _draw_escape(subgoal, goal.away or 0.1, rng)
 
 
 def wanted(here: Array, goal: Goal) -> Array:
@@ -308,33 +326,32 @@ def wanted(here: Array, goal: Goal) -> Array:
     return np.array([h if w is None else w for h, w in zip(here, goal.place or here, strict=True)])
 
 
-def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[list[Thing]]:
-    """Groups of bodies, each moved with one stroke: slices across the way to the goal."""
-    if len(things) == 1:
-        return [things]
-    positions = np.array([thing.position for thing in things])
+def _draw_lanes(solids: list[Solid], goal: Goal, rng: Generator) -> list[list[Solid]]:
+    """Groups of bodies, each moved at once: slices across the way to the goal."""
+    if len(solids) == 1:
+        return [solids]
+    positions = np.array([solid.position for solid in solids])
     middle = positions.mean(axis=0)
-    way = (wanted(middle, goal) - middle)[:2]
-    if np.hypot(*way) < 0.05:
-        upper = sorted(things, key=lambda thing: -float(thing.position[2]))[: max(1, len(things) // 3)]
-        return [things if rng.random() < 0.6 else [upper[int(rng.integers(len(upper)))]]]
-    side = np.array([-way[1], way[0]]) / np.hypot(*way)
-    across = positions[:, :2] @ side
-    count = int(rng.integers(1, min(4, len(things)) + 1))
-    edges = np.linspace(across.min(), across.max() + 1e-9, count + 1)
+    way = wanted(middle, goal) - middle
+    length = np.hypot(*way[:2])
+    if length < 0.05:
+        if rng.random() < 0.6:
+            return [solids]
+        upper = sorted(solids, key=lambda solid: -solid.position[2])[: max(1, len(solids) // 3)]
+        return [[upper[int(rng.integers(len(upper)))]]]
+    across = positions @ np.cross(UP, way / length)
+    edges = np.linspace(across.min(), across.max() + 1e-9, int(rng.integers(1, min(4, len(solids)) + 1)) + 1)
     slices = [(across >= low) & (across < high + 1e-12) for low, high in itertools.pairwise(edges)]
-    lanes = [list(itertools.compress(things, inside)) for inside in slices if inside.any()]
+    lanes = [list(itertools.compress(solids, inside)) for inside in slices if inside.any()]
     return [lanes[i] for i in rng.permutation(len(lanes))]
 
 
-def _escape(errand: Errand, away: float, rng: np.random.Generator) -> Array:
+def _draw_escape(subgoal: Subgoal, away: float, rng: Generator) -> Array:
     """A shift of at least ``away``, at random from unblocked directions, most likely toward the robot."""
-    way = errand.space.from_axis(errand.center)
-    toward = -way / max(np.hypot(*way), 1e-6)
-    flat = [(toward[0], toward[1]), (-1, 0), (1, 0), (0, 1), (0, -1), (-toward[0], -toward[1])]
-    options = [np.array([x, y, 0.0]) for x, y in flat] + [UP]
-    prior = np.array([2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5])
-    length = away * rng.uniform(1.02, 1.4)
-    free = np.array([not errand.blocked(length * option) for option in options])
-    weights = prior * np.where(free, 1.0, 0.02)
-    return np.asarray(length * options[int(rng.choice(len(options), p=weights / weights.sum()))])
+    way = subgoal.space.from_axis(subgoal.center)
+    toward = np.append(-way / max(np.hypot(*way), 1e-6), 0.0)
+    options = np.array([toward, (-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), -toward, UP])
+    weights = np.array([2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5])
+    shifts = away * rng.uniform(1.02, 1.4) * options
+    weights[[subgoal.blocked(shift) for shift in shifts]] *= 0.02
+    return np.asarray(shifts[rng.choice(len(shifts), p=weights / weights.sum())])

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.geometry import Pose
 from core.interfaces import Brief, Task
 from plugins.vlms.offline.evolve import Elite, mutate, offspring_plans
 from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.invent import Aim, Layout, Use, Workshop
+from plugins.vlms.offline.sampler import Aim, Layout, SampledPlan, Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.tools import part_for, recognize, suffix
 
@@ -40,31 +41,31 @@ class Draw(NamedTuple):
     def text(self) -> str:
         return f"for {self.task}: turned by {self.degrees} degrees, {self.mm} mm long, draw {self.seed}"
 
-    def made(self, brief: Brief) -> tuple[Tool, Head, Pose, Use]:
+    def made(self, brief: Brief) -> tuple[Tool, Head, Pose, SampledPlan]:
         """Invent a part; the same for the same task and scene."""
         aim = Aim(np.radians(self.degrees), self.mm / 1000)
-        return Workshop(replace(brief, seed=self.seed), Layout(brief), aim=aim).invent()
+        return Sampler(replace(brief, seed=self.seed), Layout(brief), aim=aim).invent()
 
 
-def task_plans(workshop: Workshop, tool: Tool, elites: Sequence[Elite]) -> tuple[list[Use], list[str]] | None:
+def task_plans(sampler: Sampler, tool: Tool, elites: Sequence[Elite]) -> tuple[list[SampledPlan], list[str]] | None:
     """Make plans for a tool with parts for several tasks, and name their parents; None: it is no such tool.
 
     Raises:
         DesignError: no part is for this task, and none seems to do.
     """
     drawn = {draw[0]: Draw(draw[0], *map(int, draw[1:])) for draw in _DRAWN.findall(tool.description)}
-    brief, rng, name = workshop.brief, workshop.rng, suffix(workshop.brief.task)
+    brief, rng, name = sampler.brief, sampler.rng, suffix(sampler.brief.task)
     if not drawn:
         return None
     if elites:
         elite = max(elites, key=lambda elite: elite.reward)
-        return offspring_plans(elite, tool, brief.n_action, workshop), [elite.id]
+        return offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
     if name in drawn:
         _, head, pose, use = drawn[name].made(brief)
-        return [use, *(workshop.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))], []
-    if workshop.fault(tool) > 0.0:
+        return [use, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))], []
+    if sampler.fault(tool) > 0.0:
         raise DesignError(f"the tool has no part for {brief.task.name}")
-    return [workshop.use(tool, lambda errand: recognize(tool, errand, rng)) for _ in range(brief.n_action)], []
+    return [sampler.use(tool, lambda subgoal: recognize(tool, subgoal, rng)) for _ in range(brief.n_action)], []
 
 
 def tools_answer(brief: Brief) -> dict[str, Any]:
@@ -73,27 +74,27 @@ def tools_answer(brief: Brief) -> dict[str, Any]:
     Raises:
         NothingToMove: see `SceneAnalysis`; in all of the tasks.
     """
-    workshops, reasons = dict[str, Workshop](), list[str]()
+    samplers, reasons = dict[str, Sampler](), list[str]()
     for part in brief.task.parts:
         own = replace(brief, task=part)
         try:
-            workshops[part.name] = Workshop(own, Layout(own))
+            samplers[part.name] = Sampler(own, Layout(own))
         except NothingToMove as error:
             reasons.append(f"{part.name}: {error}")
-    if not workshops:
+    if not samplers:
         raise NothingToMove("; ".join(reasons))
-    maker = _ToolMaker(brief, workshops, np.random.default_rng(brief.seed))
+    maker = _ToolMaker(brief, samplers, np.random.default_rng(brief.seed))
     strategies = [maker.strategy(number) for number in range(brief.n_tool)]
-    return {"scene_analysis": f"{len(workshops)} tasks for one tool.", "strategies": strategies}
+    return {"scene_analysis": f"{len(samplers)} tasks for one tool.", "strategies": strategies}
 
 
 @dataclass(frozen=True, eq=False)
 class _ToolMaker:
-    """Makes tools for several tasks; ``workshops`` are those of each, by its name."""
+    """Makes tools for several tasks; ``samplers`` are those of each, by its name."""
 
     brief: Brief
-    workshops: Mapping[str, Workshop]
-    rng: np.random.Generator
+    samplers: Mapping[str, Sampler]
+    rng: Generator
 
     def strategy(self, number: int) -> dict[str, Any]:
         tool, done, parents = self._tool(number)
@@ -110,7 +111,7 @@ class _ToolMaker:
     def _tool(self, number: int) -> tuple[Tool, str, list[str]]:
         """Join the best parts first; then change the part for a task that is not done, or make a fresh one."""
         elites = [e for e in self.brief.elites if e.candidate.tool and e.candidate.tool.gripper == self.brief.gripper]
-        best = {task: max(elites, key=lambda e: e.figures.get(task, 0.0), default=None) for task in self.workshops}
+        best = {task: max(elites, key=lambda e: e.figures.get(task, 0.0), default=None) for task in self.samplers}
         names, earned = list(best), [e.figures.get(task, 0.0) if e else 0.0 for task, e in best.items()]
         if not elites or not any(earned):
             first = names[(self.brief.agent * self.brief.n_tool + number) % len(names)]
@@ -136,18 +137,18 @@ class _ToolMaker:
         return self._fresh(weak), f"a part for {weak}", []
 
     def _task(self, name: str) -> Task:
-        return self.workshops[name].brief.task
+        return self.samplers[name].brief.task
 
     def _accepts(self, tool: Tool) -> bool:
-        return all(workshop.accepts(tool) for workshop in self.workshops.values())
+        return all(sampler.accepts(tool) for sampler in self.samplers.values())
 
     def _fresh(self, name: str) -> Tool:
         """A tool with a part for one task, which points its own way and is as long as all others."""
-        task, mm = self._task(name), int(1000 * (min(w.room for w in self.workshops.values()) - _ABOVE_M))
-        way = _WAYS[list(self.workshops).index(name) % len(_WAYS)]
+        task, mm = self._task(name), int(1000 * (min(w.room for w in self.samplers.values()) - _ABOVE_M))
+        way = _WAYS[list(self.samplers).index(name) % len(_WAYS)]
         for _ in range(_TRIES):
             draw = Draw(suffix(task), way, mm, int(self.rng.integers(2**31)))
-            tool = draw.made(self.workshops[name].brief)[0]
+            tool = draw.made(self.samplers[name].brief)[0]
             if self._accepts(tool):
                 break
         names = {c.name: f"{c.name}_{suffix(task)}" for c in tool.components}

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.random import Generator
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Pose
 from core.interfaces import Task
 from plugins.vlms.offline.boxes import Boxes, axes_of
 from plugins.vlms.offline.heads import FINGER_OPEN, Head
-from plugins.vlms.offline.scene_analysis import Errand
+from plugins.vlms.offline.scene_analysis import Subgoal
 
 STYLES = {
     "gantry": "a boom and a drop",
@@ -187,13 +188,13 @@ def part_for(tool: Tool, task: Task, *, strict: bool = False) -> Tool:
     return part if own or strict else tool
 
 
-def sample_turn(rng: np.random.Generator) -> float:
+def sample_turn(rng: Generator) -> float:
     """A turn of a head about z at random: most often none, or by an eighth or a quarter."""
     return float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))
 
 
-def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Head, Pose]:
-    """The tool's foot as a head for an errand, and its pose in the frame of the tool mount.
+def recognize(tool: Tool, subgoal: Subgoal, rng: Generator) -> tuple[Head, Pose]:
+    """The tool's foot as a head for a subgoal, and its pose in the frame of the tool mount.
 
     The side that works is guessed at random, and so is the face: in front as a blade's, or at the back as a cage's.
     """
@@ -201,11 +202,11 @@ def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Hea
     deep = bool(rng.random() < 0.5)
     if tool.gripper and not tool.components:
         return Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN), Pose(_FINGERTIP)
-    heading = errand.heading - turn
+    heading = subgoal.heading - turn
     (ahead, side), corners = (axis[:2] for axis in axes_of(heading)), foot(tool)
     along, across = corners[:, :2] @ ahead, corners[:, :2] @ side
     depth, width = float(np.ptp(along)), float(np.ptp(across))
-    rises = errand.shift[2] > 0.03
+    rises = subgoal.shift[2] > 0.03
     inside = max(0.0, depth - 0.01) if rises or deep else 0.0
     face = (along.max() - inside) * ahead + (across.min() + across.max()) / 2 * side
     head = Head("foot", "scoop" if rises else "push", (), np.zeros(3), inside, width)

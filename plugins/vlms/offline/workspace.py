@@ -12,7 +12,7 @@ from core.interfaces import Robot
 from core.robot.kinematics import arm_of, joint_frames, robot_model
 from plugins.vlms.told.arm import Span, span_at
 
-_LOWEST_M = 0.1  # of the end-effector above the ground that things stand on
+_LOWEST_M = 0.1  # of the end-effector above the ground that solids stand on
 _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
 
 

@@ -54,11 +54,11 @@ class CubeTask(Task):
 class RenamedCubeTask(CubeTask):
     name = "Other"
     description = "Quite another story."
-    goals: ClassVar = (Goal(("thing",), place=(0.6, 0.1, 0.035)),)
+    goals: ClassVar = (Goal(("solid",), place=(0.6, 0.1, 0.035)),)
 
     def scene(self, seed):
         ground, desk, cube = super().scene(seed).bodies
-        return Scene((replace(ground, name="g"), replace(desk, name="d"), replace(cube, name="thing")))
+        return Scene((replace(ground, name="g"), replace(desk, name="d"), replace(cube, name="solid")))
 
 
 class BallTask(CubeTask):
@@ -234,14 +234,14 @@ def test_one_of_several_goals_is_chosen():
     class Choice(CubeTask):
         goals = (Goal(("cube",), place=(0.6, None, None)), Goal(("cube",), place=(None, 0.3, None)))
 
-    shifts = [analysis(Choice()).errands(np.random.default_rng(seed)) for seed in range(12)]
-    assert {len(errands) for errands in shifts} == {1}
-    assert {int(np.argmax(np.abs(errands[0].shift))) for errands in shifts} == {0, 1}
+    shifts = [analysis(Choice()).subgoals(np.random.default_rng(seed)) for seed in range(12)]
+    assert {len(subgoals) for subgoals in shifts} == {1}
+    assert {int(np.argmax(np.abs(subgoals[0].shift))) for subgoals in shifts} == {0, 1}
 
 
 def test_only_a_loose_body_holds_others_and_its_handles_are_measured():
-    pan, cube, deep = (analysis(task()).errands(np.random.default_rng(0))[0] for task in (PanTask, CubeTask, DeepTask))
-    assert [thing.position[2] for thing in deep.things] == [0.051]  # the uppermost, if one is enough
+    pan, cube, deep = (analysis(task()).subgoals(np.random.default_rng(0))[0] for task in (PanTask, CubeTask, DeepTask))
+    assert [solid.position[2] for solid in deep.solids] == [0.051]  # the uppermost, if one is enough
     holder, heading, base = handles(pan)
     assert np.allclose(pan.holder.position, (0.76, -0.2, 0.0))
     assert (heading, base, holder.overhang(heading)[1].max()) == pytest.approx((0.0, 0.1, 0.12))
@@ -258,11 +258,11 @@ def test_a_detour_avoids_an_obstacle_above():
                 (ground, desk, cube, Body.of("roof", Box((0.1, 0.5, 0.02)), (1.03, 0, 0.3), mass=0, color=RED))
             )
 
-    (errand,) = analysis(Roof()).errands(np.random.default_rng(0))
-    assert errand.blocked(errand.shift)
-    assert errand.detour()[0] < -0.009
-    assert not errand.blocked(errand.shift, errand.detour())
-    (free,) = analysis(CubeTask()).errands(np.random.default_rng(0))
+    (subgoal,) = analysis(Roof()).subgoals(np.random.default_rng(0))
+    assert subgoal.blocked(subgoal.shift)
+    assert subgoal.detour()[0] < -0.009
+    assert not subgoal.blocked(subgoal.shift, subgoal.detour())
+    (free,) = analysis(CubeTask()).subgoals(np.random.default_rng(0))
     assert not free.detour().any()
 
 
@@ -455,9 +455,9 @@ def test_what_no_plan_is_made_for_is_named():
 
 
 def test_goals_become_errands():
-    drawer, cube = analysis(DrawerTask()).errands(np.random.default_rng(0))
+    drawer, cube = analysis(DrawerTask()).subgoals(np.random.default_rng(0))
     assert drawer.shift == pytest.approx([-0.2, 0, 0])
     assert cube.shift == pytest.approx([0, 0, 0.15])
-    assert {len(analysis(SortTask()).errands(np.random.default_rng(seed))) for seed in range(8)} == {1, 2}
+    assert {len(analysis(SortTask()).subgoals(np.random.default_rng(seed))) for seed in range(8)} == {1, 2}
     for task in (DrawerTask(), SortTask()):
         assert candidates(brief(task))

@@ -8,7 +8,7 @@ import pytest
 from core.plugins import installed
 from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.vlms.offline.guided import guided, suits
-from plugins.vlms.offline.openings import frame_of, pushed, under
+from plugins.vlms.offline.raycast import frame_of, pushed, under
 from plugins.vlms.offline.scene_analysis import UP
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.plugins.vlms.test_offline import analysis, brief, candidates
@@ -22,8 +22,8 @@ def scene(name):
     return installed().create("task", "file", file=str(file)) if file.exists() else installed().create("task", name)
 
 
-def errand(task):
-    return max(analysis(task).errands(np.random.default_rng(0)), key=lambda one: len(one.things))
+def subgoal(task):
+    return max(analysis(task).subgoals(np.random.default_rng(0)), key=lambda one: len(one.solids))
 
 
 @pytest.mark.parametrize("way", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 2, -3)])
@@ -34,17 +34,17 @@ def test_a_frame_points_along_its_way(way):
 
 
 def test_a_plunger_is_pushed_down_the_well():
-    found = pushed(errand(scene("press_plunger")), -UP)
+    found = pushed(subgoal(scene("press_plunger")), -UP)
     for contact in found:
         assert contact.point == pytest.approx([0.68, 0.12, 0.05], abs=0.01)
         assert contact.half < 0.0225
         assert contact.length == pytest.approx(0.11, abs=0.002)  # of the rod inside the well
     assert found
-    assert not pushed(errand(scene("press_plunger")), np.array([1.0, 0.0, 0.0]))
+    assert not pushed(subgoal(scene("press_plunger")), np.array([1.0, 0.0, 0.0]))
 
 
 def test_a_plate_is_taken_where_it_stands_out():
-    plate = errand(scene("turn_plate"))
+    plate = subgoal(scene("turn_plate"))
     at = under(plate, 0.0, 0.016)
     assert at.depth == pytest.approx(0.03, abs=0.006)
     assert under(plate, np.pi, 0.016) is None
@@ -52,14 +52,14 @@ def test_a_plate_is_taken_where_it_stands_out():
 
 @pytest.mark.parametrize("name", [*NAMES, "InsertPlug"])
 def test_every_scene_has_its_stroke(name):
-    found = errand(scene(name))
+    found = subgoal(scene(name))
     assert suits(found)
     assert guided(found, np.random.default_rng(0)) is not None
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in SOLUTIONS.glob("*.json")))
 def test_what_lies_free_needs_none_of_these_strokes(name):
-    assert not suits(errand(installed().create("task", name)))
+    assert not suits(subgoal(installed().create("task", name)))
 
 
 @pytest.mark.slow

@@ -1,56 +1,57 @@
-"""Strokes, ways of using a head: each adds the waypoints for one errand to a path, and returns a short description."""
+"""Strokes, ways of using a head: each adds the waypoints for one subgoal to a path, and returns a short description."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.scene_analysis import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
-Stroke = Callable[[Path, Errand, Head, np.random.Generator], str]
+Stroke = Callable[[Path, Subgoal, Head, Generator], str]
 
 _FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 
 
-def _over(errand: Errand, low: float, rng: np.random.Generator) -> Array:
+def _over(subgoal: Subgoal, low: float, rng: Generator) -> Array:
     """The vector up from height ``low`` to where the head is clear of everything."""
-    return max(0.03, errand.clear_z - low + rng.uniform(0.01, 0.05)) * UP
+    return max(0.03, subgoal.clear_z - low + rng.uniform(0.01, 0.05)) * UP
 
 
-def _about(length: float, rng: np.random.Generator) -> float:
+def _about(length: float, rng: Generator) -> float:
     """``length`` with a random error, mostly a large one, which evolution is to correct."""
     return length * rng.normal(1.0, 0.015 if rng.random() < 0.3 else 0.18)
 
 
-def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
+def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
-    falls = errand.shift[2] < -_FALL_M
-    thrown = bool(np.hypot(*errand.space.from_axis(errand.center + errand.shift)) > errand.space.farthest)
-    way = errand.extent(errand.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
+    falls = subgoal.shift[2] < -_FALL_M
+    thrown = bool(np.hypot(*subgoal.space.from_axis(subgoal.center + subgoal.shift)) > subgoal.space.farthest)
+    way = subgoal.extent(subgoal.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
     spare = max(0.001, (head.depth - way.along) / 2)
     gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)
     slip = rng.normal(0.0, 0.08) * way.across if head.depth == 0 else 0.0
-    low = errand.lower[2] + rng.uniform(0.002, 0.012)
+    low = subgoal.lower[2] + rng.uniform(0.002, 0.012)
     if rng.random() < 0.25 and head.use == "push":
-        low += rng.uniform(0.0, 0.5) * errand.tall
-    length, speed = _about(errand.length, rng), rng.uniform(0.1, 0.4)
+        low += rng.uniform(0.0, 0.5) * subgoal.tall
+    length, speed = _about(subgoal.length, rng), rng.uniform(0.1, 0.4)
     swing = 0.0
     if falls:
-        length, speed = errand.length * rng.uniform(0.4, 1.3), rng.uniform(0.5, 2.0)
+        length, speed = subgoal.length * rng.uniform(0.4, 1.3), rng.uniform(0.5, 2.0)
     elif thrown:
         length, speed = rng.uniform(0.3, 0.9), 2.0
         swing = rng.uniform(-0.8, 0.8)
     start = (way.rear - gap) * way.ahead + way.middle + slip * way.side + low * UP
     end = start + (gap + length) * way.ahead
-    over = _over(errand, low, rng)
+    over = _over(subgoal, low, rng)
     path.go(way.heading - swing, start + over, start)
     path.stroke(end, way.heading + swing, speed)
     text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
-    if rng.random() < 0.4 or len(errand.things) > 1 or errand.alone:
+    if rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone:
         if head.use == "push":
             end = end - 0.03 * way.ahead
             path.go(way.heading + swing, end, touch=True)
@@ -59,67 +60,67 @@ def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     return text
 
 
-def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
+def scoop(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     """Slide under the bodies and lift them; or carry them to the goal and tip them out there."""
-    heading = errand.heading
-    if errand.length < 0.03:
+    heading = subgoal.heading
+    if subgoal.length < 0.03:
         heading += float(rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1]))
-    way = errand.extent(heading + rng.normal(0.0, 0.05))
-    low = errand.lower[2] + head.level + rng.uniform(0.0005, 0.004)
+    way = subgoal.extent(heading + rng.normal(0.0, 0.05))
+    low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
     gap, speed = rng.uniform(0.005, 0.03), rng.uniform(0.08, 0.35)
     start = (way.rear - gap - head.depth) * way.ahead + way.middle + low * UP
     under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * way.ahead
-    path.go(way.heading, start + _over(errand, low, rng), start)
+    path.go(way.heading, start + _over(subgoal, low, rng), start)
     path.stroke(under, way.heading, speed)
     path.hold()
-    rise = _about(max(errand.shift[2] + rng.uniform(-0.01, 0.03), 0.0), rng)
-    if errand.length < 0.03:
+    rise = _about(max(subgoal.shift[2] + rng.uniform(-0.01, 0.03), 0.0), rng)
+    if subgoal.length < 0.03:
         tilt = -rng.uniform(0.0, 0.25) if rng.random() < 0.4 else 0.0
         path.stroke(under + rise * UP, way.heading, rng.uniform(0.1, 0.4))
         path.add(Pose.xyz_rpy(under + rise * UP, (0.0, tilt, way.heading)), touch=True)
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
-    high = max(rise, errand.clear_z - errand.lower[2] + 0.03)
-    there = under + high * UP + errand.shift * np.array([1.0, 1.0, 0.0])
+    high = max(rise, subgoal.clear_z - subgoal.lower[2] + 0.03)
+    there = under + high * UP + subgoal.shift * np.array([1.0, 1.0, 0.0])
     path.stroke(under + high * UP, way.heading, rng.uniform(0.15, 0.4))
     path.stroke(there, way.heading, rng.uniform(0.15, 0.5))
     path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), way.heading)), touch=True)
-    return f"slides under, lifts by {high:.2f} m, carries by {errand.length:.2f} m and tips out"
+    return f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and tips out"
 
 
-def hook(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
+def hook(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     """Come in from the front, beside or over the bodies; move the toe behind them; pull."""
-    way = errand.extent(errand.heading)
+    way = subgoal.extent(subgoal.heading)
     aside = head.aside[1] * way.side + head.aside[2] * UP
     if head.aside[2] > 0:
-        edge = way.middle + errand.upper[2] * UP
+        edge = way.middle + subgoal.upper[2] * UP
     else:
         toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0) + rng.uniform(0.004, 0.02)
-        edge = (way.left if head.aside[1] > 0 else way.right) * way.side + (errand.lower[2] + toe_middle) * UP
-    outside = errand.length if errand.covered else 0.0
+        edge = (way.left if head.aside[1] > 0 else way.right) * way.side + (subgoal.lower[2] + toe_middle) * UP
+    outside = subgoal.length if subgoal.covered else 0.0
     behind = edge + (way.rear - rng.uniform(0.004, 0.02)) * way.ahead
     before = edge + (way.front + outside + rng.uniform(0.01, 0.04)) * way.ahead
-    over = 0.05 * UP if errand.covered else _over(errand, errand.lower[2], rng)
+    over = 0.05 * UP if subgoal.covered else _over(subgoal, subgoal.lower[2], rng)
     path.go(way.heading, before + aside + over, before + aside, behind + aside, behind)
-    length = _about(errand.length, rng)
+    length = _about(subgoal.length, rng)
     path.stroke(edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4))
     return f"passes {'over' if head.aside[2] > 0 else 'beside'}, gets behind and pulls by {length:.2f} m"
 
 
-def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
+def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     """Come down with the bodies between the fingers, close, drag or carry them, and open at the goal."""
     turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
     yaw = turn + rng.normal(0.0, 0.1) * (rng.random() < 0.5)
-    low = errand.lower[2] + rng.uniform(0.002, max(0.002, 0.4 * errand.tall))
-    grasp = np.array([*errand.center[:2], low])
-    path.go(yaw, grasp + _over(errand, low, rng), grasp)
+    low = subgoal.lower[2] + rng.uniform(0.002, max(0.002, 0.4 * subgoal.tall))
+    grasp = np.array([*subgoal.center[:2], low])
+    path.go(yaw, grasp + _over(subgoal, low, rng), grasp)
     path.go(yaw, grasp, grip=1.0, touch=True)
     path.hold()
-    rises = errand.shift[2] > 0.03
-    drags = not rises and not errand.blocked(errand.shift) and rng.random() < 0.6
-    over_ground = grasp + _about(1.0, rng) * errand.shift * np.array([1.0, 1.0, 0.0])
-    lift = 0.0 if drags else max(errand.shift[2], errand.clear_z - errand.lower[2] if errand.length > 0.03 else 0.0)
+    rises = subgoal.shift[2] > 0.03
+    drags = not rises and not subgoal.blocked(subgoal.shift) and rng.random() < 0.6
+    over_ground = grasp + _about(1.0, rng) * subgoal.shift * np.array([1.0, 1.0, 0.0])
+    lift = 0.0 if drags else max(subgoal.shift[2], subgoal.clear_z - subgoal.lower[2] if subgoal.length > 0.03 else 0.0)
     lift += 0.0 if drags else rng.uniform(0.0, 0.03)
-    if rises and (aside := errand.detour()).any():  # from under an obstacle
+    if rises and (aside := subgoal.detour()).any():  # from under an obstacle
         path.stroke(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
         path.stroke(grasp + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
         grasp, over_ground = grasp + aside, over_ground + aside
@@ -127,12 +128,12 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
         path.stroke(grasp + lift * UP, yaw, 0.3, grip=1.0)
     path.stroke(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
     if not rises:
-        down = over_ground + min(lift, errand.shift[2] + 0.003) * UP
+        down = over_ground + min(lift, subgoal.shift[2] + 0.003) * UP
         path.stroke(down, yaw, 0.2, grip=1.0)
         path.go(yaw, down, touch=True)
     verb = "drags" if drags else "carries"
-    return f"closes the fingers and {verb} by {np.linalg.norm(errand.shift):.2f} m"
+    return f"closes the fingers and {verb} by {np.linalg.norm(subgoal.shift):.2f} m"
 
 
-STROKES: dict[str, Stroke] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+PRIMITIVES: dict[str, Stroke] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
 """The strokes by a head's use."""

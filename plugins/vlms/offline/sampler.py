@@ -20,8 +20,8 @@ from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.guided import guided, handles, pourer, suits
 from plugins.vlms.offline.heads import Head, sample_clamp, sample_head
 from plugins.vlms.offline.plans import Path, anchors_of, collisions, reach_error
-from plugins.vlms.offline.scene_analysis import Errand, SceneAnalysis
-from plugins.vlms.offline.strokes import STROKES
+from plugins.vlms.offline.primitives import PRIMITIVES
+from plugins.vlms.offline.scene_analysis import SceneAnalysis, Subgoal
 from plugins.vlms.offline.tools import HAND, STYLES, build, build_clamp, recognize, sample_turn, tool_boxes
 
 _DIGITS = 5  # hundredths of a millimetre
@@ -42,7 +42,7 @@ _BEYOND_M, _TOUCH_MPS = 0.012, 0.05  # of a touch of the ground, where heights a
 A = TypeVar("A")
 
 
-class Use(NamedTuple):
+class SampledPlan(NamedTuple):
     """A plan, its description, and what each waypoint stands by."""
 
     plan: Array
@@ -74,7 +74,7 @@ class Layout:
         self.analysis, self.spawn = SceneAnalysis(brief, turn), SpawnRules(brief.task, brief.scene_seed)
 
 
-class Workshop:
+class Sampler:
     """Invents tools and plans for a brief's layout. A plan must do in ``others`` too; ``aim`` is where heads are."""
 
     def __init__(self, brief: Brief, layout: Layout, others: Sequence[Layout] = (), aim: Aim | None = None) -> None:
@@ -110,14 +110,14 @@ class Workshop:
         """A plan as in a designs document."""
         return self.brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, self.layouts[0].seen)
 
-    def written_to_feel(self, use: Use, tool: Tool) -> list[Any]:
+    def written_to_feel(self, use: SampledPlan, tool: Tool) -> list[Any]:
         """Write a plan that touches the ground where its tool is low for the first time, and corrects heights by that.
 
         It is written as it is if the tool stays high, or if its waypoints stand by no body.
         """
         rows, names = use.plan, sorted({anchor.name for anchor in use.anchors} & {*self.layouts[0].seen.poses})
         goals = {name for goal in self.analysis.goals for name in goal.bodies}
-        ground = min(float(self.analysis.things[name].points[:, 2].min()) for name in goals)
+        ground = min(float(self.analysis.solids[name].points[:, 2].min()) for name in goals)
         parts = tool_boxes(tool).carried(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix())
         over = parts.bounds[0][:, 2].reshape(len(rows), len(tool.components)).min(axis=1, initial=np.inf) - ground
         low = np.flatnonzero((over > -_BEYOND_M) & (over < _LOW_M))
@@ -138,7 +138,7 @@ class Workshop:
         plan = self.brief.actions.parse(self.written(rows, anchors), gripper=self.brief.gripper)
         return [plan.resolve(layout.seen).poses for layout in self.layouts[1:]]
 
-    def invent(self) -> tuple[Tool, Head, Pose, Use]:
+    def invent(self) -> tuple[Tool, Head, Pose, SampledPlan]:
         """A fresh tool, its head, the head's pose in the frame of the tool mount, and a first use.
 
         It is the best of a random number of samples: doubtful ones are not always the worst.
@@ -146,84 +146,84 @@ class Workshop:
         self._guides = None
         return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
 
-    def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
-        """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
+    def use(self, tool: Tool, find_head: Callable[[Subgoal], tuple[Head, Pose]]) -> SampledPlan:
+        """A plan for a tool; ``find_head`` returns its head and the head's pose for a subgoal."""
         return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
 
-    def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
-        errands = self._errands()
-        head, pose = find_head(errands[0])
-        return self._planned(tool, pose, self._path(errands, head), errands)
+    def _use_once(self, tool: Tool, find_head: Callable[[Subgoal], tuple[Head, Pose]]) -> tuple[SampledPlan, float]:
+        subgoals = self._subgoals()
+        head, pose = find_head(subgoals[0])
+        return self._planned(tool, pose, self._path(subgoals, head), subgoals)
 
     def fault(self, tool: Tool) -> float:
         """The least fault of some plans for a tool of any origin; 0: one has none."""
         least, tries = np.inf, 0
         while least > 0.0 and tries < _PLAN_TRIES:
-            _, fault = self._use_once(tool, lambda errand: recognize(tool, errand, self.rng))
+            _, fault = self._use_once(tool, lambda subgoal: recognize(tool, subgoal, self.rng))
             least, tries = min(least, fault), tries + 1
         return least
 
-    def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, Use], float]:
-        errands = self._errands()
-        largest = max(errands, key=lambda errand: len(errand.things))
+    def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, SampledPlan], float]:
+        subgoals = self._subgoals()
+        largest = max(subgoals, key=lambda subgoal: len(subgoal.solids))
         head = self._head(largest)
-        path = self._path(errands, head)
+        path = self._path(subgoals, head)
         pose = self._mount(path, head, largest) if head.pose is None else head.pose
         tool = self._build(head, pose, path, largest)
-        use, fault = self._planned(tool, pose, path, errands)
+        use, fault = self._planned(tool, pose, path, subgoals)
         return (tool, head, pose, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
-    def _head(self, errand: Errand) -> Head:
-        if not self.brief.gripper and suits(errand):
+    def _head(self, subgoal: Subgoal) -> Head:
+        if not self.brief.gripper and suits(subgoal):
             if self._guides is None:
                 self._guides = bool(self.rng.random() < _GUIDED)
-            if self._guides and (head := guided(errand, self.rng)) is not None:
+            if self._guides and (head := guided(subgoal, self.rng)) is not None:
                 return head
-        grips = None if self.brief.gripper else handles(errand)
+        grips = None if self.brief.gripper else handles(subgoal)
         if grips is not None and self.rng.random() < 0.8:
-            return pourer(errand, grips, self.rng, self.stout)
-        clamps = self.brief.gripper and self.rng.random() < (0.9 if errand.deep and errand.shift[2] > 0.03 else 0.5)
-        return sample_clamp(errand, self.rng) if clamps else sample_head(errand, self.rng, self.stout)
+            return pourer(subgoal, grips, self.rng, self.stout)
+        clamps = self.brief.gripper and self.rng.random() < (0.9 if subgoal.deep and subgoal.shift[2] > 0.03 else 0.5)
+        return sample_clamp(subgoal, self.rng) if clamps else sample_head(subgoal, self.rng, self.stout)
 
-    def _build(self, head: Head, pose: Pose, path: Path, errand: Errand) -> Tool:
+    def _build(self, head: Head, pose: Pose, path: Path, subgoal: Subgoal) -> Tool:
         if head.pose is not None:
             return build(head, pose, "none", 0.01, False)
         thickness = self.stout * float(self.rng.uniform(0.012, 0.024))
         style = list(STYLES)[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
-            return build_clamp(head, pose, min(thickness, 0.012) if errand.deep else thickness)
+            return build_clamp(head, pose, min(thickness, 0.012) if subgoal.deep else thickness)
         if not self._is_high(path):
             return build(head, pose, style, thickness, self.brief.gripper)
         # The jib passes over the bodies.
-        top = float(pose.position[2] + max(errand.tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
+        top = float(pose.position[2] + max(subgoal.tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
         bend = float(self.rng.uniform(0.25, 0.6))
         return build(head, pose, "riser", thickness, self.brief.gripper, bend=bend, top=top)
 
-    def _errands(self) -> list[Errand]:
-        return self.analysis.errands(self.rng, alone=self._several and self.rng.random() < _ALONE)
+    def _subgoals(self) -> list[Subgoal]:
+        return self.analysis.subgoals(self.rng, alone=self._several and self.rng.random() < _ALONE)
 
-    def _path(self, errands: Sequence[Errand], head: Head) -> Path:
-        """The head's path through all errands; a head with its own stroke has one for all of them."""
+    def _path(self, subgoals: Sequence[Subgoal], head: Head) -> Path:
+        """The head's path through all subgoals; a head with its own stroke has one for all of them."""
         path = Path()
-        for errand in errands if head.stroke is None else errands[:1]:
+        for subgoal in subgoals if head.stroke is None else subgoals[:1]:
             if head.stroke is None:
-                path.texts.append(STROKES[head.use](path, errand, head, self.rng))
+                path.texts.append(PRIMITIVES[head.use](path, subgoal, head, self.rng))
             else:
                 path.texts.append(head.stroke(path, self.rng))
             path.end()
-        path.anchors = anchors_of(path, errands, self._anchoring)
+        path.anchors = anchors_of(path, subgoals, self._anchoring)
         return path
 
-    def _planned(self, tool: Tool, pose: Pose, path: Path, errands: Sequence[Errand]) -> tuple[Use, float]:
+    def _planned(self, tool: Tool, pose: Pose, path: Path, subgoals: Sequence[Subgoal]) -> tuple[SampledPlan, float]:
         """The plan that moves the head at a pose along the path, and its fault; for a high path it may rise before."""
         plan, home, text = (
             path.plan(pose, tool.gripper),
             self.analysis.home.position,
             "; then ".join(dict.fromkeys(path.texts)),
         )
-        fault = self._fault(tool, plan, path.anchors, path.touching, errands)
+        fault = self._fault(tool, plan, path.anchors, path.touching, subgoals)
         if fault <= float(self._several) or not self._is_high(path):  # none in this layout
-            return Use(plan, text, path.anchors), fault
+            return SampledPlan(plan, text, path.anchors), fault
         tried, space = [(fault, plan)], self.analysis.space
         outward = space.from_axis(plan[0])
         anchors, touching = [Anchor()] * 2 + path.anchors, [False] * 2 + path.touching
@@ -232,22 +232,22 @@ class Workshop:
             rows[:, :2] = space.base[:2] + outward * (radius / max(float(np.hypot(*outward)), 1e-6))
             rows[0, 2] = home[2]
             longer = np.vstack([rows, plan])
-            tried.append((self._fault(tool, longer, anchors, touching, errands), longer))
+            tried.append((self._fault(tool, longer, anchors, touching, subgoals), longer))
         fault, plan = min(tried, key=lambda option: option[0])
-        return Use(plan, text, anchors[len(anchors) - len(plan) :]), fault
+        return SampledPlan(plan, text, anchors[len(anchors) - len(plan) :]), fault
 
     def _is_high(self, path: Path) -> bool:
         """Report whether the head works higher than the end-effector's home."""
         return bool(min(pose.position[2] for pose in path.poses) > self.analysis.home.position[2])
 
     def _fault(
-        self, tool: Tool, plan: Array, anchors: Sequence[Anchor], touching: Sequence[bool], errands: Sequence[Errand]
+        self, tool: Tool, plan: Array, anchors: Sequence[Anchor], touching: Sequence[bool], subgoals: Sequence[Subgoal]
     ) -> float:
         """A measure of unwanted collisions and missed waypoints; 0: there are none.
 
         A plan without any in this layout gets at most 1: the less, the later the first layout with some comes.
         """
-        moved = {thing.body.name for errand in errands for thing in (*errand.things, errand.holder) if thing}
+        moved = {solid.body.name for subgoal in subgoals for solid in (*subgoal.solids, subgoal.holder) if solid}
         fault = self._fault_in(self.analysis, tool, plan, touching, moved)
         if fault > 0.0:
             return fault + float(self._several)
@@ -261,17 +261,17 @@ class Workshop:
         self, analysis: SceneAnalysis, tool: Tool, plan: Array, touching: Sequence[bool], moved: set[str]
     ) -> float:
         wanted, others = (
-            Boxes.join(thing.boxes for name, thing in analysis.things.items() if (name in moved) == is_moved)
+            Boxes.join(solid.boxes for name, solid in analysis.solids.items() if (name in moved) == is_moved)
             for is_moved in (True, False)
         )
-        solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
-        hits, arm = collisions(plan, touching, solids, analysis.home, wanted, others), arm_of(self.robot)
+        tool_solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
+        hits, arm = collisions(plan, touching, tool_solids, analysis.home, wanted, others), arm_of(self.robot)
         if (miss := reach_error(plan, arm)) > _MISS_M:
             return hits + 100.0 * miss
         meets_itself = find_self_collision(self.robot, tool, plan_motion(plan, self.analysis.home, arm).trajectory)
         return hits + (0.0 if meets_itself is None else _BREAKS_RULES)
 
-    def _mount(self, path: Path, head: Head, errand: Errand) -> Pose:
+    def _mount(self, path: Path, head: Head, subgoal: Subgoal) -> Pose:
         """The head's pose in the frame of the tool mount that keeps the arm in its comfortable workspace."""
         rng, home = self.rng, self.analysis.home.position
         start = path.poses[1]
@@ -289,12 +289,12 @@ class Workshop:
         elif self._aim is not None:
             yaw, least = self._aim.turn, max(least, self._aim.drop)
             most = least
-        straight = head.use == "clamp" and errand.deep
+        straight = head.use == "clamp" and subgoal.deep
         if head.use == "clamp":
             yaw = float(start.rpy[2])
         if straight:  # the hand stays above the container that the fingers reach into
             most = max(least, room - 0.003)
-            least = min(most, errand.clear_z - lowest + _HAND_M)
+            least = min(most, subgoal.clear_z - lowest + _HAND_M)
         rows = path.plan(Pose(), self.brief.gripper)
         plans = [rows, *self._elsewhere(rows, path.anchors)]
         motions = [(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()) for rows in plans]

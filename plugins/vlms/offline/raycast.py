@@ -1,6 +1,6 @@
 """Find by rays where a rod can push a body, and where tines get under it.
 
-The results are the same for all errands of the same bodies, and are kept.
+The results are the same for all subgoals of the same bodies, and are kept.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.ndimage import minimum_filter
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import Boxes, axes_of
-from plugins.vlms.offline.scene_analysis import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
 _GRID_M, _MOST_RAYS = 0.003, 50  # between rays, and how many lie side by side
 _AROUND_M = 0.04  # how far beside the bodies rays pass
@@ -25,13 +25,13 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _kept(find: Callable[Concatenate[Errand, P], R]) -> Callable[Concatenate[Errand, P], R]:
+def _kept(find: Callable[Concatenate[Subgoal, P], R]) -> Callable[Concatenate[Subgoal, P], R]:
     @wraps(find)
-    def look(errand: Errand, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        key = (find.__name__, *map(id, errand.things), repr((args, kwargs)))
-        cache = errand.analysis.cache
+    def look(subgoal: Subgoal, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        key = (find.__name__, *map(id, subgoal.solids), repr((args, kwargs)))
+        cache = subgoal.analysis.cache
         if key not in cache:
-            cache[key] = find(errand, *args, **kwargs)
+            cache[key] = find(subgoal, *args, **kwargs)
         return cast(R, cache[key])
 
     return look
@@ -54,17 +54,17 @@ class Contact:
 
 
 class _Rays:
-    """Parallel rays through a scene, on a grid (U, V) around an errand's bodies, along x of ``turn``."""
+    """Parallel rays through a scene, on a grid (U, V) around a subgoal's bodies, along x of ``turn``."""
 
-    def __init__(self, errand: Errand, way: Array) -> None:
+    def __init__(self, subgoal: Subgoal, way: Array) -> None:
         self.turn = frame_of(way)
-        points = self.turn.inverse().apply(errand.points)
+        points = self.turn.inverse().apply(subgoal.points)
         lower, upper = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
         counts = np.minimum(np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS)
         self.axes = [np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)]
         self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
-        self.near, far = self._crossings(errand.boxes)
-        self.other_near, other_far = self._crossings(errand.others)
+        self.near, far = self._crossings(subgoal.boxes)
+        self.other_near, other_far = self._crossings(subgoal.others)
         self.all = np.concatenate([self.near, self.other_near], axis=-1), np.concatenate([far, other_far], axis=-1)
 
     def _crossings(self, boxes: Boxes) -> tuple[Array, Array]:
@@ -93,20 +93,20 @@ class _Rays:
 
 
 @_kept
-def pushed(errand: Errand, way: Array, pole: Array | None = None) -> list[Contact]:
+def pushed(subgoal: Subgoal, way: Array, pole: Array | None = None) -> list[Contact]:
     """Find where a rod can push the bodies along ``way``, the best first.
 
     That is in the middle; with a ``pole`` (2, 3), a point of an axis that they turn about, and its direction, it is
     where they go the farthest along the way.
     """
-    rays = _Rays(errand, way)
+    rays = _Rays(subgoal, way)
     hit, blocked, outside = rays.near.min(axis=-1), rays.other_near.min(axis=-1, initial=np.inf), rays.outside()
     for half in _HALF_M:
         free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
         contacts = []
         for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
             point, length = rays.point(u, v, hit[u, v]), float(np.clip(hit[u, v] - outside[u, v], 0.0, 0.4))
-            across = np.linalg.norm(np.cross(way, point - errand.center))
+            across = np.linalg.norm(np.cross(way, point - subgoal.center))
             away = across if pole is None else -np.cross(pole[1], point - pole[0]) @ way
             contacts.append((float(away), Contact(point, half, length)))
         if contacts:
@@ -134,13 +134,13 @@ class Under:
 
 
 @_kept
-def under(errand: Errand, heading: float, tine: float) -> Under | None:
+def under(subgoal: Subgoal, heading: float, tine: float) -> Under | None:
     """Find where tines ``tine`` wide get under the bodies along a heading: high, wide apart, and far ahead."""
-    rays = _Rays(errand, UP)
+    rays = _Rays(subgoal, UP)
     near, far = rays.all
     ahead, side = (axis[:2] for axis in axes_of(heading))
     u, v = np.meshgrid(*rays.axes, indexing="ij")
-    places = rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2] - errand.center[:2]
+    places = rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2] - subgoal.center[:2]
     along, across = places @ ahead, np.abs(places @ side)
     found = list[Under]()
     levels = np.unique(rays.near[np.isfinite(rays.near)].round(3))
@@ -156,6 +156,6 @@ def under(errand: Errand, heading: float, tine: float) -> Under | None:
                 stop = float(along[lane & full & (along > rear - _AROUND_M)].min(initial=1.0))
                 front = float(along[lane & low & (along < stop)].max(initial=rear))
                 if stop > rear and front - rear > 0.008:
-                    at = np.array([*(errand.center[:2] + rear * ahead), level])
+                    at = np.array([*(subgoal.center[:2] + rear * ahead), level])
                     found.append(Under(heading, at, float(apart), room, front - rear))
     return max(found, key=lambda one: one.worth) if found else None
