@@ -75,7 +75,6 @@ RUN = (  # really, of all that are composed; what they share is run once
     "core.prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
     "core.run --help",
     "vlmgineer render task=BringCube designs=tests/tasks/solutions/BringCube.json output=scene.png",
-    "vlmgineer gallery multirun/first output=gallery",
     "core.run task=MoveBall material=pla sim=mujoco fitness=buildable fitness.plate_mm=[400,400,400]",
 )
 
@@ -100,7 +99,7 @@ def test_command(line: str, tmp_path: Path):
         write_arm(tmp_path / "my_lab")
     if words[0] == "core.run" and "--help" not in words:
         words += SMALL
-    if words[:2] in (["core", "report"], ["core", "gallery"]):
+    if words[:2] == ["core", "report"]:
         write_run(tmp_path / words[2] / "0")  # what the page's line before it leaves
     done = python_m(tmp_path, *words)
     assert done.returncode == 0, done.stderr

@@ -142,7 +142,6 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
     if result.best is None:
         return
     yield f"vlmgineer report {folder}"
-    yield f"vlmgineer gallery {folder}"
     design = f"designs={hydra_word(_short(run.folder / 'best' / 'design.json'))}"
     yield shlex.join(["python", "-m", "core.evaluate", *_settings(run), design])
 

@@ -1,7 +1,6 @@
-"""What one does with finished runs: reports, galleries, and tools for the workshop.
+"""What one does with finished runs: reports, toolboxes, and tools for the workshop.
 
-``pages`` is what the other rooms draw with; ``report`` and ``workshop`` do not know each other, ``gallery`` and
-``toolbox`` use what they need.
+``pages`` is what the other rooms draw with, ``workshop`` makes tools; ``report`` and ``toolbox`` use what they need.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from core.hooks import Command, Factories, hookimpl
 def commands() -> dict[str, Command]:
     return {
         "report": Command("write tables, figures and a page about runs", "plugins.results.report.command:main"),
-        "gallery": Command("write a page of the best tools, and files to print them", "plugins.results.gallery:main"),
         "toolbox": Command(
             "try tools on each other's tasks, and choose few that do most", "plugins.results.toolbox.command:main"
         ),

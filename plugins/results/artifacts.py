@@ -13,10 +13,11 @@ import numpy as np
 import trimesh
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
-from core.geometry import Pose
 from core.robot.description import assemble, tool_urdf
 from core.robot.trajectory import Motion
 from core.values.robots import Robot
+from plugins.results.workshop.solid import to_mesh
+from plugins.results.workshop.tool import bodies
 
 
 def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path) -> None:
@@ -62,17 +63,13 @@ def copied(mesh: Path, folder: Path) -> str:
 
 
 def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:
-    """Join the components to one mesh in millimetres, as slicers expect, in the frame of their mount.
+    """Make each rigid link one closed body, in millimetres, as slicers expect, in the frame of the mount.
 
     With two mounts, the attachments lie apart as on a gripper with each finger open by ``opening_m`` metres.
     """
-    apart = {
-        GRIPPER_MOUNTS[0]: Pose(np.array([0.0, opening_m, 0.0])),
-        GRIPPER_MOUNTS[1]: Pose(np.array([0.0, -opening_m, 0.0])),
-    }
-    placed = tool.placed()
-    boxes = []
-    for component in tool.components:
-        mount, pose = placed[component.name]
-        boxes.append(component.shape.to_trimesh().apply_transform((apart.get(mount, Pose()) @ pose).matrix))
-    return trimesh.util.concatenate(boxes).apply_scale(1000.0) if boxes else trimesh.Trimesh()
+    apart_mm = dict(zip(GRIPPER_MOUNTS, (1000 * opening_m, -1000 * opening_m), strict=True))
+    meshes = []
+    for body in bodies(tool):
+        shift = (0.0, apart_mm.get(body.link.mount, 0.0), 0.0)
+        meshes.append(to_mesh(body.mount.solid).apply_translation(shift))
+    return trimesh.util.concatenate(meshes) if meshes else trimesh.Trimesh()

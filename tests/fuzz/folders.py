@@ -31,7 +31,6 @@ from core.store import rows
 from plugins import transfer
 from plugins.executors.local import LocalExecutor
 from plugins.listeners.rerun import view
-from plugins.results import gallery
 from plugins.results.report import command as report
 from tests.core.run_folders import write_run
 from tests.executors import Inline
@@ -152,8 +151,6 @@ def commands(folder: Path, out: Path) -> dict[str, tuple[Callable[[], Any], tupl
     return {
         "report": (report.main, (str(folder), to)),
         "reports": (report.main, (str(folder.parent), to)),
-        "gallery": (gallery.main, (str(folder), to, "top=1")),
-        "galleries": (gallery.main, (str(folder.parent), to, "top=1")),
         "resume": (run.main, (f"resume={folder}", "budget.stop_reward=0.0")),
         "transfer": (transfer.main, (f"designs={folder}", "sims=[mujoco]", "seeds=[0]")),
         "replay": (run.main, (*QUICK, *SMALL, *replayed)),
@@ -193,7 +190,7 @@ def one_case(seed: int, mode: str, runs: list[Path], good: dict[str, Any], count
             shutil.copytree(other, Path(scratch) / "runs" / other.name)
         folder, out = Path(scratch) / "runs" / source.name, Path(scratch) / "out"
         what = (damage_store if mode == "stores" or (mode == "both" and seed % 2) else damage_folder)(rng, folder)
-        others = rng.choice(["reports", "gallery", "galleries", "view"])
+        others = rng.choice(["reports", "view"])
         ways = ["resume", "transfer", "replay", *(["evaluate", "prompt"] if (folder / "best").is_dir() else [])]
         for name in ("report", others, rng.choice(ways)):
             shutil.rmtree(out, ignore_errors=True)

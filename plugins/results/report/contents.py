@@ -12,6 +12,7 @@ from core.support.files import read_untrusted
 from plugins.results.pages.formats import to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
 from plugins.results.report.figures import comparable, figure_pages
+from plugins.results.report.prints import tool_prints
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
 from plugins.results.report.tables import REASONS, tables
@@ -41,21 +42,22 @@ def contents(
 
     ``status``: of a run that goes on, lines of which the first changes when there is more to see.
     """
-    listed, drawn = tables(results), figure_pages(results)
+    listed = tables(results)
+    drawn = figure_pages(results)
+    prints = tool_prints(results)
     drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
     runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
     page = render(
         "report.html.j2",
         folder,
-        [
-            in_viewer(winner, f"{task}, {method}: {winner.name}")
-            for (task, method), winner in results.tools.best.items()
-        ],
+        [in_viewer(shown.winner, shown.title) for shown in prints],
         title=title,
         summary=status or [f"{runs} of {methods} on {tasks}."],
         state=status[0] if status else None,
         films=_films(results),
+        prints=prints,
+        root=folder,
         warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
         tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
@@ -66,6 +68,8 @@ def contents(
         shared=comparable(results)[0],
     )
     files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
+    for shown in prints:
+        files |= shown.files()
     csv = {table.name: to_csv(table, folder / DATA) for table in listed}
     files |= {f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace") for name, text in csv.items()}
     files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}

@@ -11,7 +11,7 @@ from core.designs.reading import MAX_DESCRIPTION
 from core.errors import UserError
 from core.support.text import clean
 from plugins.results.pages.runs import FinishedRun, LeftOutRun
-from plugins.results.pages.tools import Winner, winners
+from plugins.results.pages.tools import Winner, best_tool
 from plugins.results.report.leaderboard import ListedEntry
 from plugins.results.report.methods import Group, group
 from plugins.results.report.verify import VerifiedRun
@@ -57,7 +57,7 @@ class Results:
         tools = BestTools({}, [])
         for g in self.groups:
             try:
-                (winner,) = winners(g.best, 1)
+                winner = best_tool(g.best)
                 if winner.tool.components:
                     tools.best[g.task, g.method] = winner
             except UserError as error:

@@ -73,34 +73,36 @@ class PrintedTool:
         return f"part_{number + 1}_of_{len(self.parts)}.stl"
 
 
-def pieces(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
-    """Make the bodies of a tool, one for each mount and for what a joint moves, cut to the plate, without fitting."""
-    made = list[PrintedPart]()
-    for link in links_of(tool):
-        fitted = _fitted(link, Mount, printer, Fit())
-        names = [link.name] if len(fitted.cuts) == 1 else [f"{link.name}_{n + 1}" for n in range(len(fitted.cuts))]
-        glued = tuple(Check("joint", False, str(joint)) for joint in fitted.joints if not joint.tails)[:1]
-        made += [replace(part, checks=(*glued, *part.checks)) for part in fitted.printed(names, printer, material)]
-    return made
-
-
 @dataclass(frozen=True, eq=False)
-class _FittedLink:
-    """A link, fitted to what bears it and cut; ``whole``: the check that it is in one piece."""
+class Body:
+    """A rigid link of a tool as one closed solid.
+
+    Attributes:
+        mount: the solid, fitted to what bears it.
+        weld_mm: by how much its components were moved out to become one.
+        whole: the check that it is in one piece.
+        cuts: the Manifolds that it is cut into, ``joints`` what joins them.
+    """
 
     link: ToolLink
     mount: Mount
     weld_mm: float
     whole: Check
     cuts: Sequence[Any]
-    joints: Sequence[Dovetails]
+    joints: Sequence[Dovetails] = ()
 
     def printed(self, names: Iterable[str], printer: Printer, material: Material) -> list[PrintedPart]:
+        """Lay the parts on a printer's plate, and check them."""
         checks = [self.whole] if len(self.cuts) == 1 else map(_single, self.cuts)
         return [
             print_part(name, self.link.name, solid, self.weld_mm, whole, printer, material)
             for solid, whole, name in zip(self.cuts, checks, names, strict=False)
         ]
+
+
+def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
+    """Make each rigid link of a tool one closed solid, as it was simulated: neither fitted to an arm nor cut."""
+    return [_fuse(link, printer or Printer()) for link in links_of(tool)]
 
 
 def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit) -> PrintedTool:
@@ -113,10 +115,10 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         printer, fit = Printer([MILLED_MM] * 3, printer.min_wall_mm, "milled"), replace(fit, insert_mm=CORE_MM)
     links = links_of(tool)
     hinges = make_hinges(links, fit, printer)
-    fitted = [
-        _fitted(link, partial(_mounted, robot, link, fit, hinges.cuts.get(link.bearer, ())), printer, fit)
-        for link in links
-    ]
+    fitted = []
+    for link in links:
+        fix = partial(_mounted, robot, link, fit, hinges.cuts.get(link.bearer, ()))
+        fitted.append(_fuse(link, printer, fix, partial(_divide, link, printer, fit)))
     numbers = itertools.count(1)
     parts = [p for each in fitted for p in each.printed((f"part_{n}" for n in numbers), printer, material)]
     joints = [joint for each in fitted for joint in each.joints]
@@ -149,24 +151,39 @@ def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], s
     return replace(mount, solid=mount.solid - union(hinges), taking=(*mount.taking, *hinges))
 
 
-def _fitted(link: ToolLink, fix: Callable[[Any], Mount], printer: Printer, fit: Fit) -> _FittedLink:
+def print_bodies(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
+    """Lay the `bodies` of a tool on a printer's plate, and check them."""
+    return [body.printed([body.link.name], printer, material)[0] for body in bodies(tool, printer)]
+
+
+def _fuse(
+    link: ToolLink,
+    printer: Printer,
+    fix: Callable[[Any], Mount] = Mount,
+    divide: Callable[[Mount], tuple[list[Any], list[Dovetails]]] = lambda mount: ([mount.solid], []),
+) -> Body:
     """Weld a link by as little as makes it and its mount one body whose parts, as they lie on the plate, are closed."""
     for weld, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
         shapes = link.grown(weld, uneven)
         mount = fix(union(shapes))
-        corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
-        cuts, joints = cut(mount.solid, printer, fit, link.axes, corners)
-        laid = (lay(to_mesh(each), printer.plate_mm)[0] for each in cuts)
+        cuts, joints = divide(mount)
+        laid = (lay(to_mesh(part), printer.plate_mm)[0] for part in cuts)
         if len(mount.solid.decompose()) == 1 and closed(to_mesh(mount.solid)) and all(map(closed, laid)):
             break
     names = [*link.names, *(f"mount {n}" for n in range(len(mount.adding)))]
     whole = joined(names, [*shapes, *widened(mount.adding, weld)], weld, printer)
     if whole.passed and len(mount.solid.decompose()) > 1:
         whole = _single(mount.solid)
-    return _FittedLink(link, mount, weld, whole, cuts, joints)
+    return Body(link, mount, weld, whole, cuts, joints)
 
 
-def _faithful(fitted: _FittedLink) -> Check:
+def _divide(link: ToolLink, printer: Printer, fit: Fit, mount: Mount) -> tuple[list[Any], list[Dovetails]]:
+    """Cut a solid to the plate, away from what mounts it."""
+    corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
+    return cut(mount.solid, printer, fit, link.axes, corners)
+
+
+def _faithful(fitted: Body) -> Check:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
     off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid, fitted.mount
     solids = ([_offset(shape, by) for shape in fitted.link.shapes] for by in (off, -off))
@@ -185,7 +202,7 @@ def _offset(placed: Placed, by: float) -> Any:
     return union([placed]).minkowski_sum(cube) if by > 0 else union([placed]).minkowski_difference(cube)
 
 
-def _apart(links: Sequence[_FittedLink]) -> list[Check]:
+def _apart(links: Sequence[Body]) -> list[Check]:
     """Check that bodies that joints part do not share space at rest."""
     checks = []
     for one, other in itertools.combinations(links, 2):

@@ -21,7 +21,7 @@ from core.search.orchestration import run
 from core.values.materials import PAPER, Material
 from plugins.fitness.transfer import configured
 from plugins.results.pages.runs import read_run
-from plugins.results.pages.tools import winners
+from plugins.results.pages.tools import best_tool
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
@@ -158,7 +158,7 @@ def test_a_run_is_of_its_material(ran):
 
 def test_a_stored_run_is_read_with_its_material(ran):
     folder, result = ran
-    best = winners(read_run(folder), 1)[0]
+    best = best_tool(read_run(folder))
     assert best.tool.mass == pytest.approx(result.best.candidate.tool.mass)
     assert best.material == replace(PLA, infill=0.3)
     assert configured([f"designs={folder}"]).material.infill == 0.3

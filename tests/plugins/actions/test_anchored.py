@@ -24,7 +24,7 @@ from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.waypoints import WaypointActions
 from plugins.results.pages.runs import read_run
-from plugins.results.pages.tools import winners
+from plugins.results.pages.tools import best_tool
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -267,7 +267,7 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     stored = stored_evaluations(tmp_path / "run", representation, rules)
     assert all(isinstance(evaluation.candidate.plan, AnchoredPlan) for evaluation in stored)
     plans = {evaluation.candidate.id: evaluation.candidate.plan.dump() for evaluation in stored}
-    (winner,) = winners(read_run(tmp_path / "run"), 1)
+    winner = best_tool(read_run(tmp_path / "run"))
     assert (winner.design["action"], winner.design["action_sets"]) == ("anchored", [plans[winner.candidate]])
     resume(tmp_path / "run", ["budget.n_iteration=1"])
     assert len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2

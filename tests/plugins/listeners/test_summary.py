@@ -120,7 +120,6 @@ def test_commands_are_quoted(capsys):
     assert words == [
         ["vlmgineer", "view", folder],
         ["vlmgineer", "report", folder],
-        ["vlmgineer", "gallery", folder],
         [
             *("python", "-m", "core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "fitness=nominal"),
             *("seed=3", f"designs={hydra_word(f'{folder}/best/design.json')}"),

@@ -61,7 +61,7 @@ def test_links_stay_inside_files(hostile):
     addresses = [value for tag, key, value in page.attributes if tag == "a" and key == "href"]
     assert addresses
     for address in addresses:
-        assert address.startswith(("#", "data/", "../")), address
+        assert address.startswith(("#", "data/", "tools/", "../")), address
 
 
 def test_tables_and_figures_of_a_hostile_run(hostile):

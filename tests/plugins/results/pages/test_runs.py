@@ -12,7 +12,7 @@ import pytest
 
 from core.errors import UserError
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_run
-from plugins.results.pages.tools import winners
+from plugins.results.pages.tools import best_tool
 from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import edit, result, write_run
 
@@ -49,7 +49,7 @@ def test_reading_leaves_a_folder_as_it_was(tmp_path):
     folder = write_run(tmp_path / "run")
     before = folder_state(folder)
     run = read_run(folder)
-    winners(run)
+    best_tool(run)
     run.store.requests()
     assert folder_state(folder) == before
 
@@ -65,7 +65,7 @@ def test_columns_and_tables_may_come(tmp_path):
     edit(folder, "UPDATE run SET result = ?", json.dumps(document))
     run = read_run(folder)
     assert run.best.reward == 0.7
-    assert winners(run)[0].candidate == run.best.candidate
+    assert best_tool(run).candidate == run.best.candidate
 
 
 # --- runs that do not count ---------------------------------------------------------------------------------------

@@ -9,8 +9,7 @@ from core.design import Component, Tool
 from core.geometry import Box, Pose
 from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf, to_stl
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.tool import pieces
-from tests.core.run_folders import hook
+from plugins.results.workshop.tool import print_bodies
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
 
@@ -34,7 +33,7 @@ def found(piece, name):
 def test_boxes_that_touch_by_their_faces_become_one_body():
     one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     other = box("other", "one", (0.03, 0, 0), (0.03, 0.03, 0.03))
-    (piece,) = pieces(tool(one, other), WIDE)
+    (piece,) = print_bodies(tool(one, other), WIDE)
     assert piece.ready
     assert sorted(piece.mesh.extents) == pytest.approx([30, 30, 60], abs=0.05)
     assert grams([piece]) == pytest.approx(54 * 1.24, rel=0.01)
@@ -44,7 +43,7 @@ def test_boxes_that_touch_by_their_faces_become_one_body():
 def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, weld):
     one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     other = box("other", "one", (0.03 + gap_mm / 1000, 0, 0), (0.03, 0.03, 0.03))
-    (piece,) = pieces(tool(one, other), WIDE)
+    (piece,) = print_bodies(tool(one, other), WIDE)
     assert piece.ready
     assert (piece.mesh.body_count, piece.weld_mm) == (1, weld)
     assert ("gaps closed" in found(piece, "one piece")) == (weld > 0.01)
@@ -54,7 +53,7 @@ def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, 
 def test_faces_that_all_but_meet_make_a_closed_file(off):
     one = box("one", "tool_mount", (0, 0, 0), (0.05, 0.05, 0.2), (0, 0, 0.3))
     other = box("other", "one", (0, 0.03 + off, 0.08 + off), (0.05 + off, 0.01, 0.04))
-    (piece,) = pieces(tool(one, other), WIDE)
+    (piece,) = print_bodies(tool(one, other), WIDE)
     assert piece.ready
     assert trimesh.load(io.BytesIO(to_stl(piece)), file_type="stl").is_volume
 
@@ -67,21 +66,21 @@ def test_components_with_sides_in_one_plane_make_a_closed_file():
     drop = box("drop", "boom", (0.022868826555, 0, -0.027996864818), (thick, thick, 0.055993729637), (0, 0, -turn))
     wall = box("wall", "drop", (-0.003260528978, 0, -0.042996864818), (0.008, 0.113959183673, 0.03))
     tine = box("tine", "wall", (0.012795030527, 0.048979591837, -0.0114), (0.033590061055, 0.016, 0.0072))
-    (piece,) = pieces(tool(socket, boom, drop, wall, tine), WIDE)
+    (piece,) = print_bodies(tool(socket, boom, drop, wall, tine), WIDE)
     assert piece.ready
     assert piece.weld_mm == 0.01
 
 
 def test_parts_that_touch_by_an_edge_only_or_not_at_all_are_said():
     one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
-    (piece,) = pieces(tool(one, box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))), WIDE)
+    (piece,) = print_bodies(tool(one, box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))), WIDE)
     assert failed(piece) == ["one piece"]
     assert "far_one" in found(piece, "one piece")
     edge = box("edge", "one", (0.03, 0.03, 0), (0.03, 0.03, 0.03))
-    (piece,) = pieces(tool(one, edge), WIDE)
+    (piece,) = print_bodies(tool(one, edge), WIDE)
     assert failed(piece) == ["one piece"]
     bridge = box("bridge", "one", (0.015, 0.015, 0.02), (0.06, 0.06, 0.02))
-    (piece,) = pieces(tool(one, edge, bridge), WIDE)  # held by a third
+    (piece,) = print_bodies(tool(one, edge, bridge), WIDE)  # held by a third
     assert piece.ready
 
 
@@ -89,7 +88,7 @@ def test_parts_that_touch_by_an_edge_only_or_not_at_all_are_said():
 def test_walls(thickness_mm, well):
     shaft = box("shaft", "tool_mount", (0, 0, 0), (0.02, 0.02, 0.1))
     sheet = box("sheet", "shaft", (0.03, 0, 0), (0.06, 0.05, thickness_mm / 1000), (0.4, 0.3, 0.2))
-    (piece,) = pieces(tool(shaft, sheet), WIDE)
+    (piece,) = print_bodies(tool(shaft, sheet), WIDE)
     assert (failed(piece) == []) == well
     assert found(piece, "walls").startswith(f"thinnest {thickness_mm:.2f} mm")
 
@@ -114,20 +113,12 @@ def test_a_long_piece_is_laid_across_the_plate():
     assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[1]  # its diagonal is 326.5 mm
 
 
-def test_what_is_too_long_is_cut_as_an_export_cuts_it():
-    assert [piece.ready for piece in pieces(hook(0.6), Printer())] == [True] * 3
-    low = pieces(hook(0.1), Printer((250.0, 210.0, 5.0)))
-    assert failed(low[0]) == ["joint"]
-    assert "glue alone" in found(low[0], "joint")
-    assert pieces(hook(0.6), Printer(plate_mm=(700.0, 700.0, 50.0)))[0].ready
-
-
 def test_attachments_of_a_gripper_are_two_pieces():
     pads = [
         box(f"pad_{mount}", mount, (0, side * 0.0075, 0.07), (0.02, 0.015, 0.04))
         for mount, side in (("left_finger", 1), ("right_finger", -1))
     ]
-    made = pieces(tool(*pads, gripper=True), Printer())
+    made = print_bodies(tool(*pads, gripper=True), Printer())
     assert [piece.name for piece in made] == ["left", "right"]
     assert all(piece.ready for piece in made)
     back = trimesh.load(io.BytesIO(to_3mf(made)), file_type="3mf")
