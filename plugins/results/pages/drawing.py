@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import trimesh
+from PIL import Image as Pillow
+from scipy import ndimage
 
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Box, Mesh, Pose
@@ -79,18 +81,12 @@ def draw(
 
 def _shaded(near: Array, front: npt.NDArray[np.int_], colors: Array, axes: Array) -> Pixels:
     """Colour samples by the slope of what is in front, draw where it bends or ends, and take the mean of each pixel."""
-    solid = front >= 0
-    slopes, edge = [], np.zeros_like(solid)
-    for axis in (1, 0):
-        before, after = np.diff(near, axis=axis, prepend=np.nan), np.diff(near, axis=axis, append=np.nan)
-        ends = (np.diff(front, axis=axis, append=-1) != 0) | (np.diff(front, axis=axis, prepend=-1) != 0)
-        slopes.append(np.where(np.abs(before) < np.abs(after), before, after))  # that of the surface, at its end
-        edge |= ends | (np.abs(after - before) > _BENT)
-    normals = np.stack([-slopes[0], slopes[1], np.ones_like(near)], axis=-1)
+    down, right = np.gradient(near)
+    normals = np.dstack([-right, down, np.ones_like(near)])
     light = 0.7 + 0.3 * (normals @ (axes * [[1], [1], [-1]]) @ _LIGHT) / np.linalg.norm(normals, axis=-1)
-    color = np.clip(np.nan_to_num(light, nan=0.7)[..., None] * colors[front], 0.0, 1.0)
-    color = np.where((edge & solid)[..., None], color * _EDGE, color) * solid[..., None]
-    blocks = (len(near) // _OVER, _OVER, near.shape[1] // _OVER, _OVER)
-    cover = solid.reshape(blocks).mean(axis=(1, 3))
-    mixed = color.reshape(*blocks, 3).mean(axis=(1, 3)) / np.maximum(cover, 1e-9)[..., None]
-    return (np.dstack([mixed, cover]) * 255 + 0.5).astype(np.uint8)
+    bends = ~(np.abs(ndimage.laplace(near)) < _BENT)  # where a solid ends, too: beyond it nothing is near
+    edge = bends | (ndimage.laplace(front) != 0)
+    shade = np.where(edge, _EDGE, np.nan_to_num(light, nan=0.7))
+    color = np.clip(shade[..., None] * colors[front], 0.0, 1.0)
+    samples = Pillow.fromarray((255 * np.dstack([color, front >= 0]) + 0.5).astype(np.uint8))
+    return np.asarray(samples.reduce(_OVER))

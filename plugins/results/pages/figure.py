@@ -31,12 +31,11 @@ class FigurePage:
     paint: Callable[[], Figure] = field(repr=False)
 
     def render(self, format_: str, ground: str = "white", titled: bool = True) -> bytes:
-        """The figure as a file of PNG, SVG or PDF, the same bytes each time; untitled unless ``titled``."""
+        """The figure as a file of PNG or SVG, the same bytes each time; untitled unless ``titled``."""
         import matplotlib
 
         buffer = io.BytesIO()
-        undated = {"png": {"Software": None}, "pdf": {"CreationDate": None}}
-        metadata = undated.get(format_, {"Date": None, "Creator": None})
+        metadata = {"Software": None} if format_ == "png" else {"Date": None, "Creator": None}
         style = Path(__file__).parent / "templates" / "figure.mplstyle"
         with matplotlib.rc_context({"svg.hashsalt": self.name}, style), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a name in a script that the font lacks

@@ -6,10 +6,9 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from omegaconf import OmegaConf
 from rich.console import Console
 from rich.progress import track
 
@@ -19,22 +18,16 @@ from core.errors import UsageError, UserError
 from core.geometry import Array
 from core.simulation.pictures import png
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
-from core.support.text import hydra_word, number
+from core.support.text import number
 from core.values.plans import TaskPlans
 from plugins.results.pages.drawing import draw, painted
-from plugins.results.pages.figure import FigurePage, new_figure
-from plugins.results.pages.page import data_address, figure_address, render
+from plugins.results.pages.page import data_address, render
 from plugins.results.pages.runs import find_runs
-from plugins.results.toolbox.cover import best_sets, greedy
-from plugins.results.toolbox.trials import OF_RUN, Cell, Held, Nodes, attempt, groups, nodes_of, together, tools_of
-from plugins.results.workshop.command import configured as export_settings
-from plugins.results.workshop.command import export
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from plugins.results.toolbox.cover import best_sets
+from plugins.results.toolbox.trials import OF_RUN, Cell, Held, Nodes, attempt, groups, nodes_of, tools_of
 
 USAGE = (
-    "usage: vlmgineer toolbox FOLDER [FOLDER ...] [output=DIR] [tasks=[NAME,...]] [good=0.9] [top=1] [export=true] "
+    "usage: vlmgineer toolbox FOLDER [FOLDER ...] [output=DIR] [tasks=[NAME,...]] [good=0.9] [top=1] "
     "[KEY=VALUE ...]; FOLDER is a run's or holds runs, and other keys are those of core.run"
 )
 PAGE = "index.html"
@@ -48,18 +41,16 @@ class ToolboxConfig:
     tasks: list[Any] = field(default_factory=list)
     good: float = 0.9
     top: int = 1
-    export: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Toolbox:
-    """What each tool earned, by task; tools chosen one by one, and the best set of each size, as indices of tools."""
+    """What each tool earned, by task; and the best set of each size, as indices of tools."""
 
     tools: list[Held]
     tasks: Nodes
     earned: list[dict[str, Cell]]
     good: float
-    steps: list[int]
     sets: list[list[int]]
 
     @property
@@ -103,57 +94,29 @@ def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -
         for tool in track(tools, "tools", console=console, transient=True, disable=not console.is_terminal)
     ]
     covers = np.array([[row[task][0] >= cfg.good for task in nodes] for row in earned])
-    return Toolbox(tools, nodes, earned, cfg.good, greedy(covers), best_sets(covers))
+    return Toolbox(tools, nodes, earned, cfg.good, best_sets(covers))
 
 
-def write(found: Toolbox, output: Path, *, exports: bool) -> None:
-    """Write the page, the matrix, and the chosen tools with their plans."""
-    page = FigurePage("matrix", "Rewards of tools (rows) in tasks", lambda: matrix(found))
-    for format_ in ("svg", "pdf"):
-        write_bytes(output / f"matrix.{format_}", page.render(format_, titled=False))
+def write(found: Toolbox, output: Path) -> None:
+    """Write the page, and the chosen tools with their plans."""
     pictures = [png(draw(painted(tool.tool, tool.representation.robot))) for tool in found.tools]
     if (output / PAGE).exists():
         shutil.rmtree(output / "chosen", ignore_errors=True)  # another set may have been chosen
     for place, index in enumerate(found.chosen, 1):
         folder = output / "chosen" / f"{place}_{found.tools[index].name}"
         write_bytes(folder / "picture.png", pictures[index])
-        _write_chosen(found, index, folder, exports=exports)
-    drawn, shown = figure_address(page.render("svg", "none", titled=False)), [*map(data_address, pictures)]
-    text = render("toolbox.html.j2", output, title="A toolbox", found=found, matrix=drawn, pictures=shown)
+        _write_chosen(found, index, folder)
+    shown = [data_address(picture) for picture in pictures]
+    text = render("toolbox.html.j2", output, title="A toolbox", found=found, pictures=shown)
     write_bytes(output / PAGE, text.encode())
 
 
-def matrix(found: Toolbox) -> Figure:
-    """Draw the rewards, tools that are chosen first; what counts as done is bold."""
-    order = [*found.chosen, *(i for i in range(len(found.tools)) if i not in found.chosen)]
-    rewards = found.rewards[order]
-    axes = (figure := new_figure(2.8 + 0.5 * len(found.tasks), 1.6 + 0.3 * len(order))).subplots()
-    axes.imshow(rewards, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    names = [f"{'● ' * (i in found.chosen)}{found.tools[i].name}" for i in order]
-    axes.set_xticks(range(len(found.tasks)), found.tasks, rotation=60, ha="right")
-    axes.set_yticks(range(len(order)), names)
-    axes.grid(visible=False)
-    for (row, column), reward in np.ndenumerate(rewards):
-        color, weight = "white" if reward > 0.6 else "#555555", "bold" if reward >= found.good else "normal"
-        axes.text(column, row, f"{reward:.2f}", ha="center", va="center", fontsize=7, color=color, weight=weight)
-    return figure
-
-
-def _write_chosen(found: Toolbox, index: int, folder: Path, *, exports: bool) -> None:
-    """Write a chosen tool with its plan for each task that it does, and what a real arm needs for these."""
+def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
+    """Write a chosen tool with its plan for each task that it does."""
     tool, row = found.tools[index], found.earned[index]
     plans = tuple((task, plan) for task in found.done([index]) if (plan := row[task][1]) is not None)
     plan = TaskPlans(plans) if len(plans) > 1 else plans[0][1]
     save_design(replace(tool.best.candidate, plan=plan), tool.representation, folder)
-    if exports:
-        paths = {"designs": folder / "design.json", "output": folder / "export"}
-        words = [f"{key}={hydra_word(str(path))}" for key, path in paths.items()]
-        settings = export_settings([*words, f"sims=[{tool.run.config['sim']['name']}]"])
-        for kind in ("robot", "tool", "material", "rollout", "seed"):
-            merge = kind in ("material", "rollout")
-            OmegaConf.update(settings, kind, tool.run.config[kind], merge=merge, force_add=True)
-        OmegaConf.update(settings, "task", together([found.tasks[task] for task, _ in plans]), merge=False)
-        export(settings)
 
 
 def show(found: Toolbox) -> None:
@@ -164,8 +127,6 @@ def show(found: Toolbox) -> None:
     for own in found.sets:
         names = ", ".join(found.tools[i].name for i in own)
         say(f"{len(own)} of {len(found.tools)} tools do {len(found.done(own))} of {len(found.tasks)} tasks: {names}")
-    counts = [len(found.done(found.steps[: i + 1])) for i in range(len(found.steps))]
-    say(f"chosen one by one they do {', '.join(map(str, counts)) or 'none'}")
 
 
 def main(words: list[str]) -> None:
@@ -176,6 +137,6 @@ def main(words: list[str]) -> None:
         raise UsageError(f"no folder given; {USAGE}")
     found = toolbox(folders, cfg, [word for word in overrides if word not in own])
     output = Path(cfg.output)
-    write(found, output, exports=cfg.export)
+    write(found, output)
     show(found)
     say(str(output / PAGE))

@@ -1,4 +1,4 @@
-"""Choose few tools that do many tasks: step by step, and the best set of each size."""
+"""Choose few tools that do many tasks: the best set of each size."""
 
 from __future__ import annotations
 
@@ -7,15 +7,6 @@ from numpy.typing import NDArray
 
 Covers = NDArray[np.bool_]
 """(tools, tasks), whether a tool does a task."""
-
-
-def greedy(covers: Covers) -> list[int]:
-    """Choose tools one by one, each of which adds the most tasks, the first of equals; until none adds any."""
-    chosen, left = list[int](), np.ones(covers.shape[1], dtype=bool)
-    while covers.size and (adds := (covers & left).sum(axis=1)).max() > 0:
-        chosen.append(int(adds.argmax()))
-        left &= ~covers[chosen[-1]]
-    return chosen
 
 
 def best_sets(covers: Covers) -> list[list[int]]:

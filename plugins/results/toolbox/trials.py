@@ -19,7 +19,7 @@ from core.interfaces import ActionPlan, ToolRepresentation
 from core.plugins import TASK, installed
 from core.search.orchestration import run as search
 from core.simulation.together import of_task
-from core.store.database import FILE, writing
+from core.store.database import writing
 from core.store.reader import StoredRun, chosen_evaluations, stored_evaluations
 from core.store.recorder import RunStore
 from core.values.plans import digest
@@ -111,18 +111,18 @@ def attempt(held: Held, nodes: Nodes, words: Sequence[str], output: Path) -> dic
     settings = {str(key): value for key, value in config.items() if key not in FREE}
     folder = file.parent / digest(OmegaConf.to_yaml(OmegaConf.create(settings)))[:8]
     same = all(config[kind] == held.run.config[kind] for kind in OF_RUN)
-    tried = [*_cells(held.run.config, [held.best])] if same else []
-    tried += [cell for store in sorted(folder.glob(f"*/{FILE}")) for cell in _tried(store.parent, file)]
+    tried = _cells(held.run.config, [held.best]) if same else ()
     found = {name: cell for name, node, cell in tried if nodes.get(name) == node}
     left = [node for name, node in nodes.items() if name not in found and _starts(held, config, node)]
     if left:
         one = folder / digest(sorted(map(str, left)))[:8]
-        OmegaConf.update(config, "task", together(left), merge=False)
-        one.mkdir(parents=True, exist_ok=True)
-        stopped = search(config, one, RunStore.open(one)).stopped  # goes on with what is there
-        if stopped is not None:
-            error = KeyboardInterrupt if stopped == INTERRUPTED else UserError
-            raise error(f"stopped: {stopped}; the same command goes on")
+        if not _tried(one, file):
+            OmegaConf.update(config, "task", together(left), merge=False)
+            one.mkdir(parents=True, exist_ok=True)
+            stopped = search(config, one, RunStore.open(one)).stopped  # goes on with what is there
+            if stopped is not None:
+                error = KeyboardInterrupt if stopped == INTERRUPTED else UserError
+                raise error(f"stopped: {stopped}; the same command goes on")
         found |= {name: cell for name, _, cell in _tried(one, file)}
     return dict.fromkeys(nodes, NOTHING) | found
 
@@ -163,6 +163,8 @@ def configured(held: Held, file: Path, words: Sequence[str]) -> DictConfig:
 def _tried(folder: Path, file: Path) -> list[tuple[str, dict[str, Any], Cell]]:
     """Return what a search that came to its end found for the tool in ``file``."""
     store = StoredRun(folder)
+    if not store.exists:
+        return []
     config, result = store.config(), store.result()
     if result is None or result.stopped is not None:
         return []

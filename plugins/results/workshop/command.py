@@ -6,12 +6,11 @@ Nothing here commands a robot.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
-import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +23,12 @@ from core.designs.planning import resolve
 from core.designs.reading import save_design
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.interfaces import RolloutSettings, Task
+from core.interfaces import RolloutSettings, Task, ToolRepresentation
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import Motion
+from core.scene import Scene
 from core.simulation.rollout import Evaluator
 from core.simulation.together import of_task
 from core.store.reader import chosen_evaluations, config_for
@@ -81,20 +82,41 @@ class ExportConfig:
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """What was exported: the motion, what it earned in each engine, and what the arm has to bear."""
+    """The motion of a tool in a task, what it earned in each engine, and what the arm has to bear.
+
+    Attributes:
+        planned: the motion as it was simulated, ``motion`` as it is exported, ``moves`` with what leads to it.
+        contact_s: when the robot first touches a body; None: never.
+        mounted: rewards with what fixes the tool to the arm.
+        checks: of the motion; ``verdicts``: of the tool, too.
+    """
 
     task: Task
+    scene: Scene
     candidate: Candidate
+    planned: Motion
     motion: Sampled
+    moves: dict[str, Sampled]
     replays: dict[str, PlayedMotion]
-    nearest: list[Nearest]
-    limits: list[dict[str, Any]]
-    payload: dict[str, Any]
     contact_s: float | None
     printed: PrintedTool
-    mounted: dict[str, float]  # rewards with what fixes the tool to the arm
-    checks: tuple[Check, ...]  # of the motion
-    verdicts: tuple[Check, ...]
+    mounted: dict[str, float]
+    checks: list[Check]
+    verdicts: list[Check] = field(default_factory=list)
+
+    @cached_property
+    def payload(self) -> dict[str, Any]:
+        return payload(self.task.robot, self.printed.printed)
+
+    @cached_property
+    def limits(self) -> list[dict[str, Any]]:
+        return margins(self.task.robot, self.printed.printed, self.motion)
+
+    @cached_property
+    def nearest(self) -> list[Nearest]:
+        """Distances in the first engine."""
+        first = next(iter(self.replays.values()))
+        return clearance(self.scene, self.task.robot, self.printed.tool, first.recording)
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
@@ -122,17 +144,18 @@ def export(cfg: DictConfig) -> list[Export]:
         UserError: the design or a setting can't be used, there is something in the folder, or it can't be written.
     """
     check_seed(cfg.seed)
-    made = list[Export]()
     with whole(Path(cfg.output)) as output:
         task, representation = task_part(cfg).create(), tool_part(cfg).create()
         best = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))[0]
         if best.candidate.tool is None or best.candidate.problem is not None:
             raise UserError(f"the design can't be used: {best.candidate.problem}")
         fit, printer = node(cfg.fit, Fit), node(cfg.printer, Printer)
-        solid = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
-        for part in task_parts(cfg):
-            made.append(_export(cfg, part, best, solid, [check for one in made for check in one.checks], output))
-    return made
+        printed = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
+        exports = [_play(cfg, part, best, printed) for part in task_parts(cfg)]
+        written = write_tool(printed, [check for made in exports for check in made.checks], output / "tool")
+        for made in exports:
+            _write(made, written, representation, output / made.task.name if len(exports) > 1 else output)
+    return exports
 
 
 @contextlib.contextmanager
@@ -142,98 +165,89 @@ def whole(folder: Path) -> Iterator[Path]:
     Its name is always the same, so that what a killed export left there is found, and removed.
 
     Raises:
-        UserError: ``folder`` has something in it, can't be written, or is being written by another export.
+        UserError: ``folder`` has something in it, or can't be written.
     """
     folder = folder.resolve()
     beside = folder.with_name(f".{folder.name[:50]}.part")
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
     try:
-        if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-            raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
-        beside.mkdir(parents=True, exist_ok=True)
-        with contextlib.ExitStack() as at_end:
-            handle = os.open(beside, os.O_RDONLY | os.O_NOFOLLOW)
-            at_end.callback(os.close, handle)
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process; an error where another has it
-            for left in beside.iterdir():
-                shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
-            at_end.callback(shutil.rmtree, beside, ignore_errors=True)
-            yield beside
-            beside.rename(folder)
-    except BlockingIOError as error:
-        raise UserError(f"another export is writing {folder}") from error
+        if beside.exists():
+            shutil.rmtree(beside)
+        beside.mkdir(parents=True)
+        yield beside
+        beside.rename(folder)
     except OSError as error:
         raise UserError(f"can't write {folder}: {error}") from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
-def _export(
-    cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, solid: PrintedTool, earlier: list[Check], output: Path
-) -> Export:
-    """Write what the motion of one task needs, and the tool, with the checks of the ``earlier`` motions and of this."""
-    settings, task = node(cfg.rollout, RolloutSettings), part.create()
-    robot, arm, scene = task.robot, arm_of(task.robot), task.scene(cfg.seed)
-    best, in_tool = of_task(chosen, task.name), output / "tool"
-    candidate, of = best.candidate, ""
-    if candidate.plan is not chosen.candidate.plan:  # of several tasks
-        of, output = f" of {task.name}", output / task.name
+def _play(cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, printed: PrintedTool) -> Export:
+    """Sample the motion of a task, and play it in each engine, without and with what fixes the tool to the arm."""
+    settings = node(cfg.rollout, RolloutSettings)
+    task = part.create()
+    arm = arm_of(task.robot)
+    scene = task.scene(cfg.seed)
+    best = of_task(chosen, task.name)
+    candidate = best.candidate
+    several = f" of {task.name}" if candidate.plan is not chosen.candidate.plan else ""
     if candidate.tool is None or candidate.problem is not None:
         raise UserError(f"the design can't be used in {task.name}: {candidate.problem}")
-    tool = candidate.tool
+
     waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
     planned = plan_task_motion(waypoints, task, settings)
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
-    built = solid.printed
-    start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
+    start = np.array(list(cfg.start) or task.robot.home, dtype=np.float64)
     moves = {
         "approach": approach(start, motion.positions[0], float(motion.fingers[0]), arm, cfg.rate_hz),
         "trajectory": motion,
         "trajectory_slow": sample(planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)),
     }
+
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
 
-    def replay(engine: str, of: Tool) -> PlayedMotion:
-        return play(task, sims[engine].create(), of, motion, scene, cfg.seed, settings)
+    def replay(engine: str, tool: Tool) -> PlayedMotion:
+        return play(task, sims[engine].create(), tool, motion, scene, cfg.seed, settings)
 
-    replays = {name: replay(name, tool) for name in sims}
+    replays = {name: replay(name, candidate.tool) for name in sims}
     searched = {name: _earned(Evaluator(part, sim, cfg.seed, settings), best) for name, sim in sims.items()}
-    rewards, mounted = {name: played.reward for name, played in replays.items()}, dict[str, float]()
-    checks = [as_good(f"motion{of}", "as exported", rewards, searched)]
+    rewards = {name: played.reward for name, played in replays.items()}
+    checks = [as_good(f"motion{several}", "as exported", rewards, searched)]
     if guarded := [str(number) for number, guard in enumerate(waypoints.guards, 1) if guard]:
-        checks.append(
-            Check("guards", False, f"exported programs have none: those of waypoint {', '.join(guarded)} are left out")
-        )
-    verdicts = printable((), checks)
-    if solid.parts:
-        mounted = {name: replay(name, built).reward for name in sims}
-        checks.append(as_good(f"mounted{of}", "with its mount", mounted, rewards))
-        solid = write_tool(replace(solid, checks=(*earlier, *checks, *solid.checks)), in_tool)
-        solid = replace(solid, checks=solid.checks[len(earlier) :])
-        verdicts = write_sheet(solid, tool, task, scene, motion, replays, output)
+        left_out = f"exported programs have none: those of waypoint {', '.join(guarded)} are left out"
+        checks.append(Check("guards", False, left_out))
+    mounted: dict[str, float] = {}
+    if printed.parts:
+        mounted = {name: replay(name, printed.printed).reward for name in sims}
+        checks.append(as_good(f"mounted{several}", "with its mount", mounted, rewards))
+
     touches = [touch for played in replays.values() for touch in played.contacts.all if touch.kind != "body"]
-    contact_s = min((touch.first_s for touch in touches), default=None)  # when the robot first touches a body
+    contact_s = min((touch.first_s for touch in touches), default=None)
     if contact_s is not None:
         before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower - STEP_S, arm)
         if before is not None:
             moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
-    near = clearance(scene, robot, tool, next(iter(replays.values())).recording)
-    limits, load = margins(robot, built, motion), payload(robot, built)
-    of_motion = near, limits, load, contact_s, solid, mounted, tuple(checks), tuple(verdicts)
-    made = Export(task, candidate, motion, replays, *of_motion)
-    _write(made, moves, output)
-    write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
-    write_programs(robot, made.payload, moves, output / "programs")
-    save_design(candidate, tool_part(cfg).create(), output / "design")
-    save_files(candidate, robot, planned, output / "design")
-    return made
+    return Export(task, scene, candidate, planned, motion, moves, replays, contact_s, printed, mounted, checks)
 
 
-def _write(made: Export, moves: Mapping[str, Sampled], output: Path) -> None:
-    """Write the moves as samples, what was found as data, and the checklist."""
-    for name, move in moves.items():
-        write_bytes(output / "motion" / f"{name}.csv", to_csv(move, made.task.robot.arm_joints).encode())
-        text = json.dumps(to_json(move, made.task.robot.arm_joints))
+def _write(made: Export, written: PrintedTool, representation: ToolRepresentation, output: Path) -> None:
+    """Write the sheet, the motion as samples and for ROS and controllers, figures, the checklist, and the design."""
+    robot = made.task.robot
+    made.verdicts[:] = printable((), made.checks)
+    if written.parts:
+        of_task_alone = replace(written, checks=(*made.checks, *written.checks))
+        made.verdicts[:] = write_sheet(of_task_alone, made.task, made.scene, made.motion, made.replays, output)
+    for name, move in made.moves.items():
+        write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
+        text = json.dumps(to_json(move, robot.arm_joints))
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
-    write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
+    write_bytes(output / "CHECKLIST.md", checklist(made).encode())
+    write_package(robot, made.printed.printed, made.motion, made.scene, output / "ros2" / PACKAGE)
+    write_programs(robot, made.payload, made.moves, output / "programs")
+    save_design(made.candidate, representation, output / "design")
+    save_files(made.candidate, robot, made.planned, output / "design")
 
 
 def _earned(evaluator: Evaluator, best: Evaluation) -> float:
@@ -251,10 +265,10 @@ def as_good(name: str, said: str, earned: Mapping[str, float], asked: Mapping[st
     return Check(name, good, f"{said} it earns {', '.join(rows)}")
 
 
-def checklist(made: Export, moves: Mapping[str, Sampled]) -> str:
+def checklist(made: Export) -> str:
     """Write what to do at the arm, in order, with the figures of this motion."""
-    start = (np.round(moves["approach"].positions[0], 3) + 0.0).tolist()  # no -0.0
-    return filled("checklist.md.j2", made=made, moves=moves, start=start, nearest=made.nearest[:LINES], slow=SLOW)
+    start = (np.round(made.moves["approach"].positions[0], 3) + 0.0).tolist()  # no -0.0
+    return filled("checklist.md.j2", made=made, start=start, nearest=made.nearest[:LINES], slow=SLOW)
 
 
 def configured(words: Sequence[str]) -> DictConfig:

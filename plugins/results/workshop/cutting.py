@@ -13,6 +13,7 @@ from typing import Any
 
 import manifold3d
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
@@ -22,7 +23,7 @@ from plugins.results.workshop.solid import hull, to_mesh, union
 
 MAX_PARTS = 24
 PLACES = np.linspace(0.25, 0.75, 11)  # of the length, where a cut may be
-WIDEST, DEEPEST, NARROWEST, FLAT = 40.0, 15.0, 6.0, 0.85
+DEEPEST, NARROWEST, FLAT = 15.0, 6.0, 0.85
 SHARES = (1.0, 0.7, 0.5)  # of a column's width, for a tail
 _FAR = 2000.0
 _LEAST = 1.0  # thickness of a section that can be joined
@@ -55,10 +56,15 @@ class _Tail:
     angle: float
     floor: float
 
+    @property
+    def neck_mm2(self) -> float:
+        return self.width / 3 * (self.high - self.low - self.floor)
+
     def solid(self, gap: float, beyond: float, floor: float) -> Array:
         """Return its corners (8, 3), ``gap`` wider on each side, rooted in the plane z = 0."""
         depth = min(self.width / 2, DEEPEST)
-        neck, end = self.width / 6 + gap, self.width / 4 + gap
+        neck = self.width / 6 + gap
+        end = neck + depth / 6
         rows = [(-neck, -1.0), (neck, -1.0), (-end, depth + gap), (end, depth + gap)]
         ends = self.low + (floor - gap if floor else -beyond), self.high + beyond
         points = np.array([(self.middle + x, y, z) for x, z in rows for y in ends])
@@ -107,10 +113,8 @@ def _divide(piece: Any, printer: Printer, fit: Fit, axes: Array, whole: Array) -
         section = turned.slice(place)
         regions = section.decompose()
         inside = bool(held.size and held.min() - DEEPEST < place < held.max() + DEEPEST)
-        tails, joined = _tails(regions, printer)
-        sound = [tail for tail in tails if _sound(turned, tail, place, fit)]
-        partly = not sound or len(sound) < len(tails)
-        choices.append(((partly, inside, len(regions) - joined, len(regions), section.area()), place, sound))
+        sound = [tail for tail in _tails(regions, printer) if tail is not None and _sound(turned, tail, place, fit)]
+        choices.append(((not sound, inside, len(regions) - len(sound), len(regions), section.area()), place, sound))
     (*_, area), place, sound = min(choices, key=lambda choice: choice[0])
     back = Pose.from_rotation(place * way / 1000, Rotation.from_matrix(frame.T))
     below = np.array([(x, y, z) for x in (-_FAR, _FAR) for y in (-_FAR, _FAR) for z in (-_FAR, 0.0)])
@@ -118,50 +122,38 @@ def _divide(piece: Any, printer: Printer, fit: Fit, axes: Array, whole: Array) -
         union([(hull(p / 1000), back) for p in [below, *(tail.solid(gap, 1.0, tail.floor) for tail in sound)]])
         for gap in (0.0, fit.joint_mm)
     )
-    neck = sum(tail.width / 3 * (tail.high - tail.low - tail.floor) for tail in sound)
-    return piece ^ near, piece - far, Dovetails(len(sound), neck, area)
+    return piece ^ near, piece - far, Dovetails(len(sound), sum(tail.neck_mm2 for tail in sound), area)
 
 
-def _tails(regions: Sequence[Any], printer: Printer) -> tuple[list[_Tail], int]:
-    """Find tails for the regions of a section, all slid along one direction, and how many regions they join."""
-    best: tuple[tuple[int, float], list[_Tail]] = ((0, 0.0), [])
-    for angle in dict.fromkeys(angle for region in regions for angle in _normals(region)):
-        found = [_in_region(region, angle, printer) for region in regions]
-        tails = [tail for own in found for tail in own]
-        necks = sum(tail.width * (tail.high - tail.low) - 0.01 * (tail.high - tail.low) ** 2 for tail in tails)
-        best = max(best, ((sum(map(bool, found)), necks), tails), key=lambda way: way[0])
-    return best[1], best[0][0]
+def _tails(regions: Sequence[Any], printer: Printer) -> list[_Tail | None]:
+    """Find a tail for each region of a section, all slid along one side of the largest one's rectangle."""
+    outline = np.vstack(max(regions, key=lambda region: region.area()).to_polygons())
+    to_rectangle, _ = trimesh.bounds.oriented_bounds_2D(outline)
+    angle = -math.atan2(to_rectangle[1, 0], to_rectangle[0, 0])
+    ways = []
+    for quarter in range(4):
+        ways.append([_in_region(region, angle + quarter * math.pi / 2, printer) for region in regions])
+    return max(ways, key=lambda tails: sum(tail.neck_mm2 for tail in tails if tail is not None))
 
 
-def _normals(region: Any) -> list[float]:
-    """The angles, to a degree, by which the plane's x axis is turned to run along each of the longest edges."""
-    edges = [np.roll(ring, -1, axis=0) - ring for ring in region.simplify(0.05).to_polygons()]
-    longest = sorted((edge for ring in edges for edge in ring), key=lambda edge: -np.hypot(*edge))[:4]
-    found = [math.radians(round(math.degrees(math.atan2(y, x)))) for x, y in longest]
-    return [angle + quarter * math.pi / 2 for angle in found for quarter in range(4)]
-
-
-def _in_region(region: Any, angle: float, printer: Printer) -> list[_Tail]:
-    """Divide a region into columns, and put a tail into each that is nearly a rectangle."""
+def _in_region(region: Any, angle: float, printer: Printer) -> _Tail | None:
+    """Put a tail into the middle of a region, as wide as the region is nearly a rectangle there."""
     turned = region.rotate(-math.degrees(angle))
     left, low, right, high = turned.bounds()
-    count = max(1, math.ceil((right - left) / WIDEST))
-    width, tails = (right - left) / count, []
-    if width < NARROWEST:
-        return []
-    for number in range(count):
-        middle = left + (number + 0.5) * width
-        for share in SHARES:  # what is round has a rectangle in its middle
-            column = manifold3d.CrossSection.square((share * width, high - low + 2), True)
-            pieces = (turned ^ column.translate((middle, (low + high) / 2))).decompose()
-            x0, y0, x1, y1 = max(pieces, key=lambda of: of.area()).bounds() if pieces else (0.0,) * 4
-            filled = max((piece.area() for piece in pieces), default=0.0)
-            wide, thick = x1 - x0, y1 - y0
-            if wide >= max(NARROWEST, 0.9 * share * width) and thick >= _LEAST and filled >= FLAT * wide * thick:
-                floor = max(printer.min_wall_mm, 0.2 * thick) if thick >= 4 * printer.min_wall_mm else 0.0
-                tails.append(_Tail((x0 + x1) / 2, wide, y0, y1, angle, floor))
-                break
-    return tails
+    for share in SHARES:  # what is round has a rectangle in its middle
+        width = share * (right - left)
+        column = manifold3d.CrossSection.square((width, high - low + 2), True)
+        pieces = (turned ^ column.translate(((left + right) / 2, (low + high) / 2))).decompose()
+        if width < NARROWEST or not pieces:
+            break
+        largest = max(pieces, key=lambda piece: piece.area())
+        x0, y0, x1, y1 = largest.bounds()
+        wide = x1 - x0
+        thick = y1 - y0
+        if wide >= max(NARROWEST, 0.9 * width) and thick >= _LEAST and largest.area() >= FLAT * wide * thick:
+            floor = max(printer.min_wall_mm, 0.2 * thick) if thick >= 4 * printer.min_wall_mm else 0.0
+            return _Tail((x0 + x1) / 2, wide, y0, y1, angle, floor)
+    return None
 
 
 def _sound(turned: Any, tail: _Tail, place: float, fit: Fit) -> bool:

@@ -8,7 +8,6 @@ it was simulated. A spline through the targets swings about them, and had to be 
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 from collections.abc import Mapping
@@ -129,11 +128,10 @@ def cut(trajectory: JointTrajectory, arrivals: Array, instant: float, arm: Arm) 
 def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:
     """Write a row for each sample: time, then positions, velocities and accelerations, and the fingers."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    kinds = ("rad", "rad_s", "rad_s2")
-    writer.writerow(["time_s", *(f"{name}_{kind}" for kind in kinds for name in joints), "finger_m"])
+    columns = [f"{name}_{kind}" for kind in ("rad", "rad_s", "rad_s2") for name in joints]
     table = np.column_stack([motion.times, motion.positions, motion.velocities, motion.accelerations, motion.fingers])
-    writer.writerows([[f"{value:.7g}" for value in row] for row in table.tolist()])
+    header = ",".join(["time_s", *columns, "finger_m"])
+    np.savetxt(text, table, fmt="%.7g", delimiter=",", header=header, comments="")
     return text.getvalue()
 
 

@@ -41,12 +41,15 @@ _PIXELS = 920, 660
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
 
-def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dict[str, Any]:
+def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dict[str, Any]:
     """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too.
 
     ``to_mount`` (4, 4) leads from a piece's file to the frame of its mount, millimetres.
     """
-    material, load = made.material, payload(robot, made.printed)
+    tool = made.tool
+    material = made.material
+    robot = task.robot
+    load = payload(robot, made.printed)
     verdicts = [
         *carried(made.printed, robot, material),
         *printable(made.parts, made.checks),
@@ -107,7 +110,6 @@ def _flange(robot: Robot) -> str:
 
 def write_sheet(
     made: PrintedTool,
-    tool: Tool,
     task: Task,
     scene: Scene,
     motion: Sampled,
@@ -120,7 +122,8 @@ def write_sheet(
         UserError: a file can't be written.
     """
     robot = task.robot
-    said = figures(tool, robot, made, measured(tool, robot, made.material, scene, motion, replays), task)
+    tool = made.tool
+    said = figures(made, measured(tool, robot, made.material, scene, motion, replays), task)
     checks = [Check(**verdict) for verdict in said["verdicts"]]
     page = render(
         "sheet.html.j2",

@@ -48,6 +48,7 @@ _NOTHING_MM3 = 1.0
 class PrintedTool:
     """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated."""
 
+    tool: Tool
     parts: tuple[PrintedPart, ...]
     checks: tuple[Check, ...]
     joints: tuple[Dovetails, ...]
@@ -133,7 +134,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         printed, simulated = grams(parts), 1000 * mounted.mass
         said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
-    return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material)
+    return PrintedTool(tool, tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material)
 
 
 def _single(solid: Any) -> Check:
@@ -214,8 +215,8 @@ def _apart(links: Sequence[Body]) -> list[Check]:
     return checks
 
 
-def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
-    """Write STL, 3MF, and ``assembly.md``, what is bought and what speaks against it.
+def write_tool(made: PrintedTool, checks: Sequence[Check], folder: Path) -> PrintedTool:
+    """Write STL, 3MF, and ``assembly.md``, what is bought and what speaks against it; with ``checks`` of its motions.
 
     Returns:
         The tool with a check of the files.
@@ -234,5 +235,6 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     if not made.material.metal:
         write_bytes(folder / "tool.3mf", to_3mf(made.parts))
     made = replace(made, checks=(*made.checks, same))
-    write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=made).encode())
+    listed = replace(made, checks=(*checks, *made.checks))
+    write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=listed).encode())
     return made

@@ -1,9 +1,7 @@
 """What is read of run folders, and what is not: finished, failed, unfinished, broken."""
 
-import json
 import os
 import shutil
-import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +12,7 @@ from core.errors import UserError
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_run
 from plugins.results.pages.tools import best_tool
 from plugins.results.report.statistics import RunCost
-from tests.core.run_folders import edit, result, write_run
+from tests.core.run_folders import result, write_run
 
 pytestmark = pytest.mark.slow
 
@@ -37,14 +35,6 @@ def test_a_finished_run(tmp_path):
     assert run.recordings() == {}
 
 
-def test_recordings_of_several_tasks(tmp_path):
-    folder = write_run(tmp_path / "run")
-    for file in ("recording_A.rrd", "recording_B.rrd", "best/A/rollout.gif", "best/rollout.gif"):
-        (folder / file).parent.mkdir(parents=True, exist_ok=True)
-        (folder / file).touch()
-    assert [*read_run(folder).recordings()] == ["recording_A", "recording_B", "film", "film A"]
-
-
 def test_reading_leaves_a_folder_as_it_was(tmp_path):
     folder = write_run(tmp_path / "run")
     before = folder_state(folder)
@@ -52,20 +42,6 @@ def test_reading_leaves_a_folder_as_it_was(tmp_path):
     best_tool(run)
     run.store.requests()
     assert folder_state(folder) == before
-
-
-def test_columns_and_tables_may_come(tmp_path):
-    folder = write_run(tmp_path / "run")
-    with sqlite3.connect(folder / "run.sqlite") as database:
-        database.execute("ALTER TABLE run ADD COLUMN state TEXT")
-        database.execute("ALTER TABLE evaluations ADD COLUMN seconds REAL")
-        database.execute("CREATE TABLE locks (owner TEXT)")
-    document = result(folder) | {"resumed": 3}
-    document["best"]["seconds"] = 1.5
-    edit(folder, "UPDATE run SET result = ?", json.dumps(document))
-    run = read_run(folder)
-    assert run.best.reward == 0.7
-    assert best_tool(run).candidate == run.best.candidate
 
 
 # --- runs that do not count ---------------------------------------------------------------------------------------
@@ -88,34 +64,6 @@ def test_a_run_that_stopped_before_its_time_is_unfinished(tmp_path):
 def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
     run = read_run(write_run(tmp_path / "run", rewards=[[None, None]]))
     assert (run.status, run.reason) == ("failed", "no candidate could be tried; the first reason: it is too heavy")
-
-
-def test_a_job_that_never_began_failed(tmp_path):
-    notes = tmp_path / "0_task=OneBook" / ".hydra"
-    notes.mkdir(parents=True)
-    (notes / "config.yaml").write_text("task: {name: OneBook}\n")
-    (run,) = find_runs([tmp_path])[1]
-    assert (run.status, run.task, run.folder) == ("failed", "OneBook", notes.parent)
-    (notes / "config.yaml").write_text("task: {name: [\n")
-    (run,) = find_runs([tmp_path])[1]
-    assert (run.status, run.task) == ("failed", "")
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"best": {"reward": 1e308, "distance_m": 0.5, "generation": 1, "candidate": "g1-a0-s1-p0"}}, "best.reward"),
-        ({"generations": []}, "best.generation is 1, of 0 generations"),
-        ({"wall_time_s": float("nan")}, "wall_time_s: Input should be a finite number"),
-        ({"seed": 10**400}, "seed: Input should be less than"),
-    ],
-)
-def test_a_result_with_impossible_figures_does_not_count(tmp_path, change, said):
-    folder = write_run(tmp_path / "run")
-    edit(folder, "UPDATE run SET result = ?", json.dumps(result(folder) | change))
-    run = read_run(folder)
-    assert run.status == "unreadable"
-    assert said in run.reason
 
 
 @pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal", ".hydra/config.yaml"])

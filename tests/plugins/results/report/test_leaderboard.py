@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +10,10 @@ import pytest
 
 from core.config.compose import load
 from core.errors import UserError
-from plugins.fitness.layouts import UNSEEN as UNSEEN_SEED
 from plugins.results.pages.runs import find_runs
 from plugins.results.report import verify
 from plugins.results.report.command import main
 from plugins.results.report.leaderboard import (
-    FIRST_UNSEEN,
-    Entry,
     ListedEntry,
     RunResult,
     entry_tables,
@@ -102,16 +98,6 @@ def test_an_entry_has_means_and_what_was_spent(entry):
     assert len(by_task.rows) == 12
 
 
-def test_a_soft_track_has_one_engine_and_says_so(entry, tmp_path):
-    for task in protocol("soft").tracks["soft"]:
-        write_run(tmp_path / task, "protocol=soft", f"task={task}", rewards=[[0.9]], unseen={"mujoco": (0.8,) * 20})
-    ((soft,), problems) = entries(tmp_path)
-    assert (soft.track, soft.score, len(soft.tasks), problems) == ("soft", pytest.approx(0.8), 4, [])
-    table = entry_tables([ListedEntry(soft, "no"), ListedEntry(entry, "no")])[0]
-    named = {column.name: [row[k] for row in table.rows] for k, column in enumerate(table.columns)}
-    assert (named["protocol"], named["sapien"]) == (["soft 1, one engine", "varied 2"], [None, pytest.approx(0.6)])
-
-
 def test_a_run_in_which_nothing_could_be_tried_counts_0(runs):
     shutil.rmtree(runs / "OneBook_0")
     write_run(runs / "OneBook_0", "protocol=varied", "task=OneBook", rewards=[[None]])
@@ -144,34 +130,6 @@ def test_runs_that_change_what_is_fixed_are_no_entry(tmp_path, word):
     _, (problem,) = entries(tmp_path)
     assert f": {key} is {value}" in problem
     assert "where the protocol varied has" in problem
-
-
-def test_runs_of_one_name_are_one_entry_if_nothing_else_differs(tmp_path):
-    write(tmp_path / "one", "name=ours")
-    write(tmp_path / "other", "name=ours", "seed=1")
-    assert entries(tmp_path)[1][0].startswith("no entry of the track varied: ours: it lacks CleanTable, ")
-    write(tmp_path / "more", "name=ours", "task.tool_kinds=[gripper]", task="OneBook")
-    write(tmp_path / "most", "name=ours", task="OneBook")
-    said = "ours: its runs differ in more than task and seed; runs differ: task.tool_kinds="
-    assert said in (problem := entries(tmp_path)[1][0])
-    assert 'task.tool_kinds=["gripper"] in more' in problem
-
-
-def test_a_setting_that_makes_two_methods_of_one_is_named_with_its_runs(tmp_path):
-    for name, task, layouts in (("a", "OneBook", 3), ("b", "MoveBall", 3), ("c", "OneBook", 5)):
-        write(tmp_path / name, f"fitness.layouts={layouts}", task=task)
-    first, second = entries(tmp_path)[1]
-    for problem in (first, second):
-        assert "it lacks " in problem
-        assert problem.endswith("runs differ: fitness.layouts=3 in a, b; fitness.layouts=5 in c")
-
-
-def test_what_may_be_chosen_and_runs_without_a_protocol(tmp_path):
-    write(tmp_path / "run", "tool=boxes", "fitness.layouts=8", "budget.n_agent=1", "sim=sapien")
-    write_run(tmp_path / "other", "protocol=none")
-    found, (problem,) = entries(tmp_path)
-    assert not found
-    assert "it lacks CleanTable, " in problem
 
 
 REWARDS = ("tasks", "OneBook", "runs", 0, "rewards", "sapien")
@@ -208,17 +166,6 @@ def test_a_results_file_that_breaks_the_protocol_or_contradicts_itself_is_refuse
     assert said in str(error.value)
 
 
-def test_a_seed_whose_layouts_are_the_unseen_ones_is_no_runs(entry, tmp_path):
-    assert FIRST_UNSEEN == UNSEEN_SEED
-    data = json.loads(entry.dump())
-    for seed, said in ((FIRST_UNSEEN - 13, ""), (FIRST_UNSEEN - 12, "no run has the seed 999988"), (10**30, "no run")):
-        for task in data["tasks"].values():
-            task["runs"][1]["seed"] = seed
-        (tmp_path / "theirs.json").write_text(json.dumps(data))
-        with pytest.raises(UserError, match=said) if said else nullcontext():
-            assert len(read_entry(tmp_path / "theirs.json").runs) == 24
-
-
 def test_pipes_and_large_files_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")
     with pytest.raises(UserError, match="is no regular file"):
@@ -252,27 +199,6 @@ def test_a_record_earns_its_score_again(monkeypatch, inline):
 @pytest.mark.parametrize("file", RECORDS, ids=lambda file: file.stem)
 def test_each_record_is_verified(file):
     assert [run for run in verify.verify(read_entry(file)) if not run.same] == []
-
-
-@pytest.mark.thorough
-def test_designs_of_a_results_file_are_tried_again(entry, monkeypatch):
-    """A reference solution earns what is claimed; another tool does not, and a run without a design can't."""
-    quick = ["fitness.unseen=2", "executor.workers=1"]
-    monkeypatch.setattr(verify, "load", lambda name, words: load(name, [*words, *quick]))
-    solution = json.loads((ROOT / "tests/tasks/anchored/OneBook.json").read_text())["strategies"][0]
-    forged = solution | {"action_sets": [[{"anchor": "book_3", "axes": "anchor", "offset": [-0.2, 0, 0.5]}]]}
-    zeros, ones = (dict.fromkeys(UNSEEN, (value,) * 20) for value in (0.0, 1.0))
-    (first, *_) = entry.runs
-    claims = {task: [replace(first, rewards=zeros, design=None)] for task in TASKS}
-    claims["OneBook"] = [replace(first, rewards=ones, design=design) for design in (solution, forged, None, {"a": 1})]
-    claimed = Entry.of(replace(entry, settings=entry.settings | {"tool.name": "boxes"}), claims)
-    runs = {task: [run for run in verify.verify(claimed) if run.task == task] for task in ("OneBook", "LiftBox")}
-    assert [run.same for run in runs["OneBook"]] == [True, False, False, False], runs
-    assert runs["OneBook"][0].score > 0.99
-    assert "the file has no design" in runs["OneBook"][2].why
-    assert runs["LiftBox"][0].same
-    rows = verify.verification(runs["OneBook"]).rows
-    assert [row[-1][:3] for row in rows] == ["yes", "no", "no ", "no "]
 
 
 def test_runs_write_their_design_and_the_command_verifies_it(entry, tmp_path, monkeypatch, capsys):

@@ -52,20 +52,6 @@ def test_a_method_is_called_as_the_user_says():
     assert labels(config() | {"name": ["no name"]}) == ["tool=urdf evolution=vlmgineer vlm=offline"]
 
 
-def test_runs_on_several_robots_are_not_one_methods():
-    assert labels(config(robot="one"), config(robot="two")) == ["robot=one", "robot=two"]
-    moved = config(robot={"name": "one", "base": [0.1, 0, 0, 0]}), config(robot={"name": "one", "base": [0, 0, 0, 0]})
-    assert labels(*moved) == ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0, 0, 0, 0]"]
-
-
-def test_seed_workers_listeners_and_films_make_no_method():
-    assert len(set(labels(config(), config(seed=3, film=False, executor="ray", listener={"rerun": {}})))) == 1
-
-
-def test_runs_that_are_all_alike_are_named_too():
-    assert labels(config(), config()) == ["tool=urdf evolution=vlmgineer vlm=offline"] * 2
-
-
 def test_a_setting_makes_a_method_where_the_choices_are_the_same():
     assert labels(config(), config(budget__n_agent=8)) == ["budget.n_agent=4", "budget.n_agent=8"]
     assert labels(config(), config(task__tool_kinds=["gripper"])) == [
@@ -97,20 +83,3 @@ def test_runs_are_grouped_and_left_out_ones_counted(tmp_path):
         ("BringCube", "evolution=sampling", [0.4], 0),
         ("OneBook", "evolution=vlmgineer", [0.3], 0),
     ]
-
-
-def test_of_equal_rewards_the_shorter_distance_is_the_best(tmp_path):
-    for seed, distance in ((0, 2.0), (1, 0.5), (2, 1.0)):
-        write_run(tmp_path / str(seed), f"seed={seed}", rewards=[[0.5]], distances=[distance])
-    (g,) = group(*find_runs([tmp_path]))
-    assert (g.best.seed, g.best.best.distance_m) == (1, 0.5)
-
-
-def test_the_name_of_a_baseline_among_many_ablations_takes_no_time():
-    """It differs from each other run in one setting, so that its name needs them all."""
-    base = {"vlm": {"name": "offline", **{f"part_{i}": 1 for i in range(40)}}}
-    ablations = [{"vlm": base["vlm"] | {f"part_{i}": 0}} for i in range(40)]
-    names = label([("BringCube", config) for config in [base, *ablations]])
-    assert len(set(names)) == 41
-    assert names[1] == "vlm.part_0=0"
-    assert names[0].startswith("vlm.part_0=1 ")

@@ -70,17 +70,6 @@ def test_tables_sort(chrome):
     assert not any(heads[1:])
 
 
-def test_tables_search(chrome):
-    search = chrome.find_element("css selector", "#table-generations input")
-    search.send_keys("moveball VLMGINEER")
-    assert set(column(chrome, "generations", 0)) == {"MoveBall"}
-    shown = chrome.find_element("css selector", "#table-generations output").text
-    assert shown == f"{len(column(chrome, 'generations', 0))} of 7 rows"
-    search.clear()
-    search.send_keys(" ")
-    assert len(column(chrome, "generations", 0)) == 7
-
-
 def test_a_tool_is_drawn_and_turns(chrome):
     canvas = chrome.find_element("css selector", ".viewer canvas")
     chrome.execute_script("arguments[0].scrollIntoView()", canvas)

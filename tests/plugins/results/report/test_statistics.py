@@ -3,7 +3,7 @@ import pytest
 import scipy.stats
 
 from plugins.results.report import statistics
-from plugins.results.report.statistics import deviation, interquartile_mean, interval
+from plugins.results.report.statistics import interquartile_mean, interval
 
 # Twelve tasks of five runs, and what rliable 1.2.0 says of them: aggregate_iqm, aggregate_mean, and
 # get_interval_estimates with 50,000 repetitions from RandomState(0).
@@ -52,13 +52,3 @@ def test_an_interval_is_resampled_within_each_task():
 @pytest.mark.parametrize("tasks", [[], [[0.5]], [[0.1, 0.2], [0.5]]])
 def test_nothing_is_claimed_of_the_spread_of_one_run(tasks):
     assert interval(tasks, "mean") is None
-
-
-def test_the_middle_half():
-    assert interquartile_mean([0.0, 0.5, 0.7, 1.0]) == pytest.approx(0.6)
-    assert interquartile_mean([0.0, 1.0, 0.5]) == pytest.approx(0.5)  # of three nothing is cut off
-
-
-def test_one_value_has_no_deviation():
-    assert deviation([0.2, 0.4]) == pytest.approx(0.02**0.5)
-    assert deviation([0.2]) is None

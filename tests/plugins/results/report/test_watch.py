@@ -1,9 +1,6 @@
 """A run is watched while it goes on: its page is for this machine alone, and its folder stays as it is."""
 
 import http.client
-import signal
-import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -17,7 +14,7 @@ from plugins.results.report.command import main
 from plugins.results.report.watch import HERE, Server
 from tests.core.browser import complaints, opened
 from tests.core.run_folders import edit, hook, write_run
-from tests.plugins.results.pages.test_page import HOSTILE, Page
+from tests.plugins.results.pages.test_page import HOSTILE
 from tests.plugins.results.pages.test_runs import folder_state
 
 pytestmark = pytest.mark.slow
@@ -91,26 +88,6 @@ def test_there_is_a_page_before_anything_earned_a_reward(tmp_path, rewards, said
         assert "<h1>TurnGate: run</h1>" in page
 
 
-def test_a_finished_run_has_the_same_page_and_stays_as_it_was(finished):
-    before = folder_state(finished)
-    with served(finished) as server:
-        status, text = get(server)
-        page = Page(text)
-        assert (status, "has ended: 2 of 4 generations" in text) == (200, True)
-        assert "1 earned nothing" in text
-        assert "earned nothing" in page.text
-        assert any("short hook. A hook, quite short" in words for words in page.text)
-        assert "script" in page.tags
-        assert "<script>alert" not in text
-        assert any(value and value.startswith("data:image/gif") for _, _, value in page.attributes)
-        for path in ("data/lineage.csv", "data/rewards_by_generation.png", "best/rollout.gif"):
-            assert get(server, f"/{path}")[0] == 200, path
-        table = get(server, "/data/lineage.csv")[1]
-        assert "\n0,g0-a0-s0-p0,0.2,–," in table
-        assert "\n1,g1-a0-s1-p0,0.7,g0-a0-s0-p0," in table
-    assert folder_state(finished) == before
-
-
 def test_other_names_and_other_files_are_refused(finished):
     with served(finished) as server:
         assert get(server, host=f"localhost:{server.server_port}")[0] == 200
@@ -151,19 +128,6 @@ def test_mistakes_are_one_line(finished, tmp_path, monkeypatch):
             main([*map(str, words), "watch=true"])
     with served(finished) as server, pytest.raises(UserError, match=f"port {server.server_port} .* is not free"):
         main([str(finished), "watch=true", f"port={server.server_port}"])
-
-
-def test_an_interrupt_ends_it_with_a_line(finished):
-    words = [sys.executable, "-m", "core", "report", str(finished), "watch=true", "port=0"]
-    watcher = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        address = watcher.stdout.readline().strip()
-        assert address.startswith(f"http://{HERE}:")
-        watcher.send_signal(signal.SIGINT)
-        out, said = watcher.communicate(timeout=30)
-    finally:
-        watcher.kill()
-    assert (watcher.returncode, out, said) == (0, "", f"{address} has ended\n")
 
 
 def assert_shown(chrome, text):

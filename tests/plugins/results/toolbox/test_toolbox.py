@@ -32,7 +32,7 @@ def folders(tmp_path_factory):
 def made(folders, tmp_path_factory):
     output = tmp_path_factory.mktemp("toolbox")
     found = toolbox([folders], ToolboxConfig(output=str(output)), WORDS)
-    write(found, output, exports=False)
+    write(found, output)
     return found, output
 
 
@@ -47,13 +47,6 @@ def test_each_tool_has_its_stored_reward_and_is_tried_in_the_other_task(made):
     assert len(list(output.glob("tried/*/*/*/run.sqlite"))) == 2
     assert [len(tools) for tools in found.sets] == [1, 2]
     assert found.done([0]) == ["BringCube"]
-
-
-def test_what_was_tried_is_not_tried_again(made, folders, monkeypatch):
-    found, output = made
-    monkeypatch.setattr(trials, "search", None)  # nothing may be searched
-    again = toolbox([folders], ToolboxConfig(output=str(output)), [*WORDS[:2], "executor.workers=2"])
-    assert (again.rewards == found.rewards).all()
 
 
 def test_an_interrupted_command_goes_on(made, folders, monkeypatch, tmp_path):
@@ -79,30 +72,14 @@ def test_the_page_shows_the_matrix_and_the_chosen_are_designs(made):
     found, output = made
     page = (output / "index.html").read_text()
     assert page.count('class="card"') == 2
-    assert "data:image/svg+xml" in page
-    assert (output / "matrix.pdf").read_bytes().startswith(b"%PDF")
+    assert page.count('scope="row"') == 2
+    assert "<strong>" in page  # what a tool does
     (file,) = output.glob("chosen/*_hook_*/design.json")
     rules = SpawnRules(installed().create("task", "BringCube"), 0)
     (read,) = read_designs(load_designs(file), installed().create("tool", "urdf"), rules)
     assert read.tool is not None
     assert read.tool.content == found.tools[0].tool.content
     assert (read.plan.content, read.problem) == (found.tools[0].best.candidate.plan.content, None)
-
-
-def test_more_tasks_may_be_named(made, folders):
-    _, output = made
-    cfg = ToolboxConfig(output=str(output), tasks=["OneBook"])
-    found = toolbox([folders], cfg, WORDS)
-    assert list(found.tasks) == ["BringCube", "HighObject", "OneBook"]
-    assert found.earned[1]["OneBook"] == (0.0, None)
-    assert len(list(output.glob("tried/*/*/*/run.sqlite"))) == 3  # hook in OneBook alone; the post can't start there
-
-
-def test_a_known_tool_is_that_of_the_file(made):
-    found, output = made
-    (file,) = output.glob("tried/low_*/design.json")
-    tool = installed().create("tool", "known", {"file": str(file)}).given(installed().create("task", "BringCube"))
-    assert (tool.name, tool.components) == ("low", found.tools[1].tool.components)
 
 
 def test_mistakes_are_one_line(folders, tmp_path):

@@ -3,9 +3,7 @@
 import importlib.util
 import inspect
 import json
-import os
 import re
-import signal
 import sys
 from dataclasses import replace
 from unittest.mock import create_autospec
@@ -16,16 +14,12 @@ import pytest
 import yaml
 from markdown_it import MarkdownIt
 
-from core.config.compose import load
 from core.errors import UserError
-from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from core.search.orchestration import run
 from plugins.results.workshop.command import as_good, checklist, configured, export, main, whole
-from plugins.results.workshop.ros import scene_message
 from tests.core.run_folders import write_run
-from tests.panda import PANDA, on_panda
+from tests.panda import PANDA
 
 pytestmark = pytest.mark.slow
 
@@ -120,13 +114,6 @@ def test_the_tool_is_a_macro_that_xacro_reads(made, tmp_path):
     assert all(link.startswith(("flange", "tool_")) for link in re.findall(r'<link name="([^"]*)', text))
 
 
-def test_a_soft_body_is_in_the_planning_scene_as_it_is_at_the_start():
-    task = on_panda(installed().create("task", "HangCloth"))
-    objects = {of["id"]: of for of in scene_message(task.robot, task.scene(0))["world"]["collision_objects"]}
-    (mesh,) = objects["cloth"]["meshes"]
-    assert len(mesh["vertices"]) == 2 * 36  # both sides
-
-
 def test_the_scene_is_that_of_the_task(made):
     folder, found = made
     data = yaml.safe_load((folder / "ros2/vlmgineer_tool/config/scene.yaml").read_text())
@@ -187,22 +174,6 @@ def test_a_program_in_urscript_has_the_motion_at_both_speeds(tmp_path):
     assert float(payload.group(1)) == found.payload["mass_kg"]
 
 
-def test_reports_what_is_near_and_the_limits(made):
-    folder, found = made
-    rows = found.nearest
-    assert rows == sorted(rows, key=lambda row: row[2])
-    assert rows[0][0] == "tool"
-    assert abs(rows[0][2]) < 0.002
-    near = {(what, to): at for what, to, at, _ in rows}
-    assert 0 < near["arm", "itself"] < 0.3
-    assert near["arm", "table"] > 0.02
-    checklist = (folder / "CHECKLIST.md").read_text()
-    assert checklist.count("- [ ]") == 8
-    assert re.search(r"^- tool to \w+: -?[1-9]?\d+ mm at", checklist, re.M)
-    assert "-0 mm" not in checklist
-    assert f"{found.payload['mass_kg']:g} kg" in checklist
-
-
 def test_before_contact_nothing_is_touched(made):
     folder, found = made
     before = json.loads((folder / "motion/trajectory_before_contact.json").read_text())
@@ -221,38 +192,6 @@ def test_a_run_s_best_is_exported(tmp_path):
     assert f"Not to be run as it is:\n\n- {verdict}\n" in (tmp_path / "out" / "CHECKLIST.md").read_text()
 
 
-SHORT = [
-    "budget.n_agent=1",
-    "budget.n_tool=1",
-    "budget.n_action=1",
-    "budget.n_iteration=0",
-    "listener=[]",
-    "film=false",
-]
-SEARCHES = [
-    ["task=OneBook", "action=anchored"],
-    ["task=OneBook", "robot=fr3"],
-    ["task=OneBook", "robot=ur10", "action=anchored", "fitness=robust", "fitness.sims=[mujoco]"],
-    ["task=BringCube", "robot=xarm7", "tool=boxes", "fitness=layouts", "task.variation=near"],
-    ["task=MoveBall", "robot=kinova", "tool=solids"],
-    ["task=MoveBall", "action=anchored", "fitness=buildable", "material=pla"],
-    ["task=OneBook", "robot=ur5"],
-    ["task=OneBook", "robot=z1", "robot.base=[0.2,0,0.2,0]"],
-]  # each action, fitness, robot and tool at least once
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("words", SEARCHES, ids=lambda words: words[1])
-def test_what_a_search_found_earns_the_same_as_exported(tmp_path, words):
-    run(load("config", ["sim=mujoco", "prompt.picture=false", *SHORT, *words]), tmp_path / "run")
-    (found,) = export(configured([f"designs={tmp_path / 'run'}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
-    (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
-    earned, searched = map(float, re.findall(r"[\d.]+(?= for| in)", verdict.found))
-    assert abs(earned - searched) <= 0.02
-    assert verdict.passed == (searched > 0)
-
-
 def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_path):
     (tmp_path / "out" / "programs").mkdir(parents=True)
     with pytest.raises(UserError, match="out has files in it already; choose another output="):
@@ -261,18 +200,11 @@ def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_pa
 
 
 def test_what_a_killed_export_left_is_removed_by_the_next_one(tmp_path):
-    out = tmp_path / "out"
-    if not (child := os.fork()):
-        with whole(out) as beside:
-            (beside / "tool").mkdir()
-            (beside / "tool" / "half").touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-    os.waitpid(child, 0)
-    assert {file.name for file in tmp_path.rglob("*")} == {".out.part", "tool", "half"}
-    with whole(out) as beside:
+    left = tmp_path / ".out.part" / "tool"
+    left.mkdir(parents=True)
+    (left / "half").touch()
+    with whole(tmp_path / "out") as beside:
         (beside / "all").touch()
-        with pytest.raises(UserError, match=r"another export is writing .*out"), whole(out):
-            pass
     assert [file.name for file in tmp_path.rglob("*")] == ["out", "all"]
 
 
@@ -288,16 +220,9 @@ def test_what_a_model_named_is_no_markup(made):
     tool = replace(found.candidate.tool, name=name)
     moves = {"approach": found.motion, "trajectory": found.motion}
     candidate, replays = replace(found.candidate, tool=tool), {name: found.replays["mujoco"]}
-    text = checklist(replace(found, candidate=candidate, replays=replays), moves)
+    text = checklist(replace(found, candidate=candidate, replays=replays, moves=moves))
     html = MarkdownIt("gfm-like", {"linkify": False}).render(text)
     assert not re.findall(r"<(?:img|a|strong|table)\b", html)
     assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (1, 2, 6)
     assert "\x1b" not in text
     assert "https\\://e.org" in text  # which GitHub would make a link
-
-
-def test_a_run_without_a_rollout_has_nothing_to_export(tmp_path):
-    run = write_run(tmp_path / "run", "task=MoveBall", rewards=[[]])
-    with pytest.raises(UserError, match="run: no design of this run came to the end of a rollout"):
-        export(configured([f"designs={run}", f"output={tmp_path / 'out'}"]))
-    assert not (tmp_path / "out").exists()

@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool, ToolJoint
-from core.errors import UserError
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import Material
 from core.robot.solids import corners, robot_solids
@@ -81,31 +80,12 @@ def test_a_beam_is_held_by_long_screws_through_it():
     assert all(diameter == pytest.approx(6.6, abs=0.05) for _, diameter in below)
 
 
-def test_what_covers_the_screws_is_named():
-    rail = box("rail", (0.1, 0, -0.05), (0.3, 0.008, 0.1))
-    found = made(rail, box("wing", (-0.1, 0, 0), (0.01, 0.3, 0.02), "rail"))
-    screws = check(found, "screws")
-    assert not screws.passed
-    assert "in the way of the others: rail, wing" in screws.found
-
-
 def test_what_is_above_the_face_is_cut_where_the_arm_is():
     found = made(box("cap", (0, 0, 0.0), (0.06, 0.06, 0.02)))
     assert not check(found, "clear of the arm").passed
     solid = found.parts[0].solid
     assert solid.slice(5.0).area() < 60**2 - math.pi * 31.5**2 + 1
     assert check(made(POST), "clear of the arm").passed
-
-
-def test_a_flange_without_pin_and_recess():
-    plain = replace(PANDA, flange=replace(PANDA.flange, pin_angle=None, centring_m=None, bolts=6, thread="M5"))
-    solid = made(POST, robot=plain).parts[0].solid
-    assert [round(diameter, 1) for _, diameter in circles(solid, -3.5)] == [5.6] * 6
-    assert solid.bounding_box()[5] == pytest.approx(0, abs=0.02)
-    with pytest.raises(UserError, match="no screw is known for thread 'UNC'"):
-        made(POST, robot=replace(PANDA, flange=replace(PANDA.flange, thread="UNC")))
-    with pytest.raises(UserError, match=r"no screw M6 fits a plate of 8 mm"):
-        made(POST, fit=Fit(plate_mm=8.0))
 
 
 @pytest.mark.parametrize("mount", ["left_finger", "right_finger"])
@@ -128,21 +108,6 @@ def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
     assert low[2] < tip - 24
     (bore,) = {round(d, 1) for _, d in circles(sleeve.rotate((0, -90, 0)), high[0] - 1)}
     assert bore == pytest.approx(4.0, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("kind", "settings", "said"),
-    [
-        (Fit, {"joint_mm": -1}, "fit.joint_mm must be 0 to 5"),
-        (Fit, {"plate_mm": 0}, "fit.plate_mm"),
-        (Printer, {"plate_mm": (1.0, 2.0)}, "three lengths"),
-        (Printer, {"plate_mm": (100.0, 0.0, 100.0)}, "plate_mm.y must be greater than 0"),
-        (Printer, {"min_wall_mm": float("nan")}, "min_wall_mm must be greater than 0"),
-    ],
-)
-def test_settings_that_can_not_be(kind, settings, said):
-    with pytest.raises(UserError, match=said):
-        kind(**settings)
 
 
 AT = np.array([0.0, 0.0, -0.08])  # of the axis, along x

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from core.errors import UsageError
-from core.interfaces import JointTrajectory, RolloutSettings
+from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -39,17 +38,6 @@ def test_a_motion_keeps_to_the_way_and_to_the_limits(name):
     assert np.abs(np.diff(made.velocities, axis=0) * 1000 - made.accelerations[:-1])[:-1].max() < 15
 
 
-@pytest.mark.parametrize(("speed", "rate"), [(0.05, 50), (0.3, 125), (0.77, 1000)])
-def test_slower_is_the_same_way_in_more_time(speed, rate):
-    trajectory = planned("OneBook").trajectory
-    made = sample(trajectory, ARM, rate, speed)
-    assert made.slower == pytest.approx(1 / speed, rel=1e-3)
-    steps = np.ceil(trajectory.duration / STEP_S) + 2
-    assert made.times[-1] == pytest.approx(STEP_S * steps / speed, abs=1.01 / rate)
-    assert np.diff(made.times) == pytest.approx(1 / rate)
-    assert np.abs(made.velocities).max() <= speed * np.abs(sample(trajectory, ARM, rate).velocities).max() * 1.01
-
-
 def test_an_approach_is_slow_and_at_rest_at_both_ends():
     start, end = PANDA.home + np.linspace(-0.3, 0.3, 7), np.array(PANDA.home)
     made = approach(start, end, 0.04, ARM, 500)
@@ -71,24 +59,6 @@ def test_a_motion_is_cut_where_the_arm_rests():
     )
     velocity, _ = sample(cuts[2], ARM, 1000).loads(ARM)
     assert velocity.max() <= SHARE
-
-
-def test_what_passes_a_waypoint_in_motion_is_not_cut_there():
-    times = np.linspace(0, 1, 101)
-    arm = np.array(PANDA.home) + np.linspace(0, 1, 101)[:, None] * 0.5
-    assert cut(JointTrajectory(times, arm, np.full(101, 0.04)), np.array([0.5]), 0.8, ARM) is None
-
-
-@pytest.mark.parametrize(("rate", "speed", "word"), [(1, 1, "rate"), (1000, 0, "speed"), (1000, 1.5, "speed")])
-def test_settings_that_can_not_be(rate, speed, word):
-    with pytest.raises(UsageError, match=word):
-        sample(planned("OneBook").trajectory, ARM, rate, speed)
-
-
-@pytest.mark.parametrize("start", [np.full(7, 9.0), np.zeros(6)])
-def test_a_start_beyond_the_limits_is_refused(start):
-    with pytest.raises(UsageError, match="7 joint angles"):
-        approach(start, np.array(PANDA.home), 0.04, ARM, 1000)
 
 
 def test_files_have_every_sample():

@@ -7,7 +7,7 @@ import trimesh
 
 from core.design import Component, Tool
 from core.geometry import Box, Pose
-from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf, to_stl
+from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.tool import print_bodies
 
@@ -49,15 +49,6 @@ def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, 
     assert ("gaps closed" in found(piece, "one piece")) == (weld > 0.01)
 
 
-@pytest.mark.parametrize("off", [1e-12, 1e-10])
-def test_faces_that_all_but_meet_make_a_closed_file(off):
-    one = box("one", "tool_mount", (0, 0, 0), (0.05, 0.05, 0.2), (0, 0, 0.3))
-    other = box("other", "one", (0, 0.03 + off, 0.08 + off), (0.05 + off, 0.01, 0.04))
-    (piece,) = print_bodies(tool(one, other), WIDE)
-    assert piece.ready
-    assert trimesh.load(io.BytesIO(to_stl(piece)), file_type="stl").is_volume
-
-
 def test_components_with_sides_in_one_plane_make_a_closed_file():
     socket = box("socket", "tool_mount", (0, 0, -0.006), (0.05, 0.05, 0.012))
     thick, turn = 0.017478942044, 2.782373713772
@@ -82,15 +73,6 @@ def test_parts_that_touch_by_an_edge_only_or_not_at_all_are_said():
     bridge = box("bridge", "one", (0.015, 0.015, 0.02), (0.06, 0.06, 0.02))
     (piece,) = print_bodies(tool(one, edge, bridge), WIDE)  # held by a third
     assert piece.ready
-
-
-@pytest.mark.parametrize(("thickness_mm", "well"), [(0.5, False), (0.79, False), (0.81, True), (3.0, True)])
-def test_walls(thickness_mm, well):
-    shaft = box("shaft", "tool_mount", (0, 0, 0), (0.02, 0.02, 0.1))
-    sheet = box("sheet", "shaft", (0.03, 0, 0), (0.06, 0.05, thickness_mm / 1000), (0.4, 0.3, 0.2))
-    (piece,) = print_bodies(tool(shaft, sheet), WIDE)
-    assert (failed(piece) == []) == well
-    assert found(piece, "walls").startswith(f"thinnest {thickness_mm:.2f} mm")
 
 
 def test_the_thickness_of_known_solids():
