@@ -259,14 +259,16 @@ def find_entries(
 
 def differences(runs: Sequence[AnyRun]) -> str:
     """Say in which settings runs differ, and which runs have which value; empty: in none."""
-    named: dict[str, list[str]] = {}
+    folders: dict[str, list[str]] = {}
     for run, method in zip(runs, label([(run.task, {**run.config, "name": ""}) for run in runs]), strict=True):
-        named.setdefault(method, []).append(short(run.folder.name))
-    more = {
-        method: f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "" for method, names in named.items()
-    }
-    each = [f"{method} in {', '.join(names[:_NAMED])}{more[method]}" for method, names in named.items()]
-    return "; ".join(each) if len(each) > 1 else ""
+        folders.setdefault(method, []).append(short(run.folder.name))
+    if len(folders) == 1:
+        return ""
+    listed = []
+    for method, names in folders.items():
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        listed.append(f"{method} in {', '.join(names[:_NAMED])}{more}")
+    return "; ".join(listed)
 
 
 def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]) -> Entry:
@@ -278,32 +280,39 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
     versions: dict[str, set[str]] = {}
-    for run in runs:
-        for package, number in run.figures.versions.items() if isinstance(run, FinishedRun) else ():
-            versions.setdefault(package, set()).add(number)
-    packages = {package: ", ".join(sorted(numbers)) for package, numbers in versions.items()}
     tasks: dict[str, list[RunResult]] = {}
     for run in sorted(runs, key=lambda run: run.task):
         tasks.setdefault(run.task, []).append(_result(run, rules))
+        if isinstance(run, FinishedRun):
+            for package, number in run.figures.versions.items():
+                versions.setdefault(package, set()).add(number)
+    packages = {package: ", ".join(sorted(numbers)) for package, numbers in versions.items()}
     return check(Entry.of(Entry(name, rules.name, version, track, 0.0, shared, packages, {}), tasks))
 
 
 def _result(run: AnyRun, rules: Protocol) -> RunResult:
+    """What a run earned and took; one in which nothing could be tried earned nothing."""
     store = StoredRun(run.folder)
-    if not store.exists:
-        raise UserError(f"{short(str(run.folder))} has no {FILE}")
-    cost, tried = RunCost.of(store.requests()), [e for e in store.evaluations() if e.status != "rejected"]
-    design = None
-    if isinstance(run, FinishedRun):
-        rewards = run.figures.unseen.engines if run.figures.unseen else {}
-        best = next((e for e in tried if e.candidate == run.best.candidate), None)
-        if best is not None:
-            design = store.designs()[best.design].written | {"action_sets": [best.plan]}
-    else:
-        rewards = dict.fromkeys(rules.engines, (0.0,) * rules.layouts)
-    spent = (sum(rollouts(tried)), cost.requests, cost.cost_usd, store.seconds())
-    effort = run.figures.effort if isinstance(run, FinishedRun) else None
-    return RunResult(run.config["seed"], rewards, len(tried), *spent, design, effort)
+    cost = RunCost.of(store.requests())
+    tried = [e for e in store.evaluations() if e.status != "rejected"]
+    result = RunResult(
+        seed=run.config["seed"],
+        rewards=dict.fromkeys(rules.engines, (0.0,) * rules.layouts),
+        candidates=len(tried),
+        rollouts=sum(rollouts(tried)),
+        requests=cost.requests,
+        cost_usd=cost.cost_usd,
+        wall_time_s=store.seconds(),
+    )
+    if not isinstance(run, FinishedRun):
+        return result
+    best = next((e for e in tried if e.candidate == run.best.candidate), None)
+    return replace(
+        result,
+        rewards=run.figures.unseen.engines if run.figures.unseen else {},
+        design=store.designs()[best.design].written | {"action_sets": [best.plan]} if best else None,
+        effort=run.figures.effort,
+    )
 
 
 class ListedEntry(NamedTuple):

@@ -60,12 +60,8 @@ class Sampled:
 
     def loads(self, arm: Arm) -> tuple[Array, Array]:
         """Return the largest share of each joint's velocity limit and of its acceleration limit: each (J,)."""
-        limits = arm.velocity_limits, arm.acceleration_limits
-        velocity, acceleration = (
-            np.abs(values).max(axis=0) / limit
-            for values, limit in zip((self.velocities, self.accelerations), limits, strict=True)
-        )
-        return velocity, acceleration
+        velocity = np.abs(self.velocities).max(axis=0) / arm.velocity_limits
+        return velocity, np.abs(self.accelerations).max(axis=0) / arm.acceleration_limits
 
 
 def sample(trajectory: JointTrajectory, arm: Arm, rate_hz: float, speed: float = 1.0) -> Sampled:

@@ -20,13 +20,6 @@ def box(name, parent, at, size, rpy=(0, 0, 0)):
     return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size))
 
 
-def test_a_mesh_is_copied_to_a_folder_that_is_not_there_yet(tmp_path):
-    mesh = tmp_path / "blade.stl"
-    mesh.write_bytes(b"solid")
-    assert copied(mesh, tmp_path / "package" / "urdf") == "meshes/blade.stl"
-    assert (tmp_path / "package" / "urdf" / "meshes" / "blade.stl").read_bytes() == b"solid"
-
-
 def test_of_two_meshes_of_one_name_both_are_there(tmp_path):
     for arm in ("left", "right"):
         (tmp_path / arm).mkdir()

@@ -3,7 +3,6 @@
 import numpy as np
 import trimesh
 
-from core.design import Tool
 from plugins.results.pages.drawing import Painted, draw, painted
 from tests.core.run_folders import hook
 from tests.panda import PANDA
@@ -29,8 +28,3 @@ def test_what_is_nearer_hides_what_is_behind():
         picture = draw(order, 200, 200).astype(int)
         assert picture[100, 100, 0] > picture[100, 100, 2] + 60  # red, in the middle
         assert (picture[..., 2] > picture[..., 0] + 60).any()
-
-
-def test_the_hand_is_drawn_for_a_gripper(tmp_path):
-    picture = draw(painted(Tool(gripper=True), PANDA))
-    assert (picture[..., 3] > 0).any()

@@ -9,11 +9,6 @@ from core.support.text import number
 from plugins.results.pages.formats import CellLink, Column, Table, printed, to_csv
 
 
-def test_columns_of_a_text():
-    head = Table.of("t", "task|runs:0|mean, low:3", []).columns
-    assert head == (Column("task"), Column("runs", 0), Column("mean, low", 3))
-
-
 @pytest.mark.parametrize(
     ("value", "digits", "said"),
     [(0.99996, 3, "0.999"), (1.0, 3, "1.000"), (0.12345, 3, "0.123"), (float("nan"), 2, "–"), (12.6, 0, "13")],

@@ -55,12 +55,6 @@ def test_a_run_that_was_killed_is_unfinished(tmp_path):
     assert run.reason == "1 generations and 2 candidates done, best reward so far 0.600; it goes on"
 
 
-def test_a_run_that_stopped_before_its_time_is_unfinished(tmp_path):
-    folder = write_run(tmp_path / "run", stopped="the model's limit of 3 USD")
-    run = read_run(folder)
-    assert (run.status, run.reason) == ("unfinished", "stopped: the model's limit of 3 USD")
-
-
 def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
     run = read_run(write_run(tmp_path / "run", rewards=[[None, None]]))
     assert (run.status, run.reason) == ("failed", "no candidate could be tried; the first reason: it is too heavy")

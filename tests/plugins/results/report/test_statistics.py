@@ -47,8 +47,3 @@ def test_an_interval_is_resampled_within_each_task():
     assert interval(tasks, "mean") == (0.5, 0.5)
     loose = scipy.stats.bootstrap([np.concatenate(tasks)], np.mean, method="percentile", rng=0).confidence_interval
     assert loose.high - loose.low > 0.4
-
-
-@pytest.mark.parametrize("tasks", [[], [[0.5]], [[0.1, 0.2], [0.5]]])
-def test_nothing_is_claimed_of_the_spread_of_one_run(tasks):
-    assert interval(tasks, "mean") is None

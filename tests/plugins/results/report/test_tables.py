@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 import pytest
-import scipy.stats
 
 from plugins.results.report.command import report
 from tests.core.run_folders import edit, result, write_run
@@ -37,21 +36,6 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
         assert float(row["standard deviation"]) == pytest.approx(np.std(rewards, ddof=1), abs=1e-15)
         assert float(row["distance of the best (m)"]) == best["distance_m"]
         assert row["candidate"] == best["candidate"]
-
-
-def test_methods_over_all_tasks(made):
-    root, finished, _ = made
-    (row,) = [r for r in read_csv(root / "out" / "data" / "methods.csv") if r["method"] == "evolution=sampling"]
-    rewards = {task: [] for task in ("BringCube", "OneBook")}
-    for stored in (result(folder) for folder in finished):
-        if stored["evolution"] == "sampling":
-            rewards[stored["task"]].append(stored["best"]["reward"])
-    pooled = [reward for task in rewards.values() for reward in task]
-    assert float(row["mean"]) == pytest.approx(np.mean([np.mean(task) for task in rewards.values()]))
-    assert float(row["mean of the best"]) == pytest.approx(np.mean([max(task) for task in rewards.values()]))
-    assert float(row["interquartile mean"]) == pytest.approx(scipy.stats.trim_mean(pooled, 0.25))
-    assert float(row["IQM, low"]) <= float(row["interquartile mean"]) <= float(row["IQM, high"])
-    assert row["which tasks"] == "BringCube, OneBook"
 
 
 def test_runs_that_do_not_count_are_listed_and_nowhere_else(made):
