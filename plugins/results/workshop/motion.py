@@ -58,6 +58,12 @@ class Sampled:
         """The motion as engines play it."""
         return JointTrajectory(self.times, self.positions, self.fingers)
 
+    def every(self, seconds: float) -> list[int]:
+        """Return the samples nearest to multiples of ``seconds``, and the last."""
+        wanted = np.append(np.arange(0.0, self.times[-1], seconds), self.times[-1])
+        chosen: list[int] = np.unique(np.searchsorted(self.times, wanted - 1e-9)).tolist()
+        return chosen
+
     def loads(self, arm: Arm) -> tuple[Array, Array]:
         """Return the largest share of each joint's velocity limit and of its acceleration limit: each (J,)."""
         velocity = np.abs(self.velocities).max(axis=0) / arm.velocity_limits

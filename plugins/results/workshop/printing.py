@@ -12,6 +12,7 @@ import networkx
 import numpy as np
 import trimesh
 import trimesh.sample
+from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
@@ -159,10 +160,9 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh,
 def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
     """The angle about z, in whole degrees, at which points (N, 3) exceed the plate least, and by how many mm."""
     angles = np.deg2rad(np.arange(180))
-    x = np.outer(np.cos(angles), corners[:, 0]) - np.outer(np.sin(angles), corners[:, 1])
-    y = np.outer(np.sin(angles), corners[:, 0]) + np.outer(np.cos(angles), corners[:, 1])
-    excess = np.maximum(np.ptp(x, axis=1) - plate[0], np.ptp(y, axis=1) - plate[1])
-    excess = np.maximum(excess, np.ptp(corners[:, 2]) - plate[2])
+    turns = Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
+    sides = np.ptp(corners @ turns.transpose(0, 2, 1), axis=1)
+    excess = (sides - plate).max(axis=1)
     chosen = int(np.argmin(np.maximum(excess, 0.0)))  # the first that fits, if any
     return float(angles[chosen]), float(excess[chosen])
 

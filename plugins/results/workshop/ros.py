@@ -49,10 +49,8 @@ def _yaml(message: dict[str, Any]) -> str:
 
 def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
     """Return the motion as a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms and at its end."""
-    last = len(motion.times) - 1
-    step = max(1, round(_EVERY_S / float(motion.times[1]))) if last else 1
     points = []
-    for k in sorted({*range(0, last, step), last}):
+    for k in motion.every(_EVERY_S):
         seconds = float(motion.times[k])
         points.append(
             {

@@ -12,7 +12,7 @@ mass of the body or of the tool, whichever is less. Where that is less than the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -45,6 +45,10 @@ class Load(NamedTuple):
     component: str
     point: Array
     force: Array
+
+
+Instant = tuple[float, Sequence[Load]]
+"""When, in seconds, and the loads that act at once."""
 
 
 @dataclass(frozen=True)
@@ -184,34 +188,42 @@ class _Parts:
         return abs(float(coal.distance(track.geometry, track.at(sample, 0.0)[0], _DOT, dot, request, result)))
 
 
-def stresses(tool: Tool, joints: Mapping[str, Array], material: Material, loads: Sequence[Load]) -> list[Strength]:
+def _stresses(tool: Tool, beams: Beams, most_pa: float | None, engine: str, instant: Instant) -> Iterator[Strength]:
     """Estimate what loads that act at once do to each component that carries one.
 
-    ``joints`` holds for each component the point (3,) where it touches its parent. The moments of all loads beyond a
-    section add up as vectors, so that loads that oppose each other do so here. Sections are looked at where a
-    component is held, and where a load acts on it or comes from what it carries.
+    The moments of all loads beyond a section add up as vectors, so that loads that oppose each other do so here.
+    Sections are looked at where a component is held, and where a load acts on it or comes from what it carries.
     """
-    beams, most = Beams(tool, joints, material), material.strength_pa
+    time_s, loads = instant
     carried: dict[str, list[tuple[Load, Beam]]] = {}
     for load in loads:
         for carrier, beam in [*beams.chains[load.component], (load.component, beams.beam(load.component, load.point))]:
             carried.setdefault(carrier, []).append((load, beam))
-    found = []
-    for component in (c for c in tool.components if c.name in carried):
+    for component in tool.components:
+        if component.name not in carried:
+            continue
         stress, place, beyond = _weakest(carried[component.name])
         groups: dict[str, list[Load]] = {}
         for load in beyond:
             groups.setdefault(load.what, []).append(load)
-        if groups:
-            turns = {name: sum(np.cross(of.point - place, of.force) for of in own) for name, own in groups.items()}
-            what = max(turns, key=lambda name: np.linalg.norm(turns[name]))
-            newtons = float(np.linalg.norm(sum(load.force for load in groups[what])))
-            hardest = max(groups[what], key=lambda load: np.linalg.norm(load.force))
-            bend, lever = beams.bend(hardest.component, hardest.point)[0], np.linalg.norm(hardest.point - place)
-            safety = most / stress if most is not None and stress > 0 else None
-            row = component.name, component.parent, what, newtons, "", 0.0, float(lever), stress, safety, newtons * bend
-            found.append(Strength(*row))
-    return found
+        if not groups:
+            continue
+        turns = {name: sum(np.cross(load.point - place, load.force) for load in own) for name, own in groups.items()}
+        what = max(turns, key=lambda name: np.linalg.norm(turns[name]))
+        newtons = float(np.linalg.norm(sum(load.force for load in groups[what])))
+        hardest = max(groups[what], key=lambda load: np.linalg.norm(load.force))
+        yield Strength(
+            component=component.name,
+            parent=component.parent,
+            load=what,
+            newtons=newtons,
+            engine="" if what == WEIGHT else engine,
+            time_s=time_s,
+            lever_m=float(np.linalg.norm(hardest.point - place)),
+            stress_pa=stress,
+            safety=most_pa / stress if most_pa is not None and stress > 0 else None,
+            bend_m=newtons * beams.bend(hardest.component, hardest.point)[0],
+        )
 
 
 def _weakest(carried: Sequence[tuple[Load, Beam]]) -> tuple[float, Array, list[Load]]:
@@ -236,19 +248,19 @@ def _weakest(carried: Sequence[tuple[Load, Beam]]) -> tuple[float, Array, list[L
     return best[0], best[1], [load for load, counts in zip(loads, best[2], strict=True) if counts]
 
 
-def strength(
-    tool: Tool, robot: Robot, material: Material, instants: Mapping[str, Sequence[tuple[float, Sequence[Load]]]]
-) -> list[Strength]:
+def strength(tool: Tool, robot: Robot, material: Material, instants: Mapping[str, Sequence[Instant]]) -> list[Strength]:
     """Find for each component the worst of the instants of all engines; those of no engine have the name "".
 
     Raises:
         DesignError: a component does not touch its parent.
     """
-    joints, worst = check_contacts(tool, robot), dict[str, Strength]()
-    for engine, when, loads in [(engine, when, loads) for engine, of in instants.items() for when, loads in of]:
-        for row in stresses(tool, joints, material, loads):
-            if row.component not in worst or row.stress_pa > worst[row.component].stress_pa:
-                worst[row.component] = replace(row, engine="" if row.load == WEIGHT else engine, time_s=when)
+    beams = Beams(tool, check_contacts(tool, robot), material)
+    worst: dict[str, Strength] = {}
+    for engine, own in instants.items():
+        for instant in own:
+            for row in _stresses(tool, beams, material.strength_pa, engine, instant):
+                if row.component not in worst or row.stress_pa > worst[row.component].stress_pa:
+                    worst[row.component] = row
     return [worst[component.name] for component in tool.components if component.name in worst]
 
 
@@ -268,7 +280,8 @@ def measured(
         return [Load(WEIGHT, name, center, force[k]) for name, center, force in pulls]
 
     hardest = {int(np.linalg.norm(force, axis=1).argmax()) for *_, force in pulls}
-    instants = {"": [(float(motion.times[k]), pulled(motion.times[k])) for k in sorted(hardest)]}
+    times = [float(motion.times[k]) for k in sorted(hardest)]
+    instants: dict[str, list[Instant]] = {"": [(when, pulled(when)) for when in times]}
     for name, replay in replays.items():
         found = contact_loads(scene, robot, tool, material, replay.recording)
         instants[name] = [(when, [*pulled(when), *loads]) for when, loads in found]

@@ -64,7 +64,5 @@ def write_programs(robot: Robot, payload: Mapping[str, Any], moves: Mapping[str,
 
 
 def every(move: Sampled, seconds: float) -> list[tuple[float, list[float]]]:
-    """Pick the samples nearest to multiples of ``seconds``, and the last: time and joints."""
-    wanted = np.append(np.arange(0.0, move.times[-1], seconds), move.times[-1])
-    chosen = np.unique(np.searchsorted(move.times, wanted - 1e-9))
-    return [(float(move.times[k]), np.round(move.positions[k], 6).tolist()) for k in chosen.tolist()]
+    """Return time and joints of the samples nearest to multiples of ``seconds``, and of the last."""
+    return [(float(move.times[k]), np.round(move.positions[k], 6).tolist()) for k in move.every(seconds)]
