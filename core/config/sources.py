@@ -6,7 +6,7 @@ import inspect
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hydra._internal.core_plugins.importlib_resources_config_source import ImportlibResourcesConfigSource
 from hydra.core.config_search_path import ConfigSearchPath
@@ -17,7 +17,6 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from core.errors import UserError
-from core.hooks import PROJECT
 from core.plugins import KINDS, installed
 
 
@@ -32,10 +31,7 @@ class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no typ
 
 
 class PartConfigs(ConfigSource):  # type: ignore[misc]
-    """The config of each part: its YAML file, if there is one, over the defaults in its factory's signature.
-
-    Files of this project's own parts list all settings, so that no factory is imported for them.
-    """
+    """The config of each part: the defaults of its factory's signature, under its YAML file, if there is one."""
 
     @staticmethod
     def scheme() -> str:
@@ -61,23 +57,23 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
         kind, name = _part(config_path)
         file = _file(config_path)
         if file is None:
-            settings = defaults(kind, name)
-            config = {name: settings} if kind == "listener" else {"name": name, **settings}  # listeners: several
-            return ConfigResult(self.provider, f"{self.scheme()}://", OmegaConf.create(config), {"package": None})
+            node = OmegaConf.create({"name": name, **defaults(kind, name)})
+            return ConfigResult(self.provider, f"{self.scheme()}://", _placed(kind, name, node), {"package": None})
+
         result = file.load_config(config_path)
-        if isinstance(result.config, DictConfig) and "defaults" not in result.config:  # else the base's defaults hold
-            several = kind == "listener"
-            for part, node in result.config.items() if several else [(result.config.get("name"), result.config)]:
-                self._add_defaults(kind, str(part), node)
+        if "defaults" not in result.config:  # else the defaults of its base hold
+            own = result.config[name] if kind == "listener" else result.config
+            base = OmegaConf.create({"name": name, **defaults(kind, name)})
+            result.config = _placed(kind, name, cast(DictConfig, OmegaConf.merge(base, own)))
         return result
 
-    def _add_defaults(self, kind: str, name: str, node: object) -> None:
-        """Add what the signature has and another project's file lacks."""
-        offer = installed().offers.get((kind, name))
-        if isinstance(node, DictConfig) and offer is not None and offer.distribution != PROJECT:
-            for key, value in defaults(kind, name).items():
-                if key not in node.keys():  # noqa: SIM118 - `in node` leaves out missing values
-                    node[key] = value
+
+def _placed(kind: str, name: str, node: DictConfig) -> DictConfig:
+    """Put a part's settings where its group has them: there are several listeners at once, each under its name."""
+    if kind != "listener":
+        return node
+    settings = {key: value for key, value in node.items_ex(resolve=False) if key != "name"}
+    return OmegaConf.create({name: settings})
 
 
 def _part(config_path: str) -> tuple[str, str]:
@@ -106,7 +102,15 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
     named = (p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
     settings = {p.name: MISSING if p.default is p.empty else p.default for p in named}
     settings = {k: v for k, v in settings.items() if _is_plain(v) and k not in KINDS[kind].provided}
-    return {**settings, **KINDS[kind].defaults}
+    factory = installed().factory(kind, name)
+    own_keys = {key: _own_default(factory, key, value) for key, value in KINDS[kind].defaults.items()}
+    return {**settings, **own_keys}
+
+
+def _own_default(factory: object, key: str, default: Any) -> Any:
+    """Return the default of a key that the program reads: what a part's class has under that name, else the kind's."""
+    own = getattr(factory, key, ())
+    return list(own) if isinstance(own, list | tuple) and own else default
 
 
 def _is_plain(value: object) -> bool:

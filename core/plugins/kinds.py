@@ -62,7 +62,17 @@ class Kind(Generic[T]):
             raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")
 
 
-TASK = Kind("task", "tasks", Task, attributes=("name", "description", "goals"), own_keys=("tool_kinds", "paper"))
+PAPER_BUDGET = {"n_agent": 20, "n_tool": 10, "n_action": 10, "k_top": 5, "reward_save": 0.6, "n_iteration": 3}
+"""What ``budget=paper`` spends on most tasks of the paper (arXiv 2507.12644)."""
+
+TASK = Kind(
+    "task",
+    "tasks",
+    Task,
+    attributes=("name", "description", "goals"),
+    own_keys=("tool_kinds", "paper"),
+    defaults={"tool_kinds": ["rigid"], "paper": PAPER_BUDGET},
+)
 ROBOT = Kind("robot", "robots", Robot, own_keys=("base",), defaults={"base": [0.0, 0.0, 0.0, 0.0]})
 SIMULATOR = Kind("sim", "simulators", Simulator)
 MODEL = Kind("vlm", "vlms", VLM, attributes=("model",))

@@ -1,5 +1,3 @@
-import inspect
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -12,42 +10,40 @@ from core.errors import UsageError
 from core.hooks import hookimpl
 from core.interfaces import Task
 from core.plugins import KINDS, installed
+from core.plugins.kinds import PAPER_BUDGET
+from core.plugins.registry import Plugins
 from tests.core.plugins.offering import Engine, Offering
-from tests.panda import PANDA
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
 BUILT_IN = sorted(part for part in installed().offers if part[0] != "command")  # a command has no settings
-ROBOTS = {"panda": lambda: PANDA}
 
 
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
-def test_the_configs_are_the_factories_own_defaults(kind, name):
-    parameters = inspect.signature(installed().factory(kind, name)).parameters
-    defaults = {key: p.default for key, p in parameters.items() if key not in KINDS[kind].provided}
-    if kind == "robot":  # the defaults are its config: it needs no file
-        signature = {key: MISSING if value is inspect.Parameter.empty else value for key, value in defaults.items()}
-        composed = OmegaConf.to_container(load("config", [f"robot={name}"]).robot)
-        assert composed == {"name": name, **signature, "base": [0.0] * 4}
-        return
-    document = yaml.safe_load((ROOT / "conf" / kind / f"{name}.yaml").read_text())
-    if kind == "listener":  # several at once: the name is the key
-        assert document == {name: defaults}
-        return
+def test_a_config_has_the_defaults_of_the_signature_and_its_file_only_what_differs(kind, name):
+    known = sources.defaults(kind, name)
+    file = ROOT / "conf" / kind / f"{name}.yaml"
+    document = yaml.safe_load(file.read_text()) if file.exists() else {"name": name}
     assert document.pop("name") == name
-    if kind == "task":
-        assert document.keys() >= {"tool_kinds", "paper"}
-        document = {key: value for key, value in document.items() if key not in ("tool_kinds", "paper")}
-    if name == "lean":
-        assert document.pop("references")
-        defaults.pop("references")
-    if kind == "evolution":
-        assert (document.pop("refine"), document.pop("near_duplicates")) == (0, False)
-    document = {key: inspect.Parameter.empty if value == MISSING else value for key, value in document.items()}
-    expected = {key: asdict(value) if is_dataclass(value) else value for key, value in defaults.items()}
-    own = {key: expected[key] if value == f"${{{key}}}" else value for key, value in document.items()}  # the run's
-    assert own == expected
+    assert {key for key, value in document.items() if known.get(key, MISSING) == value} == set()
+    word = f"{kind}=[{name}]" if kind == "listener" else f"{kind}={name}"
+    composed = OmegaConf.to_container(load("config", [word])[kind])
+    if kind == "listener":  # several at once: the name is the key
+        assert composed == {name: known}
+        return
+    assert composed.pop("name") == name
+    nested = known.get("paper", {}) | document.pop("paper", {})
+    expected = known | document | ({"paper": nested} if nested else {})
+    assert composed == expected
+
+
+@pytest.fixture
+def extended(monkeypatch):
+    """The built-in plugins, and those that the test registers."""
+    plugins = Plugins()
+    monkeypatch.setattr(sources, "installed", lambda: plugins)
+    return plugins
 
 
 def test_every_config_names_a_part_that_there_is():
@@ -58,15 +54,12 @@ def test_every_config_names_a_part_that_there_is():
                 assert (kind, name) in installed().offers, file
 
 
-def test_a_part_without_a_config_file_has_its_signature(found, monkeypatch):
+def test_a_part_without_a_config_file_has_its_signature(extended):
     def listener(color: str = "red", where: Path = ROOT) -> object:
         raise NotImplementedError
 
-    found.register(
-        Offering(simulators={"grid": Engine}, listeners={"shout": listener}, robots=ROBOTS), "mine", "my-package"
-    )
-    found.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
-    monkeypatch.setattr(sources, "installed", lambda: found)
+    extended.register(Offering(simulators={"grid": Engine}, listeners={"shout": listener}), "mine", "my-package")
+    extended.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
     cfg = load(
         "config", ["sim=grid", "sim.walls=[a]", "listener=[shout]", "listener.shout.color=blue", "executor=gone"]
     )
@@ -79,7 +72,7 @@ def test_a_part_without_a_config_file_has_its_signature(found, monkeypatch):
 
 
 @pytest.fixture
-def brought(found, monkeypatch, tmp_path):
+def brought(extended, monkeypatch, tmp_path):
     """A plugin whose YAML files list none of its task's settings."""
     folder = tmp_path / "brought" / "conf" / "task"
     folder.mkdir(parents=True)
@@ -100,13 +93,12 @@ def brought(found, monkeypatch, tmp_path):
         def config_path(self):
             return "pkg://brought.conf"
 
-    found.register(Brings(tasks={"Hinted": make, "Far": Task}, robots=ROBOTS), "mine", "my-package")
-    monkeypatch.setattr(sources, "installed", lambda: found)
-    return found
+    extended.register(Brings(tasks={"Hinted": make, "Far": Task}), "mine", "my-package")
 
 
 def test_settings_that_a_config_file_does_not_list(brought):
     whole = OmegaConf.to_container(load("evaluate", ["task=Hinted"]).task)
+    assert whole.pop("paper") == PAPER_BUDGET
     assert whole == {"name": "Hinted", "tool_kinds": ["gripper"], "size": "???", "hint": "none"}
     for word in ("task.hint=away", "+task.hint=away", "++task.hint=away"):
         cfg = load("evaluate", ["task=Hinted", word])
@@ -124,6 +116,7 @@ def test_settings_that_a_config_file_does_not_list(brought):
 
 def test_a_config_file_over_another_one_keeps_what_that_says(brought):
     whole = OmegaConf.to_container(load("evaluate", ["task=Far"]).task)
+    assert whole.pop("paper") == PAPER_BUDGET
     assert whole == {"name": "Hinted", "tool_kinds": ["gripper"], "size": "???", "hint": "far"}
     assert dict(part("task", load("evaluate", ["task=Far", "task.size=3"]).task).settings) == {"size": 3, "hint": "far"}
 
@@ -135,14 +128,13 @@ def test_a_config_group_of_a_plugin_can_be_added(brought):
     assert prepared("config", words) == words
 
 
-def test_settings_of_a_listener_that_its_config_file_does_not_list(found, monkeypatch):
-    def summary(top: int = 3, color: str = "red") -> object:
+def test_settings_of_a_listener(extended):
+    def shout(top: int = 3, color: str = "red") -> object:
         raise NotImplementedError
 
-    found.register(Offering(listeners={"summary": summary}, robots=ROBOTS), "mine", "my-package")
-    monkeypatch.setattr(sources, "installed", lambda: found)
-    assert load("config", ["listener=[summary]", "listener.summary.color=blue"]).listener == {
-        "summary": {"top": 3, "color": "blue"}
+    extended.register(Offering(listeners={"shout": shout}), "mine", "my-package")
+    assert load("config", ["listener=[shout]", "listener.shout.color=blue"]).listener == {
+        "shout": {"top": 3, "color": "blue"}
     }
-    with pytest.raises(UsageError, match=r"no key 'colour' in listener.summary \(did you mean 'color'\?\)"):
-        load("config", ["listener=[summary]", "listener.summary.colour=blue"])
+    with pytest.raises(UsageError, match=r"no key 'colour' in listener.shout \(did you mean 'color'\?\)"):
+        load("config", ["listener=[shout]", "listener.shout.colour=blue"])
