@@ -8,7 +8,9 @@ from core.values.layouts import around, within
 COUNT = 8
 SIDE = 0.03
 APART = 0.05  # least distance of two cubes' centres, more than a diagonal
-LITTER_X, LITTER_Y = (0.5, 0.9), (-0.2, 0.2)  # ranges of the cubes' centres at the start
+# Ranges of the cubes' centres at the start.
+LITTER_X = (0.5, 0.9)
+LITTER_Y = (-0.2, 0.2)
 CIRCLE = (1.1, 0.0)  # x, y of its centre
 RADIUS = 0.15
 INSIDE = RADIUS + 0.01  # a cube counts as swept in if its centre is within this distance of the circle's
@@ -31,7 +33,9 @@ def litter(seed: int) -> list[tuple[float, float, float]]:
     rng = np.random.default_rng(seed)
     places: list[tuple[float, float, float]] = []
     while len(places) < COUNT:
-        x, y, yaw = rng.uniform(*LITTER_X), rng.uniform(*LITTER_Y), rng.uniform(0.0, np.pi / 2)
+        x = rng.uniform(*LITTER_X)
+        y = rng.uniform(*LITTER_Y)
+        yaw = rng.uniform(0.0, np.pi / 2)
         if all(np.hypot(x - other[0], y - other[1]) > APART for other in places):
             places.append((x, y, yaw))
     return places
@@ -70,8 +74,10 @@ class CleanTable(Task):
     camera = Camera(position=(1.75, -1.0, 1.15), target=(0.58, 0.0, 0.12), fov_deg=50.0)
 
     def scene(self, seed: int) -> Scene:
-        draw, part = self.draw(seed), (Geom(Box((SIDE, SIDE, SIDE))),)
-        patch_x, patch_y = draw("patch.x", 0.0), draw("patch.y", 0.0)
+        draw = self.draw(seed)
+        part = (Geom(Box((SIDE, SIDE, SIDE))),)
+        patch_x = draw("patch.x", 0.0)
+        patch_y = draw("patch.y", 0.0)
         dust = tuple(
             Body(
                 name,
@@ -88,7 +94,8 @@ class CleanTable(Task):
 
     def reward(self, start: State, end: State) -> Array:
         """The mean over the cubes: 1 for a cube in the circle, otherwise the fraction of its way to the centre."""
-        rewards, center = [], start.position("circle") + np.array([0.0, 0.0, SIDE / 2])
+        rewards = []
+        center = start.position("circle") + np.array([0.0, 0.0, SIDE / 2])
         for name in DUST:
             left = np.linalg.norm(end.position(name) - center, axis=-1)
             whole = np.linalg.norm(start.position(name) - center, axis=-1)

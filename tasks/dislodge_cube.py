@@ -8,8 +8,12 @@ from core.values.layouts import around, within
 SIDE = 0.07
 WALL = 0.01
 HEIGHT = 0.13  # of the pipe, outside; inside it is 0.11 high, and the main run is 0.11 wide
-NEAR, FAR = 0.9, 1.3  # main run along x: open at NEAR, closed at FAR
-RIGHT, LEFT = 0.08, 0.21  # outer faces of its side walls, along y
+# Main run along x: open at NEAR, closed at FAR.
+NEAR = 0.9
+FAR = 1.3
+# Outer faces of its side walls, along y.
+RIGHT = 0.08
+LEFT = 0.21
 BRANCH_X = 1.19  # the side branch is 0.1 wide inside, from here to the inner face of the closed end,
 BRANCH_Y = 0.01  # and 0.07 long, from the main run toward -y: open here
 CUBE = (1.24, 0.15, WALL + SIDE / 2)
@@ -29,10 +33,13 @@ def board(x: Range, y: Range, z: Range, color: Color = CLEAR) -> Geom:
 def rims() -> tuple[Geom, ...]:
     """Visual white edges around the two openings, which stand out by a millimetre."""
     rim = (-0.001, 0.004)
-    near, aside = (NEAR + rim[0], NEAR + rim[1]), (BRANCH_Y + rim[0], BRANCH_Y + rim[1])
-    wide, high = (RIGHT, LEFT), (0.0, HEIGHT + 0.001)
+    near = (NEAR + rim[0], NEAR + rim[1])
+    aside = (BRANCH_Y + rim[0], BRANCH_Y + rim[1])
+    wide = (RIGHT, LEFT)
+    high = (0.0, HEIGHT + 0.001)
     branch = (BRANCH_X - WALL, FAR)
-    bottom, top = (0.0, WALL), (HEIGHT - WALL, HEIGHT + 0.001)
+    bottom = (0.0, WALL)
+    top = (HEIGHT - WALL, HEIGHT + 0.001)
     return (
         *(board(near, wide, z, WHITE) for z in (bottom, top)),
         *(board(near, y, high, WHITE) for y in ((RIGHT, RIGHT + WALL), (LEFT - WALL, LEFT))),
@@ -43,7 +50,9 @@ def rims() -> tuple[Geom, ...]:
 
 def pipe(pose: Pose) -> Body:
     """The pipe: eight fixed boards, and rims around both openings. Its frame is the world's where it usually stands."""
-    bottom, top, inside = (0.0, WALL), (HEIGHT - WALL, HEIGHT), (WALL, HEIGHT - WALL)
+    bottom = (0.0, WALL)
+    top = (HEIGHT - WALL, HEIGHT)
+    inside = (WALL, HEIGHT - WALL)
     boards = (
         board((NEAR, FAR), (RIGHT, LEFT), bottom),
         board((NEAR, FAR), (RIGHT, LEFT), top),
@@ -98,7 +107,8 @@ class DislodgeCube(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        pose, side = draw.pose("pipe"), draw("cube.side", SIDE)
+        pose = draw.pose("pipe")
+        side = draw("cube.side", SIDE)
         place = pose @ Pose.xyz_rpy((draw("cube.x", CUBE[0]), CUBE[1], WALL + side / 2))
         part = (Geom(Box((side, side, side)), color=(0.83, 0.18, 0.16, 1.0)),)
         cube = Body("cube", place, draw("cube.mass", 0.2), part, part)
@@ -109,7 +119,8 @@ class DislodgeCube(Task):
 
         It is 1 when the cube is halfway out or farther, and 0 for a cube that has fallen off the table.
         """
-        began, ended = start.relative("cube", "pipe"), end.relative("cube", "pipe")
+        began = start.relative("cube", "pipe")
+        ended = end.relative("cube", "pipe")
         ahead = 1 - (ended[..., 0] - NEAR) / (began[..., 0] - NEAR)
         aside = 1 - (ended[..., 1] - BRANCH_Y) / (began[..., 1] - BRANCH_Y)
         return np.where(ended[..., 2] > 0, np.clip(np.maximum(ahead, aside), 0.0, 1.0), 0.0)

@@ -10,9 +10,14 @@ from core.values.layouts import around, within
 from tasks.assets import revolved, round_wall
 
 # The plate stands on a foot; around the foot there is a gap of FOOT_HEIGHT between the plate and the table.
-FOOT_RADIUS, FOOT_HEIGHT = 0.055, 0.018
-DISC_RADIUS, DISC_TOP = 0.105, 0.024  # flat, its underside on the foot
-RIM_RADIUS, RIM_TOP = 0.13, 0.036  # the rim leans outward, from the disc's edge
+FOOT_RADIUS = 0.055
+FOOT_HEIGHT = 0.018
+# Flat, its underside on the foot.
+DISC_RADIUS = 0.105
+DISC_TOP = 0.024
+# The rim leans outward, from the disc's edge.
+RIM_RADIUS = 0.13
+RIM_TOP = 0.036
 RIM_INSIDE = (0.095, 0.127)  # radii of the rim's inner face, at FOOT_HEIGHT (within the disc) and at RIM_TOP
 MASS = 0.5
 START = (0.75, 0.0, 0.0)  # the plate's frame is in the middle of its foot, at the bottom
@@ -39,7 +44,9 @@ def plate() -> Body:
         (face, DISC_TOP),
         (0.0, DISC_TOP),
     ]
-    low, high, up = 0.115, 0.121, 0.001
+    low = 0.115
+    high = 0.121
+    up = 0.001
     line = [(r, FOOT_HEIGHT + (r - RIM_INSIDE[0]) * slope) for r in (low, high)]
     line += [(r, z + up) for r, z in reversed(line)]
 

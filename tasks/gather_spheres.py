@@ -5,10 +5,18 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 from core.values.layouts import around, within
 
-RADIUS, MASS = 0.02, 0.005
-ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; JITTER: a sphere's largest offset on the grid
+RADIUS = 0.02
+MASS = 0.005
+# Along x, along y; JITTER: a sphere's largest offset on the grid.
+ROWS = 5
+COLUMNS = 6
+PITCH = 0.048
+JITTER = 0.003
 CONTAINER = (0.7, 0.0)  # its centre
-REACH, WALL_HEIGHT, WALL = 0.15, 0.20, 0.01  # REACH: from its centre to the middle of each of its three walls
+# REACH: from its centre to the middle of each of its three walls.
+REACH = 0.15
+WALL_HEIGHT = 0.20
+WALL = 0.01
 WANTED_HEIGHT = 0.3
 NAMES = tuple(f"sphere_{number}" for number in range(1, ROWS * COLUMNS + 1))
 
@@ -24,7 +32,8 @@ COLORS: tuple[Color, ...] = (
 
 def container(pose: Pose) -> Body:
     """Fixed see-through walls at -y, at +y and at +x; the floor is the table."""
-    length, inside = 2 * REACH, 2 * REACH - WALL
+    length = 2 * REACH
+    inside = 2 * REACH - WALL
     walls = (
         *(Geom(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
         Geom(Box((WALL, inside, WALL_HEIGHT)), Pose(np.array([REACH, 0.0, 0.0])), GLASS),
@@ -84,7 +93,8 @@ class GatherSpheres(Task):
     camera = Camera(position=(1.45, -1.0, 0.9), target=(0.48, 0.0, 0.31))
 
     def scene(self, seed: int) -> Scene:
-        draw, middle = self.draw(seed), (*CONTAINER, WALL_HEIGHT / 2)
+        draw = self.draw(seed)
+        middle = (*CONTAINER, WALL_HEIGHT / 2)
         pose = draw.pose("container", middle)
         move = pose @ Pose(-np.array(middle))
         return Scene((floor(), table(), container(pose), *spheres(seed, move, draw("sphere.mass", MASS))))

@@ -9,20 +9,29 @@ from tasks.assets import board, open_box
 SIDE = 0.05
 START = (1.2, 0.0)  # x, y
 
-SHELF_X, SHELF_DEPTH, SHELF_WIDTH, BOARD = 1.3, 0.4, 1.2, 0.03
+SHELF_X = 1.3
+SHELF_DEPTH = 0.4
+SHELF_WIDTH = 1.2
+BOARD = 0.03
 BOARD_HEIGHTS = (0.435, 0.885)  # of the boards' middles; the upper board's top face is at z = 0.9
 SHELF_TOP = 0.9
 
 BIN_CENTER = (0.8, 0.0, 0.05)
-BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL = 0.38, 1.2, 0.1, 0.015  # along x, y, z
+# Along x, y, z.
+BIN_LENGTH = 0.38
+BIN_WIDTH = 1.2
+BIN_HEIGHT = 0.1
+BIN_WALL = 0.015
 OFF_THE_SHELF = 0.85  # below this height above the shelf's frame the cube has left the upper board
 
 
 def shelf(height: float) -> Body:
     """Two boards on four posts; ``height`` is that of its frame above the ground."""
-    wood, dark = (0.72, 0.53, 0.34, 1.0), (0.45, 0.32, 0.21, 1.0)
+    wood = (0.72, 0.53, 0.34, 1.0)
+    dark = (0.45, 0.32, 0.21, 1.0)
     boards = tuple(board((SHELF_DEPTH, SHELF_WIDTH, BOARD), (0.0, 0.0, height), wood) for height in BOARD_HEIGHTS)
-    x, y = SHELF_DEPTH / 2 - 0.02, SHELF_WIDTH / 2 + 0.02
+    x = SHELF_DEPTH / 2 - 0.02
+    y = SHELF_WIDTH / 2 + 0.02
     corners = ((-x, -y), (-x, y), (x, -y), (x, y))
     posts = tuple(board((0.04, 0.04, SHELF_TOP), (*corner, SHELF_TOP / 2), dark) for corner in corners)
     return Body("shelf", Pose.xyz_rpy((SHELF_X, 0.0, height)), 0.0, boards + posts, boards + posts)
@@ -63,7 +72,8 @@ class HighObject(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        side, height = draw("cube.side", SIDE), draw("shelf.z", 0.0)
+        side = draw("cube.side", SIDE)
+        height = draw("shelf.z", 0.0)
         cube = Body.of(
             "cube",
             Box((side, side, side)),

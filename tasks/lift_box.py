@@ -5,8 +5,12 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
 
-WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outer width along x and y; height of the walls; their thickness
-FLAP, SLANT = 0.10, np.radians(25.0)  # length of a flap, and the angle by which it rises outward
+WIDTH = 0.25  # outer width along x and y
+HEIGHT = 0.20  # height of the walls
+WALL = 0.004  # their thickness
+# Length of a flap, and the angle by which it rises outward.
+FLAP = 0.10
+SLANT = np.radians(25.0)
 MASS = 0.3
 CENTER = (0.68, 0.0, 0.12)  # of the box with its flaps; the origin of the body's frame
 WANTED_HEIGHT = 0.25  # for the same point

@@ -5,7 +5,10 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
 
-LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one book to the next along y
+# Along x, along y, and from one book to the next along y.
+LENGTH = 0.27
+THICKNESS = 0.039
+PITCH = 0.04
 HEIGHTS = (0.17, 0.168, 0.172, 0.21, 0.22)  # from the robot's right to its left
 CENTER_X = 0.6
 DENSITY = 600.0  # kg/m^3, paper and board with some air
@@ -24,8 +27,10 @@ COVERS = (
 
 def book(number: int, row: Pose, height: float, density: float) -> Body:
     """Two boards and a spine (toward the robot) around a block of pages; the collision shape is one box."""
-    board, inset = 0.002, 0.002
-    cover, y = COVERS[number - 1], (number - 3) * PITCH
+    board = 0.002
+    inset = 0.002
+    cover = COVERS[number - 1]
+    y = (number - 3) * PITCH
     side = Box((LENGTH, board, height))
     edge = (THICKNESS - board) / 2
     visuals = (
@@ -39,7 +44,8 @@ def book(number: int, row: Pose, height: float, density: float) -> Body:
         ),
     )
     whole = Box((LENGTH, THICKNESS, height))
-    mass, pose = density * whole.volume, row @ Pose.xyz_rpy((0.0, y, height / 2))
+    mass = density * whole.volume
+    pose = row @ Pose.xyz_rpy((0.0, y, height / 2))
     return Body(f"book_{number}", pose, mass, visuals, (Geom(whole),), friction=0.3)
 
 
@@ -84,7 +90,8 @@ class OneBook(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        row, density = draw.pose("row", (CENTER_X, 0.0, 0.0)), draw("books.density", DENSITY)
+        row = draw.pose("row", (CENTER_X, 0.0, 0.0))
+        density = draw("books.density", DENSITY)
         heights = [draw(f"book_{i}.height", height) for i, height in enumerate(HEIGHTS, start=1)]
         books = tuple(book(i, row, height, density) for i, height in enumerate(heights, start=1))
         return Scene((floor(), table(), *books, holder("holder_right", row, -1.0), holder("holder_left", row, 1.0)))

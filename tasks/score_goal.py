@@ -10,13 +10,24 @@ from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, S
 from core.values.layouts import around, within
 from tasks.assets import board
 
-PUCK_RADIUS, PUCK_HEIGHT, PUCK_MASS = 0.038, 0.025, 0.17
+PUCK_RADIUS = 0.038
+PUCK_HEIGHT = 0.025
+PUCK_MASS = 0.17
 START = (0.8, 0.6, PUCK_HEIGHT / 2)
-CENTER_X, CENTER_Y = 2.0, 0.0  # the goal's middle; its mouth faces the robot
-DEPTH, WIDTH, HEIGHT = 0.254, 0.457, 0.305  # inside the goal, along x, y, z
+# The goal's middle; its mouth faces the robot.
+CENTER_X = 2.0
+CENTER_Y = 0.0
+# Inside the goal, along x, y, z.
+DEPTH = 0.254
+WIDTH = 0.457
+HEIGHT = 0.305
 BAR = 0.019  # radius of the goal's bars, which are around the inside
-NET, THREAD = 2 * BAR, 0.004  # thickness of the net's collision shape, against tunnelling, and of its strings
-RUBBER, ICE = 0.5, 0.02  # friction; a contact has the geometric mean of both, so 0.5 on ice gives 0.1
+# Thickness of the net's collision shape, against tunnelling, and of its strings.
+NET = 2 * BAR
+THREAD = 0.004
+# Friction; a contact has the geometric mean of both, so 0.5 on ice gives 0.1.
+RUBBER = 0.5
+ICE = 0.02
 
 RED: Color = (0.80, 0.14, 0.14, 1.0)
 STRING: Color = (0.62, 0.67, 0.74, 1.0)
@@ -41,8 +52,10 @@ def strings(net: Geom) -> Geom:
         if along == thin:
             continue
         for at in np.linspace(-size[across] / 2, size[across] / 2, round(size[across] / 0.045) + 1)[1:-1]:
-            piece, center = np.full(3, THREAD), np.zeros(3)
-            piece[along], center[across] = size[along], at
+            piece = np.full(3, THREAD)
+            center = np.zeros(3)
+            piece[along] = size[along]
+            center[across] = at
             pieces.append(trimesh.creation.box(piece).apply_translation(center))
     return Geom(Mesh.from_trimesh(trimesh.util.concatenate(pieces)), net.pose, STRING)
 
@@ -52,7 +65,10 @@ def hockey_goal() -> Body:
     """A frame of bars: two posts and a crossbar in front, and bars on the ground behind and on both sides. The net is
     on both sides, behind and above.
     """
-    front, back, side, top = -DEPTH / 2, DEPTH / 2 + BAR, WIDTH / 2 + BAR, HEIGHT + BAR
+    front = -DEPTH / 2
+    back = DEPTH / 2 + BAR
+    side = WIDTH / 2 + BAR
+    top = HEIGHT + BAR
     posts = (bar((front, -side, 0.0), (front, -side, top + BAR)), bar((front, side, 0.0), (front, side, top + BAR)))
     bars = (
         *posts,
@@ -61,7 +77,8 @@ def hockey_goal() -> Body:
         bar((front, -side, BAR), (back, -side, BAR)),
         bar((front, side, BAR), (back, side, BAR)),
     )
-    length, middle = back - front, (front + back) / 2
+    length = back - front
+    middle = (front + back) / 2
     net = (
         board((NET, 2 * side, top), (back, 0.0, top / 2), CLEAR),
         board((length, 2 * side, NET), (middle, 0.0, top), CLEAR),

@@ -10,23 +10,33 @@ from core.values.layouts import around, within
 from tasks.assets import revolved, round_wall
 
 JAR = (0.58, 0.0)  # x, y of its middle
-BOTTOM, WALL = 0.008, 0.005  # thickness
-BODY_RADIUS, NECK_RADIUS = 0.1, 0.088  # inside
-BODY_TOP, NECK_BOTTOM, MOUTH = 0.17, 0.205, 0.25  # heights; between the first two the jar narrows
+# Thickness.
+BOTTOM = 0.008
+WALL = 0.005
+# Inside:
+BODY_RADIUS = 0.1
+NECK_RADIUS = 0.088
+# Heights; between the first two the jar narrows.
+BODY_TOP = 0.17
+NECK_BOTTOM = 0.205
+MOUTH = 0.25
 
 COOKIES = 12
-RADIUS, THICKNESS = 0.04, 0.014
+RADIUS = 0.04
+THICKNESS = 0.014
 COLUMN_X = (-0.0445, 0.0445)  # of the two columns, from the jar's middle; six cookies in each
 OUT_Z = 0.3  # a cookie whose centre is above this is out
 
 GLASS = (0.62, 0.80, 0.86, 0.3)
-DOUGH, CHOCOLATE = (0.80, 0.58, 0.33, 1.0), (0.24, 0.13, 0.07, 1.0)
+DOUGH = (0.80, 0.58, 0.33, 1.0)
+CHOCOLATE = (0.24, 0.13, 0.07, 1.0)
 
 
 @cache
 def jar() -> Body:
     """A glass jar with a neck, open on top."""
-    heights, inside = (BOTTOM, BODY_TOP, NECK_BOTTOM, MOUTH), (BODY_RADIUS, BODY_RADIUS, NECK_RADIUS, NECK_RADIUS)
+    heights = (BOTTOM, BODY_TOP, NECK_BOTTOM, MOUTH)
+    inside = (BODY_RADIUS, BODY_RADIUS, NECK_RADIUS, NECK_RADIUS)
     bottom = Geom(Cylinder(BODY_RADIUS + WALL, BOTTOM), Pose(np.array([0.0, 0.0, BOTTOM / 2])), GLASS)
     walls = tuple(
         piece
@@ -45,7 +55,8 @@ def jar() -> Body:
 @cache
 def look() -> tuple[Geom, ...]:
     """Visual shapes of a cookie: a disc with a rounded edge, and chocolate chips."""
-    edge, half = RADIUS - 0.002, THICKNESS / 2
+    edge = RADIUS - 0.002
+    half = THICKNESS / 2
     disc = revolved(
         [(0, -half), (edge, -half), (RADIUS, 0.002 - half), (RADIUS, half - 0.002), (edge, half), (0, half)], DOUGH
     )
@@ -92,8 +103,10 @@ class SnatchCookie(Task):
 
     def scene(self, seed: int) -> Scene:
         """Each column has a small random offset, and so has each cookie in its column."""
-        draw, random = self.draw(seed), np.random.default_rng(seed)
-        pose, mass = draw.pose("jar", (*JAR, 0.0)), draw("cookie.mass", 0.02)
+        draw = self.draw(seed)
+        random = np.random.default_rng(seed)
+        pose = draw.pose("jar", (*JAR, 0.0))
+        mass = draw("cookie.mass", 0.02)
         move = pose @ Pose(-np.array([*JAR, 0.0]))
         cookies = []
         for column, x in enumerate(COLUMN_X):

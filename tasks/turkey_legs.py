@@ -12,27 +12,42 @@ from core.values.layouts import around, within
 from tasks.assets import board, open_box, revolved, round_wall
 
 POT = (0.75, -0.2)  # x, y of its middle
-POT_RADIUS, POT_HEIGHT, POT_WALL = 0.12, 0.0875, 0.004  # inside; the bottom is as thick as the wall
-OUTSIDE, AROUND = POT_RADIUS + POT_WALL, np.tile(np.arange(24) * np.pi / 12, 2)
+# Inside; the bottom is as thick as the wall.
+POT_RADIUS = 0.12
+POT_HEIGHT = 0.0875
+POT_WALL = 0.004
+OUTSIDE = POT_RADIUS + POT_WALL
+AROUND = np.tile(np.arange(24) * np.pi / 12, 2)
 POT_EDGES = np.stack(  # points around its foot and its mouth
     [OUTSIDE * np.cos(AROUND), OUTSIDE * np.sin(AROUND), np.repeat((0.0, POT_HEIGHT), 24)], axis=-1
 )
-HANDLE_Z, HANDLE_Y = 0.07, 0.152  # of the handles' bars, which run along x on the pot's left and right
+# Of the handles' bars, which run along x on the pot's left and right.
+HANDLE_Z = 0.07
+HANDLE_Y = 0.152
 
 BOX = (0.8, 0.25)  # x, y of its middle
-BOX_LENGTH, BOX_WIDTH, BOX_HEIGHT, BOX_WALL = 0.525, 0.265, 0.105, 0.006  # along x, y, z
+# Along x, y, z.
+BOX_LENGTH = 0.525
+BOX_WIDTH = 0.265
+BOX_HEIGHT = 0.105
+BOX_WALL = 0.006
 
 LEGS = tuple(f"leg_{i}" for i in range(1, 6))
 MEAT_X = (-0.059, -0.055, -0.048, -0.038, -0.008, 0.004, 0.013, 0.02)  # along the leg; MEAT_RADIUS is its radius there
 MEAT_RADIUS = (0.004, 0.011, 0.018, 0.022, 0.022, 0.0185, 0.013, 0.006)
-BONE_RADIUS, BONE_LENGTH, BONE_X = 0.006, 0.04, 0.03
-KNOB_RADIUS, KNOB_X = 0.009, 0.051
+BONE_RADIUS = 0.006
+BONE_LENGTH = 0.04
+BONE_X = 0.03
+KNOB_RADIUS = 0.009
+KNOB_X = 0.051
 FACETS = 10  # of the meat's collision shape: it lies on one of them
 FACET_RADIUS = 0.022 * np.cos(np.pi / FACETS)
 RING = 0.072  # radius of the ring in which the legs lie
 
-METAL, STEEL = (0.75, 0.77, 0.80, 1.0), (0.50, 0.53, 0.57, 1.0)
-ROAST, BONE = (0.72, 0.40, 0.18, 1.0), (0.93, 0.90, 0.82, 1.0)
+METAL = (0.75, 0.77, 0.80, 1.0)
+STEEL = (0.50, 0.53, 0.57, 1.0)
+ROAST = (0.72, 0.40, 0.18, 1.0)
+BONE = (0.93, 0.90, 0.82, 1.0)
 
 
 @cache
@@ -66,7 +81,9 @@ def pot() -> Body:
 def chefs_box() -> Body:
     """A deep tray with a lip around its upper edge."""
     walls = open_box(BOX_LENGTH, BOX_WIDTH, BOX_HEIGHT, BOX_WALL, METAL)
-    x, y, z = BOX_LENGTH / 2 + 0.006, BOX_WIDTH / 2 + 0.006, BOX_HEIGHT - 0.002
+    x = BOX_LENGTH / 2 + 0.006
+    y = BOX_WIDTH / 2 + 0.006
+    z = BOX_HEIGHT - 0.002
     lip = (
         *(board((0.012, BOX_WIDTH + 0.024, 0.004), (side * x, 0.0, z), STEEL) for side in (-1, 1)),
         *(board((BOX_LENGTH, 0.012, 0.004), (0.0, side * y, z), STEEL) for side in (-1, 1)),
@@ -125,8 +142,10 @@ class TurkeyLegs(Task):
 
     def scene(self, seed: int) -> Scene:
         """The legs lie in a ring, one behind the other; the ring's angle and small offsets of each leg are random."""
-        draw, random = self.draw(seed), np.random.default_rng(seed)
-        pose, mass = draw.pose("pot", (*POT, 0.0)), draw("leg.mass", 0.06)
+        draw = self.draw(seed)
+        random = np.random.default_rng(seed)
+        pose = draw.pose("pot", (*POT, 0.0))
+        mass = draw("leg.mass", 0.06)
         move = pose @ Pose(-np.array([*POT, 0.0]))
         start = random.uniform(-np.pi, np.pi)
         height = POT_WALL + FACET_RADIUS + 0.0005
@@ -135,7 +154,8 @@ class TurkeyLegs(Task):
             angle = start + i * 2 * np.pi / len(LEGS)
             yaw = angle + np.pi / 2 - 0.15 + random.uniform(-0.02, 0.02)
             shift = 0.016 + random.uniform(-0.001, 0.001)  # along the leg
-            x, y = RING * np.cos(angle) + shift * np.cos(yaw), RING * np.sin(angle) + shift * np.sin(yaw)
+            x = RING * np.cos(angle) + shift * np.cos(yaw)
+            y = RING * np.sin(angle) + shift * np.sin(yaw)
             lies = Pose.xyz_rpy((POT[0] + x, POT[1] + y, height), (0.0, 0.0, yaw))
             legs.append(leg(name, move @ lies, mass))
         box = replace(chefs_box(), pose=draw.pose("box", (*BOX, 0.0)))

@@ -34,12 +34,16 @@ from core.support.templates import fill
 from core.support.text import kind, shorten
 from plugins.actions.waypoints import MOST, STEPS
 
-WORLD, HERE = "world", "here"
+WORLD = "world"
+HERE = "here"
 MAX_GUARDS = 6  # of a plan
 MAX_NEWTONS = 200.0
-MAX_CORRECTED, MAX_BEYOND_M = 50, 0.2
+MAX_CORRECTED = 50
+MAX_BEYOND_M = 0.2
 STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
-MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
+# The arm's limits are lower, and slow the motion.
+MAX_SPEED = 10.0
+MAX_SECONDS = 60.0
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
@@ -145,12 +149,15 @@ class AnchoredPlan(ActionPlan):
     gripper: bool = False
 
     def resolve(self, seen: Seen) -> Waypoints:
-        rows, known, felt = [], seen, [*seen.felt]
+        rows = []
+        known = seen
+        felt = [*seen.felt]
         for number, step in enumerate(self.steps, start=1):
             pose = step.frame(known, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
             rows.append([*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])])
             if step.until:
-                here, poses = (felt.pop(0) if felt else None), dict(known.poses)
+                here = felt.pop(0) if felt else None
+                poses = dict(known.poses)
                 if step.corrects:
                     missed = (here or pose).position - pose.position
                     found = step.corrected(known, pose.position - rows[-2][:3], missed, f"waypoint {number}")
@@ -225,7 +232,8 @@ class AnchoredActions(ActionRepresentation):
 
     def anchor(self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen) -> list[Any]:
         guards = waypoints.guards or (None,) * len(waypoints)
-        steps, rows = [], zip(waypoints.poses, waypoints.grips.tolist(), anchors, guards, strict=True)
+        steps = []
+        rows = zip(waypoints.poses, waypoints.grips.tolist(), anchors, guards, strict=True)
         for number, (row, grip, at, guard) in enumerate(rows, start=1):
             step = Step(
                 (0.0, 0.0, 0.0),

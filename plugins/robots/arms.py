@@ -29,7 +29,9 @@ def _arms() -> dict[str, Any]:
 def _factory(name: str) -> Callable[[], Robot]:
     def make() -> Robot:
         arm = dict(_arms()[name])
-        file, changes, mount = arm.pop("description"), arm.pop("mended", {}), _pose(arm.pop("mount"))
+        file = arm.pop("description")
+        changes = arm.pop("mended", {})
+        mount = _pose(arm.pop("mount"))
         angles: Any = {key: math.radians(degrees) for key, degrees in arm.pop("flange", {}).items()}
         hand = {key: _tuple(value) for key, value in arm.pop("gripper", {}).items()}
         return Robot(

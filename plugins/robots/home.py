@@ -32,9 +32,13 @@ USAGE = (
     "usage: vlmgineer home robot=urdf robot.path=FILE [robot.flange=LINK ...] [at=[x,y,z]]; at: where the flange is to "
     "be in the world, metres"
 )
-_TRIES, _DIGITS = 10, 3  # starts for each way the flange may be turned; of a joint
-_NEAR_M, _NEAR_RAD = 1e-3, 1e-2
-_ROOM, _STRAIGHT = 0.1, 0.08  # share of a joint's range, and a singular value, beyond which more is no better
+_TRIES = 10  # starts for each way the flange may be turned
+_DIGITS = 3  # of a joint
+_NEAR_M = 1e-3
+_NEAR_RAD = 1e-2
+# Share of a joint's range, and a singular value, beyond which more is no better.
+_ROOM = 0.1
+_STRAIGHT = 0.08
 
 
 @dataclass
@@ -59,7 +63,9 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
     Raises:
         UserError: none is found; says what came nearest.
     """
-    arm, found, tried = arm_of(robot), list[tuple[float, Array]](), list[Solution]()
+    arm = arm_of(robot)
+    found = list[tuple[float, Array]]()
+    tried = list[Solution]()
     ends = np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi)
     for goal in _goals(axis, chosen.mount_rpy, at):
         for start in (arm.home, *np.random.default_rng(0).uniform(*ends, (_TRIES, arm.lower.size))):
@@ -104,7 +110,8 @@ def _worth(arm: Arm, robot: Robot, joints: Array) -> float:
     """Rate joints (J,) as a home."""
     room = float((np.minimum(joints - arm.lower, arm.upper - joints) / (arm.upper - arm.lower)).min())
     # Singular values of how the flange's place and direction follow the joints, by differences.
-    here, steps = arm.forward(joints), 1e-4 * np.eye(len(joints))
+    here = arm.forward(joints)
+    steps = 1e-4 * np.eye(len(joints))
     moved = [arm.forward(joints + step) for step in steps]
     ways = [np.r_[to.position - here.position, 0.3 * (to.rotation * here.rotation.inv()).as_rotvec()] for to in moved]
     straight = float(np.linalg.svd(np.array(ways) / 1e-4, compute_uv=False)[-1]) if len(joints) >= 6 else 0.0
@@ -148,7 +155,8 @@ def main(words: list[str]) -> None:
         robot = find_home(*unmounted(description, chosen, anywhere=True), chosen, at)
     except UserError as error:  # a line for each problem
         raise type(error)(str(error).replace(ALSO, "\n- ")) from error
-    arm, home = arm_of(robot), np.array(robot.home)
+    arm = arm_of(robot)
+    home = np.array(robot.home)
     room = np.minimum(home - arm.lower, arm.upper - home)
     place = short_numbers(part.pose.apply(arm.forward(home).position), 3, ", ")
     say(

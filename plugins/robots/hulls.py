@@ -18,7 +18,8 @@ from core.support.sandbox import isolated
 from core.values.descriptions import ONE, Scale
 
 KINDS = (".stl", ".obj", ".dae", ".ply")
-MAX_MB, LIMIT_S = 64, 120
+MAX_MB = 64
+LIMIT_S = 120
 MAX_DRAWN = 100_000  # triangles
 _HEAD = 10_000  # bytes of a Collada file, of which the materials are the first
 _LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
@@ -148,9 +149,11 @@ def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Copy a mesh with at most `MAX_DRAWN` triangles: corners of one cell of a grid become one."""
-    coarse, cells = trimesh.Trimesh(mesh.vertices, mesh.faces), 256
+    coarse = trimesh.Trimesh(mesh.vertices, mesh.faces)
+    cells = 256
     while len(coarse.faces) > MAX_DRAWN:
-        width, cells = mesh.extents.max() / cells, cells // 2
+        width = mesh.extents.max() / cells
+        cells = cells // 2
         coarse = trimesh.Trimesh(np.round(mesh.vertices / width) * width, mesh.faces)  # merges what is equal
         coarse.update_faces(coarse.unique_faces() & (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1))
     return coarse

@@ -56,7 +56,9 @@ def normalised(
     """
     heads = [name for name, joint in description.joints.items() if joint.name in drives or name in detached]
     parts = description.rigid_parts(heads)
-    links, joints, wrong = dict[str, RobotLink](), dict[str, RobotJoint](), Problems()
+    links = dict[str, RobotLink]()
+    joints = dict[str, RobotJoint]()
+    wrong = Problems()
     for head in (description.root, *heads):
         joined = [(description.links[name], pose) for name, (first, pose) in parts.items() if first == head]
         links[head] = wrong.attempt(_joined, head, joined, head == description.root) or RobotLink(head)
@@ -114,7 +116,9 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
 
 def _read_alike(shape: RobotShape, pose: Pose, drawn: bool) -> RobotShape:
     """Place a shape in the frame of another link, with a mesh that every engine reads alike."""
-    color, file, origin = shape.color or _GREY, shape.shape, Origin.of(pose @ shape.origin.pose, DIGITS)
+    color = shape.color or _GREY
+    file = shape.shape
+    origin = Origin.of(pose @ shape.origin.pose, DIGITS)
     if isinstance(file, Path):
         file = visual_file(file, color, shape.scale) if drawn else hull_file(file, shape.scale)
         color = main_color(file) or color if drawn else color

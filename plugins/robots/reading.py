@@ -34,7 +34,8 @@ MOTOR_INERTIA = 0.1  # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.
 _TURN = 2 * math.pi  # a continuous joint turns this far each way: limits are finite everywhere
 _TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
 _UNDER_M = 0.005  # of the middle of the link before the last joint: a flange that looks up is above it
-_JOINTS, _NAMED = 7, 20  # of an arm, at most; names that a message lists
+_JOINTS = 7  # of an arm, at most
+_NAMED = 20  # names that a message lists
 TURNING = ("revolute", "continuous")
 
 
@@ -85,12 +86,14 @@ def unmounted(
     Raises:
         UserError: names all that is wrong with the arm.
     """
-    wrong, description = Problems(), _held(description, chosen.fixed or {})
+    wrong = Problems()
+    description = _held(description, chosen.fixed or {})
     link = _flange(description, chosen.flange)
     arm = [wrong.attempt(_turning, joint) or joint for joint in _arm(description, link)]
     middle = [sum(joint.range) / 2 for joint in arm]
     home = wrong.attempt(_home, middle if anywhere else chosen.home, arm) or tuple(middle)
-    grip, fingers = None, list[RobotJoint]()
+    grip = None
+    fingers = list[RobotJoint]()
     if chosen.gripper is not None and (found := wrong.attempt(_gripper, description, chosen.gripper, link, arm)):
         grip, fingers = found
     drives = {joint.name: joint for joint in (*arm, *fingers)}
@@ -127,7 +130,8 @@ def mounted(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
     Raises:
         UserError: at home the flange does not look down (says which way it is off), or can't be turned so near there.
     """
-    mount, grip = _mount(robot, axis, rpy), robot.gripper
+    mount = _mount(robot, axis, rpy)
+    grip = robot.gripper
     grip = None if grip is None else replace(grip, mount=grip.mount @ mount)
     robot = replace(robot, mount=mount, gripper=grip)
     arm = Arm(robot)
@@ -172,7 +176,8 @@ def _held(description: Description, fixed: Sequence[str] | Mapping[str, float]) 
         if not (math.isfinite(value) if joint.kind == "continuous" else lower <= value <= upper):
             mend = f"give a value, robot.fixed={{{name}:{lower:g}}}"
             raise UserError(f"joint {name!r} can't be held at {value:g}: its limits are {lower:g} to {upper:g}; {mend}")
-        origin, way = joint.origin, value * joint.direction
+        origin = joint.origin
+        way = value * joint.direction
         if value:
             moved = Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way)) if turns else Pose(way)
             origin = Origin.of(origin.pose @ moved, DIGITS)
@@ -198,7 +203,8 @@ def _turning(joint: RobotJoint) -> RobotJoint:
         raise UserError(f"{where} between base and flange mimics another one, which can't be; drive each by itself")
     wrong = Problems()
     ends = (-_TURN, _TURN) if joint.kind == "continuous" else wrong.attempt(_span, joint, "radians")
-    effort, velocity = wrong.attempt(_limit, joint, "effort", "N m"), wrong.attempt(_limit, joint, "velocity", "rad/s")
+    effort = wrong.attempt(_limit, joint, "effort", "N m")
+    velocity = wrong.attempt(_limit, joint, "velocity", "rad/s")
     wrong.report()
     assert ends is not None
     return replace(joint, kind="revolute", limits=Limits(*ends, effort, velocity))
@@ -267,7 +273,8 @@ def _gripper(
     if not 0 < force < math.inf or not 0 <= options.friction < math.inf:
         raise UsageError(f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}")
     limits = Limits(0.0, travel, force, min(_limit(joint, "velocity", "m/s") for joint in driving))
-    links, joints = (left.child, right.child), (left.name, right.name)
+    links = (left.child, right.child)
+    joints = (left.name, right.name)
     made = Gripper(options.link, at.inverse() @ mount, (options.link,), joints, links, travel, force, options.friction)
     return made, [replace(joint, limits=limits) for joint in (left, right)]
 
@@ -334,8 +341,10 @@ def wrist_height(robot: Robot, joints: Array) -> float:
 
     Of a flange that looks down it is above, whatever the flange's own shape and frame. 0: no link has a shape.
     """
-    poses, shapes = link_poses(robot, False, joints), robot_solids(robot, False)
-    last, mount = robot.description.named[robot.arm_joints[-1]], poses[RIGID_MOUNT]
+    poses = link_poses(robot, False, joints)
+    shapes = robot_solids(robot, False)
+    last = robot.description.named[robot.arm_joints[-1]]
+    mount = poses[RIGID_MOUNT]
     for link in robot.description.above(last.parent):
         if middles := [poses[link].apply(solid.bounds()[0]) for solid in shapes if solid.name == link]:
             along = poses[last.child].rotation.apply(last.direction)

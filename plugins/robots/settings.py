@@ -64,7 +64,8 @@ class BoltOptions:
         check_positive("robot.bolts.", circle_m=self.circle_m, count=self.count, disc_m=self.disc_m)
         if not (self.centring_m or 0.0) < self.circle_m < self.disc_m < 1.0:
             raise UsageError("robot.bolts: lengths are diameters in metres, centring_m < circle_m < disc_m")
-        disc, ring = Cylinder(self.disc_m / 2, ISO_9409_1_50.disc.length), (self.circle_m, self.count, self.thread)
+        disc = Cylinder(self.disc_m / 2, ISO_9409_1_50.disc.length)
+        ring = (self.circle_m, self.count, self.thread)
         return Flange(disc, *ring, bolt_angle=self.angle, centring_m=self.centring_m)
 
 

@@ -66,7 +66,8 @@ class Impulses:
 
     def measured(self, recording: Recording) -> Recording:
         """Add the mean forces between instants to a recording, see `core.interfaces.Recording`."""
-        spans, forces = np.diff(recording.times), {}
+        spans = np.diff(recording.times)
+        forces = {}
         for pair in self._sums:
             sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
             forces[pair] = np.append(0.0, np.diff(sums) / spans)

@@ -48,9 +48,13 @@ class Renderer(ABC):
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
         """See `Simulator.render`."""
-        seed, tool = view.get("seed", 0), view.get("tool")
-        arm, fingers, state = view.get("arm"), view.get("fingers"), view.get("state")
-        width, height = view.get("width", 640), view.get("height", 480)
+        seed = view.get("seed", 0)
+        tool = view.get("tool")
+        arm = view.get("arm")
+        fingers = view.get("fingers")
+        state = view.get("state")
+        width = view.get("width", 640)
+        height = view.get("height", 480)
         with _drawing:
             if self._loaded is None or self._loaded[0] is not task or self._loaded[1:] != (seed, tool):
                 self._loaded = None

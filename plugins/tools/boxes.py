@@ -47,7 +47,10 @@ def _positive(value: float, where: str) -> float:
 class BoxTools(ComponentTools):
     """A tool is one field, ``tool_components``: boxes and round shapes."""
 
-    shapes, field, keys, template = tuple(_SIZES), FIELD, _KEYS, "boxes"
+    shapes = tuple(_SIZES)
+    field = FIELD
+    keys = _KEYS
+    template = "boxes"
     shape_schemas = (
         {"shape": {"type": "string", "enum": ["box"]}, "size": TRIPLE},
         {"shape": {"type": "string", "enum": ["cylinder", "capsule"]}, "radius": NUMBER, "length": NUMBER},

@@ -33,7 +33,9 @@ _KEYS = frozenset({"name", "parent", "position", "rpy", "mass", "color"})
 _NO_TURN = [0, 0, 0]
 _JOINT_NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 
-TEXT, NUMBER = {"type": "string"}, {"type": "number"}  # in JSON schemas
+# In JSON schemas.
+TEXT = {"type": "string"}
+NUMBER = {"type": "number"}
 TRIPLE = {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}
 
 # Gets a component and words for its place; returns its shape, and the shape's pose in the frame that the component's
@@ -114,7 +116,8 @@ class ComponentTools(VariedTools):
 
     def _read(self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]) -> Iterator[Component]:
         """Yield components after their parents, each with its pose in its parent's frame."""
-        aliases, own = dict(self.robot.aliases), robot_names(self.robot)
+        aliases = dict(self.robot.aliases)
+        own = robot_names(self.robot)
         known = _KEYS.union(self.keys, ("joint",) if self.joints else ())
         read: dict[str, Component] = {}  # with their poses in the mount's frame
         for number, item in enumerate(items, start=1):
@@ -129,7 +132,8 @@ class ComponentTools(VariedTools):
             shape, at = read_shape(item, where)
             mass = item.get("mass")
             mass = default_mass(shape.volume) if mass is None else read_number(mass, f"{where}: mass")
-            color, pose = _read_color(item, where), pose @ at
+            color = _read_color(item, where)
+            pose = pose @ at
             joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
             read[name] = Component(name, aliases.get(parent, parent), pose, shape, mass, color, joint)
         placed = {mount: Pose() for mount in mounts}
@@ -234,7 +238,8 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
 def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     if joint is None:
         return None
-    axis, at = pose.rotation.apply(joint.axis), rounded(pose.apply(joint.origin))
+    axis = pose.rotation.apply(joint.axis)
+    at = rounded(pose.apply(joint.origin))
     numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
     longest = float(abs(axis).max())  # written as 1, so that what is read again is written the same
     return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
@@ -280,7 +285,9 @@ def rounded_rpy(pose: Pose) -> list[float]:
     roll, pitch, yaw = (float(angle) for angle in pose.rpy)
     if round(abs(pitch), DIGITS) >= 1.57079:
         way = math.copysign(1.0, pitch)
-        roll, pitch, yaw = math.remainder(roll - way * yaw, math.tau), way * math.pi / 2, 0.0
+        roll = math.remainder(roll - way * yaw, math.tau)
+        pitch = way * math.pi / 2
+        yaw = 0.0
     return rounded((roll, pitch, yaw))
 
 

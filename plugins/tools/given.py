@@ -23,7 +23,9 @@ from core.geometry import Box, Pose
 from core.interfaces import GivenTools, Task
 from core.plugins import TOOL
 
-HANDLE, HEAD = (0.72, 0.53, 0.34, 1.0), (0.85, 0.30, 0.20, 1.0)  # colours
+# Colours.
+HANDLE = (0.72, 0.53, 0.34, 1.0)
+HEAD = (0.85, 0.30, 0.20, 1.0)
 
 
 class BareGripper(GivenTools):
@@ -63,7 +65,8 @@ def broom() -> Tool:
 
 def hockey_stick() -> Tool:
     scale = 0.9  # so that it starts clear of the floor
-    heel, center = (0.238 * scale, 0.0, -0.51 * scale), (0.313 * scale, 0.0, -0.51 * scale)
+    heel = (0.238 * scale, 0.0, -0.51 * scale)
+    center = (0.313 * scale, 0.0, -0.51 * scale)
     handle = _bar("handle", heel, (0.021 * scale, 0.011 * scale))
     blade = _on(handle, "blade", center, (0.15 * scale, 0.011 * scale, 0.04 * scale))
     return Tool((handle, blade), name="hockey stick", description="a handle down to a blade 0.135 m long")
@@ -105,7 +108,8 @@ class KnownTools(GivenTools):
     """
 
     def __init__(self, file: str, of: str | dict[str, Any] = "urdf") -> None:
-        self._file, self._of = Path(file), of
+        self._file = Path(file)
+        self._of = of
         self._tool: Tool | None = None
 
     def given(self, task: Task) -> Tool:

@@ -20,7 +20,8 @@ _MEET_M = 0.0005  # fingers nearer than this meet
 
 def describe_mount(brief: Brief) -> str:
     """Write which links the tool hangs from, where their axes point, and what must be touched."""
-    robot, upright = brief.task.robot, np.allclose(brief.task.home.rpy, 0.0, atol=1e-3)
+    robot = brief.task.robot
+    upright = np.allclose(brief.task.home.rpy, 0.0, atol=1e-3)
     if not brief.gripper:
         return _write("mount", gripper=False, robot=robot, upright=upright)
     gap = finger_gap(robot)
@@ -60,7 +61,8 @@ def first_box(brief: Brief) -> tuple[str, str, Array, Array]:
         size = np.array([0.02, 0.02, 0.1])
         return RIGID_MOUNT, "shaft", size, np.array([0.0, 0.0, -(robot.flange.disc.length + size[2]) / 2])
     finger = fingers_of(robot)[0]
-    out, down = np.abs(finger.opens), np.abs(finger.tip)
+    out = np.abs(finger.opens)
+    down = np.abs(finger.tip)
     size = 0.02 * (1 - out - down) + 0.015 * out + 0.04 * down
     at = np.mean(finger.extent, axis=0) * (1 - out - down)
     at += out * finger.face(-finger.opens) + 0.0075 * finger.opens + down * finger.face(finger.tip)

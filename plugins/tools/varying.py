@@ -13,9 +13,14 @@ from core.interfaces import Numbers, ToolRepresentation
 from core.robot.solids import closest, solids_of
 from core.values.plans import content_of
 
-GROWTH, MOST_GROWTH = 0.1, 1.0  # of a side, as a logarithm
-SLIDE_M, MOST_SLIDE_M = 0.01, 0.2  # along the parent's surface, or into it
-TURN_RAD, MOST_TURN_RAD = 0.05, 0.5
+# Of a side, as a logarithm.
+GROWTH = 0.1
+MOST_GROWTH = 1.0
+# Along the parent's surface, or into it.
+SLIDE_M = 0.01
+MOST_SLIDE_M = 0.2
+TURN_RAD = 0.05
+MOST_TURN_RAD = 0.5
 
 
 def tool_numbers(design: Tool) -> Numbers:
@@ -61,7 +66,9 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
     """
     if design.bearers or _structure(design) != _structure(other):
         return None
-    values, old, new = [], {c.name: c for c in design.components}, {c.name: c for c in other.components}
+    values = []
+    old = {c.name: c for c in design.components}
+    new = {c.name: c for c in other.components}
     for component, after in zip(design.components, other.components, strict=True):
         slide = np.zeros(3)
         if component.parent in old:

@@ -9,25 +9,32 @@ from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
 
-LENGTH, WIDTH, HEIGHT, WALL = 0.18, 0.13, 0.105, 0.008  # inside the box
+# Inside the box.
+LENGTH = 0.18
+WIDTH = 0.13
+HEIGHT = 0.105
+WALL = 0.008
 MAT = 0.002  # thickness
 OPENING = LENGTH / 2  # x of it in the box's frame
 OUT = OPENING + 0.03  # x of a cube's middle that is out
-TOLERANCE, NEAR = 0.015, 0.05  # of the cube's middle, m
-RAISED, STILL_M_S = 0.006, 0.05  # a cube that is higher than it lay, or faster, was not left
+# Of the cube's middle, m.
+TOLERANCE = 0.015
+NEAR = 0.05
+# A cube that is higher than it lay, or faster, was not left.
+RAISED = 0.006
+STILL_M_S = 0.05
 
 RUBBER = (0.20, 0.21, 0.23, 1.0)
-WOOD, GLASS, RED, GREEN = (
-    (0.66, 0.47, 0.29, 1.0),
-    (0.62, 0.80, 0.86, 0.35),
-    (0.80, 0.20, 0.17, 1.0),
-    (0.25, 0.62, 0.35, 1.0),
-)
+WOOD = (0.66, 0.47, 0.29, 1.0)
+GLASS = (0.62, 0.80, 0.86, 0.35)
+RED = (0.80, 0.20, 0.17, 1.0)
+GREEN = (0.25, 0.62, 0.35, 1.0)
 
 
 def garage(pose: Pose) -> Body:
     """A fixed box with a roof, without a wall at +x, on a mat; its frame is on the table, in its middle."""
-    side, back = (LENGTH + WALL, WALL, HEIGHT), (WALL, WIDTH, HEIGHT)
+    side = (LENGTH + WALL, WALL, HEIGHT)
+    back = (WALL, WIDTH, HEIGHT)
     parts = (
         board(side, (-WALL / 2, (WIDTH + WALL) / 2, HEIGHT / 2), WOOD),
         board(side, (-WALL / 2, -(WIDTH + WALL) / 2, HEIGHT / 2), GLASS),
@@ -84,8 +91,10 @@ class AroundCorner(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        pose, side = draw.pose("box", (0.46, 0.0, 0.0)), draw("cube.side", 0.04)
-        x, y = draw("cube.gap", 0.065) - LENGTH / 2, draw("cube.y", 0.0)
+        pose = draw.pose("box", (0.46, 0.0, 0.0))
+        side = draw("cube.side", 0.04)
+        x = draw("cube.gap", 0.065) - LENGTH / 2
+        y = draw("cube.y", 0.0)
         lies = pose @ Pose.xyz_rpy((x, y, MAT + side / 2), (0.0, 0.0, draw("cube.yaw", 0.0)))
         cube = Body.of(
             "cube",

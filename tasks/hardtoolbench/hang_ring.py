@@ -7,14 +7,21 @@ from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Mesh, Pos
 from core.values.joints import rotate
 from core.values.layouts import around, within
 
-PEG, PEG_WIDTH, LIP = 0.1, 0.01, 0.012  # length, width and height, and the height of the lip at its tip
+# Length, width and height, and the height of the lip at its tip.
+PEG = 0.1
+PEG_WIDTH = 0.01
+LIP = 0.012
 HANGS = 0.05  # from the peg's root to the ring, m
-SECTION, AXIAL = 0.01, 0.012  # of the ring, along its radius and its axis
+# Of the ring, along its radius and its axis.
+SECTION = 0.01
+AXIAL = 0.012
 PIECES = 16
 INNER = (0.034, 0.046)  # inner radius of the ring, m
 SWINGS = 0.1  # m/s; a ring that hangs may sway a little
 SINKS = 0.002  # m; an engine may let the ring sink so far into its peg
-STEEL, WOOD, GREEN = (0.48, 0.50, 0.54, 1.0), (0.66, 0.47, 0.29, 1.0), (0.25, 0.62, 0.35, 1.0)
+STEEL = (0.48, 0.50, 0.54, 1.0)
+WOOD = (0.66, 0.47, 0.29, 1.0)
+GREEN = (0.25, 0.62, 0.35, 1.0)
 RED = (0.80, 0.20, 0.17, 1.0)
 
 
@@ -30,7 +37,8 @@ def post(name: str, pose: Pose, height: float, color: Color) -> tuple[Body, Body
 
 def ring(pose: Pose, inner: float, mass: float) -> Body:
     """A ring around x, of convex pieces."""
-    outer, half = inner + SECTION, AXIAL / 2
+    outer = inner + SECTION
+    half = AXIAL / 2
     stretch = 1 / np.cos(np.pi / PIECES)
     pieces = []
     for i in range(PIECES):
@@ -75,7 +83,8 @@ class HangRing(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        place_a, place_b = draw.pose("post_a", (0.62, -0.2, 0.0)), draw.pose("post_b", (0.62, 0.2, 0.0))
+        place_a = draw.pose("post_a", (0.62, -0.2, 0.0))
+        place_b = draw.pose("post_b", (0.62, 0.2, 0.0))
         post_a, peg_a = post("a", place_a, draw("post_a.height", 0.28), STEEL)
         post_b, peg_b = post("b", place_b, draw("post_b.height", 0.28), GREEN)
         inner = draw("ring.inner", 0.04)
@@ -87,7 +96,8 @@ class HangRing(Task):
         """Up to 0.15 on the way to the second peg, 0.6 with the peg through the ring's hole, 1 if let go and at rest;
         nothing for a ring touched by hand or arm, or one that fell."""
         assert trace is not None
-        root, middle = end.position("peg_b"), end.position("ring")
+        root = end.position("peg_b")
+        middle = end.position("ring")
         reach, beside, slope = self.crossing(end, "peg_b")
         inner = np.clip(self.crossing(start, "peg_a")[1], *INNER)  # at the start it hangs by its inner radius
         around_it = (reach > 0) & (reach < PEG) & (beside < inner + SINKS) & (np.abs(slope) > 0.5)
@@ -106,8 +116,10 @@ class HangRing(Task):
     def crossing(state: State, peg: str) -> tuple[Array, Array, Array]:
         """Where the line of a peg's upper face crosses the ring's plane: how far from the peg's root and from the
         ring's middle, m, and the cosine of the angle between peg and ring's axis, (...) each."""
-        root, along = state.position(peg), rotate(state.quaternion(peg), np.array([-1.0, 0.0, 0.0]))
-        middle, axis = state.position("ring"), rotate(state.quaternion("ring"), np.array([1.0, 0.0, 0.0]))
+        root = state.position(peg)
+        along = rotate(state.quaternion(peg), np.array([-1.0, 0.0, 0.0]))
+        middle = state.position("ring")
+        axis = rotate(state.quaternion("ring"), np.array([1.0, 0.0, 0.0]))
         slope = (along * axis).sum(axis=-1)
         reach = ((middle - root) * axis).sum(axis=-1) / np.where(np.abs(slope) < 0.1, np.inf, slope)
         return reach, np.linalg.norm(root + reach[..., None] * along - middle, axis=-1), slope

@@ -8,16 +8,26 @@ from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
 
-SIDE, STEM = 0.028, 0.05  # of the plug's stem: square section and height
-NECK, NECK_HEIGHT = 0.014, 0.02
-HEAD, HEAD_HEIGHT = 0.15, 0.09
-DEPTH, BOTTOM = 0.04, 0.01  # of the socket's hole, and the thickness of its bottom
-CHAMFER, SLOPE = 0.004, 0.007  # of the hole's mouth: width and height
+# Of the plug's stem: square section and height.
+SIDE = 0.028
+STEM = 0.05
+NECK = 0.014
+NECK_HEIGHT = 0.02
+HEAD = 0.15
+HEAD_HEIGHT = 0.09
+# Of the socket's hole, and the thickness of its bottom.
+DEPTH = 0.04
+BOTTOM = 0.01
+# Of the hole's mouth: width and height.
+CHAMFER = 0.004
+SLOPE = 0.007
 OUTER = 0.1  # side of the socket
 SPARE = 0.005
 DEEP = DEPTH - SPARE  # the plug is in
 
-BLUE, GREY, DARK = (0.20, 0.38, 0.70, 1.0), (0.62, 0.64, 0.67, 1.0), (0.30, 0.32, 0.35, 1.0)
+BLUE = (0.20, 0.38, 0.70, 1.0)
+GREY = (0.62, 0.64, 0.67, 1.0)
+DARK = (0.30, 0.32, 0.35, 1.0)
 GREEN = (0.30, 0.60, 0.38, 1.0)
 
 
@@ -33,7 +43,8 @@ def plug(pose: Pose, mass: float, friction: float) -> Body:
 
 def block(name: str, pose: Pose, hole: float, depth: float, chamfer: float, color: Color) -> Body:
     """A fixed block with a square hole, down to the table; its frame is in the middle of the hole's mouth."""
-    height, slope = pose.position[2], SLOPE * chamfer / CHAMFER
+    height = pose.position[2]
+    slope = SLOPE * chamfer / CHAMFER
     wall = (OUTER - hole) / 2 - chamfer
     parts = [board((OUTER, OUTER, height - depth), (0.0, 0.0, -(depth + height) / 2), color)]
     for side in range(4):
@@ -42,7 +53,8 @@ def block(name: str, pose: Pose, hole: float, depth: float, chamfer: float, colo
         place = turn @ Pose.xyz_rpy(((OUTER - wall) / 2, 0.0, -depth / 2))
         parts.append(Geom(Box((wall, length, depth)), place, color))
         if chamfer:
-            near, far = hole / 2, hole / 2 + chamfer
+            near = hole / 2
+            far = hole / 2 + chamfer
             outline = ((near, -depth), (far, -depth), (far, 0.0), (near, -slope))
             points = np.array([(x, y, z) for x, z in outline for y in (-far, far)])
             parts.append(Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(points)), turn, DARK))
@@ -97,7 +109,8 @@ class InsertPlug(Task):
 
     def reward(self, start: State, end: State) -> Array:
         """Up to 0.15 for the way to above the hole, the rest by depth in it; nothing for a plug that is not upright."""
-        there, plug = end.position("socket"), end.position("plug")
+        there = end.position("socket")
+        plug = end.position("plug")
         off = np.linalg.norm((plug - there)[..., :2], axis=-1)
         whole = np.linalg.norm((start.position("plug") - there)[..., :2], axis=-1)
         depth = (there - plug)[..., 2]

@@ -6,14 +6,21 @@ from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, Sta
 from core.values.joints import rotate
 from core.values.layouts import around, within
 
-LENGTH, WIDTH, HEIGHT = 0.28, 0.28, 0.18  # of the stone
+# Of the stone.
+LENGTH = 0.28
+WIDTH = 0.28
+HEIGHT = 0.18
 SLAB = 0.05  # height of the slab that it lies on
 OVERHANG = 0.05  # of the stone's near edge
-BAR_TOP, BAR_RADIUS = 0.03, 0.012  # of the fulcrum
+# Of the fulcrum.
+BAR_TOP = 0.03
+BAR_RADIUS = 0.012
 RAISED = (0.025, 0.04)  # how far the near edge must be raised, m
 KEPT = 0.02  # how far the far edge may slide, m
 
-GRANITE, SLATE, STEEL = (0.62, 0.58, 0.56, 1.0), (0.36, 0.38, 0.42, 1.0), (0.25, 0.42, 0.62, 1.0)
+GRANITE = (0.62, 0.58, 0.56, 1.0)
+SLATE = (0.36, 0.38, 0.42, 1.0)
+STEEL = (0.25, 0.42, 0.62, 1.0)
 
 
 def fulcrum(pose: Pose) -> Body:
@@ -69,9 +76,12 @@ class LeverStone(Task):
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
         pose = draw.pose("fulcrum", (0.75, 0.0, 0.0))
-        x, y = draw("gap", 0.05) + LENGTH / 2, draw("stone.y", 0.0)
-        lies, under = pose @ Pose.xyz_rpy((x, y, SLAB + HEIGHT / 2)), pose @ Pose.xyz_rpy((x + OVERHANG, y, SLAB / 2))
-        mass, friction = draw("stone.mass", 38.0), draw("stone.friction", 0.75)
+        x = draw("gap", 0.05) + LENGTH / 2
+        y = draw("stone.y", 0.0)
+        lies = pose @ Pose.xyz_rpy((x, y, SLAB + HEIGHT / 2))
+        under = pose @ Pose.xyz_rpy((x + OVERHANG, y, SLAB / 2))
+        mass = draw("stone.mass", 38.0)
+        friction = draw("stone.friction", 0.75)
         stone = Geom(Box((LENGTH, WIDTH, HEIGHT)), color=GRANITE)
         slab = Geom(Box((LENGTH, WIDTH, SLAB)), color=SLATE)
         return Scene(

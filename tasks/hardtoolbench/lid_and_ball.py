@@ -9,22 +9,29 @@ from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board, round_wall
 
-POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.095, 0.16, 0.006, 0.006
-CUP_RADIUS, CUP_HEIGHT = 0.009, 0.04  # of the post in the pot, above its floor; its top is a ring
+POT_RADIUS = 0.095
+POT_HEIGHT = 0.16
+WALL = 0.006
+FLOOR = 0.006
+# Of the post in the pot, above its floor; its top is a ring.
+CUP_RADIUS = 0.009
+CUP_HEIGHT = 0.04
 BALL_RADIUS = 0.022
-LID_RADIUS, LID_THICKNESS = 0.108, 0.008
-BRIDGE, BRIDGE_HEIGHT = 0.08, 0.04  # the lid's handle, a bar on two posts
-BOWL_RADIUS, BOWL_HEIGHT = 0.045, 0.035
+LID_RADIUS = 0.108
+LID_THICKNESS = 0.008
+# The lid's handle, a bar on two posts.
+BRIDGE = 0.08
+BRIDGE_HEIGHT = 0.04
+BOWL_RADIUS = 0.045
+BOWL_HEIGHT = 0.035
 ASIDE = (0.13, 0.25)  # of the lid's middle from the pot's, m: from the first on it counts, from the second on fully
 STILL_M_S = 0.05
 GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
 
-IRON, TIN, YELLOW, CLAY = (
-    (0.30, 0.34, 0.40, 1.0),
-    (0.62, 0.65, 0.70, 1.0),
-    (0.93, 0.72, 0.20, 1.0),
-    (0.72, 0.42, 0.30, 1.0),
-)
+IRON = (0.30, 0.34, 0.40, 1.0)
+TIN = (0.62, 0.65, 0.70, 1.0)
+YELLOW = (0.93, 0.72, 0.20, 1.0)
+CLAY = (0.72, 0.42, 0.30, 1.0)
 
 
 @cache
@@ -38,14 +45,16 @@ def vessel(radius: float, height: float, color: Color) -> tuple[Geom, ...]:
 @cache
 def cup() -> tuple[Geom, ...]:
     """The post that the ball stands on, with a ring on top; its frame is that of the pot."""
-    top, ring = FLOOR + CUP_HEIGHT, 0.004
+    top = FLOOR + CUP_HEIGHT
+    ring = 0.004
     post = Geom(Cylinder(CUP_RADIUS, CUP_HEIGHT - ring), Pose.xyz_rpy((0.0, 0.0, (FLOOR + top - ring) / 2)), TIN)
     return post, *round_wall((0.007, 0.007), (CUP_RADIUS, CUP_RADIUS), top - ring, top, TIN, 8)
 
 
 def lid(pose: Pose, mass: float, friction: float) -> Body:
     """A flat lid with a bridge across its middle, along y; its frame is in the middle of the plate."""
-    thick, post = 0.008, BRIDGE_HEIGHT - 0.008
+    thick = 0.008
+    post = BRIDGE_HEIGHT - 0.008
     plate = Geom(Cylinder(LID_RADIUS, LID_THICKNESS), color=TIN)
     posts = (
         board((thick, thick, post), (0.0, side * (BRIDGE - thick) / 2, (LID_THICKNESS + post) / 2), IRON)
@@ -101,7 +110,8 @@ class LidAndBall(Task):
         draw = self.draw(seed)
         pose = draw.pose("pot", (0.54, 0.0, 0.0))
         turned = Pose.xyz_rpy((0.0, 0.0, POT_HEIGHT + LID_THICKNESS / 2), (0.0, 0.0, draw("lid.yaw", 0.0)))
-        parts, bowl = (*vessel(POT_RADIUS, POT_HEIGHT, IRON), *cup()), vessel(BOWL_RADIUS, BOWL_HEIGHT, CLAY)
+        parts = (*vessel(POT_RADIUS, POT_HEIGHT, IRON), *cup())
+        bowl = vessel(BOWL_RADIUS, BOWL_HEIGHT, CLAY)
         stands = pose.apply((0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - 0.007**2) + 1e-4))
         ball = Body.of(
             "ball", Sphere(BALL_RADIUS), stands, mass=draw("ball.mass", 0.05), color=YELLOW, rolling_friction=5e-4

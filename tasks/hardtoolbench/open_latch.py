@@ -7,19 +7,37 @@ from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
 
-WIDTH, BOTTOM, TOP = 0.21, 0.014, 0.186  # of the door, and the heights of its lower and upper edge
-DEPTH, WALL, GAP = 0.2, 0.012, 0.002  # of the cabinet, and its clearance round the door
-FRONT, CAVITY, BACK = 0.006, 0.016, 0.004  # the door's layers, from its face
-SLOT_WIDTH, SLOT_HEIGHT, UNDERCUT = 0.06, 0.014, 0.014  # of the slot, and how far the cavity goes up behind its edge
-OPEN, BEYOND = 0.9, 0.1  # rad; the goal is so far beyond what counts as open
-GLASS_RADIUS, GLASS_HEIGHT = 0.028, 0.11
+# Of the door, and the heights of its lower and upper edge.
+WIDTH = 0.21
+BOTTOM = 0.014
+TOP = 0.186
+# Of the cabinet, and its clearance round the door.
+DEPTH = 0.2
+WALL = 0.012
+GAP = 0.002
+# The door's layers, from its face.
+FRONT = 0.006
+CAVITY = 0.016
+BACK = 0.004
+# Of the slot, and how far the cavity goes up behind its edge.
+SLOT_WIDTH = 0.06
+SLOT_HEIGHT = 0.014
+UNDERCUT = 0.014
+OPEN = 0.9  # rad
+BEYOND = 0.1  # the goal is so far beyond what counts as open
+GLASS_RADIUS = 0.028
+GLASS_HEIGHT = 0.11
 
-OAK, PINE, BLUE = (0.55, 0.38, 0.24, 1.0), (0.80, 0.64, 0.44, 1.0), (0.55, 0.80, 0.90, 0.5)
+OAK = (0.55, 0.38, 0.24, 1.0)
+PINE = (0.80, 0.64, 0.44, 1.0)
+BLUE = (0.55, 0.80, 0.90, 0.5)
 
 
 def cabinet(pose: Pose) -> Body:
     """A fixed cabinet whose walls frame the door; its frame is on the table below the hinge."""
-    middle, wide, inside = -WIDTH / 2, WIDTH + 2 * (GAP + WALL), TOP - BOTTOM + 2 * GAP
+    middle = -WIDTH / 2
+    wide = WIDTH + 2 * (GAP + WALL)
+    inside = TOP - BOTTOM + 2 * GAP
     parts = (
         *(board((DEPTH, wide, WALL), (DEPTH / 2, middle, z), OAK) for z in (WALL / 2, TOP + GAP + WALL / 2)),
         *(
@@ -33,13 +51,19 @@ def cabinet(pose: Pose) -> Body:
 
 def door(pose: Pose, mass: float, radius: float, height: float) -> Body:
     """A door with a slot into a cavity that is higher; its frame is in the middle of the slot, at the face."""
-    right, left, low, high = radius - WIDTH, radius, BOTTOM - height, TOP - height
+    right = radius - WIDTH
+    left = radius
+    low = BOTTOM - height
+    high = TOP - height
     parts = [board((BACK, WIDTH, high - low), (FRONT + CAVITY + BACK / 2, (left + right) / 2, (low + high) / 2), PINE)]
     for at, depth, top in ((0.0, FRONT, SLOT_HEIGHT / 2), (FRONT, CAVITY, SLOT_HEIGHT / 2 + UNDERCUT)):
-        x, half = at + depth / 2, SLOT_WIDTH / 2
+        x = at + depth / 2
+        half = SLOT_WIDTH / 2
         rows = ((low, -SLOT_HEIGHT / 2), (top, high))
         parts += [board((depth, WIDTH, b - a), (x, (left + right) / 2, (a + b) / 2), PINE) for a, b in rows]
-        sides, a, b = ((right, -half), (half, left)), -SLOT_HEIGHT / 2, top
+        sides = ((right, -half), (half, left))
+        a = -SLOT_HEIGHT / 2
+        b = top
         parts += [board((depth, r - q, b - a), (x, (q + r) / 2, (a + b) / 2), PINE) for q, r in sides]
     return Body("door", pose, mass, tuple(parts), tuple(parts), friction=0.2)
 
@@ -86,7 +110,9 @@ class OpenLatch(Task):
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
         pose = draw.pose("cabinet", (0.64, 0.0, 0.0)) @ Pose.xyz_rpy((0.0, WIDTH / 2, 0.0))
-        radius, height, angle = draw("slot.radius", 0.16), draw("slot.z", 0.115), draw("glass.angle", 1.65)
+        radius = draw("slot.radius", 0.16)
+        height = draw("slot.z", 0.115)
+        angle = draw("glass.angle", 1.65)
         leaf = door(pose @ Pose.xyz_rpy((0.0, -radius, height)), draw("door.mass", 1.0), radius, height)
         stands = pose.apply((-0.19 * np.sin(angle), -0.19 * np.cos(angle), GLASS_HEIGHT / 2 + 1e-4))
         glass = Body.of("glass", Cylinder(GLASS_RADIUS, GLASS_HEIGHT), stands, mass=0.15, color=BLUE)

@@ -7,12 +7,20 @@ from core.values.layouts import around, within
 from tasks.assets import board, revolved
 
 FRONT = (0.67, 0.0)  # x, y of the middle of the cupboard's front edge; its x axis points inward
-DEPTH, WIDTH, CLEAR, WALL = 0.3, 0.52, 0.24, 0.014  # inside; the roof's lower face is at the clear height
-GLASS_RADIUS, GLASS_HEIGHT = 0.024, 0.16
-TIN_RADIUS, TIN_HEIGHT = 0.0425, 0.1
-GATE, ROW_X = 0.152, 0.06  # between the middles of the two glasses in front of the tin; where their row stands
+# Inside; the roof's lower face is at the clear height.
+DEPTH = 0.3
+WIDTH = 0.52
+CLEAR = 0.24
+WALL = 0.014
+GLASS_RADIUS = 0.024
+GLASS_HEIGHT = 0.16
+TIN_RADIUS = 0.0425
+TIN_HEIGHT = 0.1
+GATE = 0.152  # between the middles of the two glasses in front of the tin
+ROW_X = 0.06  # where their row stands
 GLASSES = tuple(f"glass_{i}" for i in range(1, 7))
-NUDGED_M, SHOVED_M = 0.005, 0.03  # a glass that the tin moves less counts as left alone; from here on nothing is earned
+NUDGED_M = 0.005  # a glass that the tin moves less counts as left alone
+SHOVED_M = 0.03  # from here on nothing is earned
 
 OAK: Color = (0.62, 0.44, 0.27, 1.0)
 PANE: Color = (0.75, 0.86, 0.90, 0.18)
@@ -21,7 +29,8 @@ GLASS: Color = (0.45, 0.72, 0.85, 0.55)
 
 def cupboard(pose: Pose) -> Body:
     """Two sides and a back of oak and a glass roof, open toward the robot."""
-    height, side = CLEAR + WALL, (WIDTH + WALL) / 2
+    height = CLEAR + WALL
+    side = (WIDTH + WALL) / 2
     walls = (
         *(board((DEPTH, WALL, height), (DEPTH / 2, sign * side, height / 2), OAK) for sign in (-1, 1)),
         board((WALL, WIDTH + 2 * WALL, height), (DEPTH + WALL / 2, 0.0, height / 2), OAK),
@@ -31,7 +40,8 @@ def cupboard(pose: Pose) -> Body:
 
 
 def glass(name: str, pose: Pose) -> Body:
-    half, inside = GLASS_HEIGHT / 2, GLASS_RADIUS - 0.002
+    half = GLASS_HEIGHT / 2
+    inside = GLASS_RADIUS - 0.002
     outline = [(0, -half), (GLASS_RADIUS, -half), (GLASS_RADIUS, half), (inside, half), (inside, 0.012 - half)]
     looks = (revolved([*outline, (0, 0.012 - half)], GLASS, 40),)
     return Body(name, pose, 0.12, looks, (Geom(Cylinder(GLASS_RADIUS, GLASS_HEIGHT)),), friction=0.4)
@@ -85,8 +95,12 @@ class PastGlasses(Task):
     def scene(self, seed: int) -> Scene:
         """All places but the cupboard's are in its frame; those in ``y`` are from the middle of the gate or the tin."""
         draw = self.draw(seed)
-        frame, gate, half = draw.pose("cupboard", (*FRONT, 0.0)), draw("gate.y", 0.0), draw("gate.width", GATE) / 2
-        tin_x, tin_y, radius = draw("tin.x", 0.185), gate + draw("tin.y", 0.0), draw("tin.radius", TIN_RADIUS)
+        frame = draw.pose("cupboard", (*FRONT, 0.0))
+        gate = draw("gate.y", 0.0)
+        half = draw("gate.width", GATE) / 2
+        tin_x = draw("tin.x", 0.185)
+        tin_y = gate + draw("tin.y", 0.0)
+        radius = draw("tin.radius", TIN_RADIUS)
         row = [(ROW_X, gate + side * (half + out)) for out, side in ((0.085, 1), (0.0, 1), (0.0, -1), (0.085, -1))]
         beside = [(0.21, tin_y + side * 0.115) for side in (1, -1)]
         glasses = []

@@ -8,11 +8,25 @@ from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, S
 from core.values.layouts import around, within
 from tasks.assets import board, revolved, round_wall
 
-CRUCIBLE, BOWL = (0.74, -0.18), (0.73, 0.15)  # x and y of their middles
-STAND, SEAT = 0.135, 0.008  # height of the block under the crucible, and of the rim around its foot
-INSIDE, OUTSIDE, HEIGHT, WALL = 0.042, 0.05, 0.06, 0.006
-COLLAR, COLLAR_LOW, COLLAR_TOP = 0.072, 0.034, 0.042  # of the crucible: radius, lower and upper face
-BOWL_INSIDE, BOWL_RADIUS, BOWL_HEIGHT, CHINA_WALL = 0.05, 0.075, 0.055, 0.005  # radius at the bottom and at the top
+# X and y of their middles.
+CRUCIBLE = (0.74, -0.18)
+BOWL = (0.73, 0.15)
+# Height of the block under the crucible, and of the rim around its foot.
+STAND = 0.135
+SEAT = 0.008
+INSIDE = 0.042
+OUTSIDE = 0.05
+HEIGHT = 0.06
+WALL = 0.006
+# Of the crucible: radius, lower and upper face.
+COLLAR = 0.072
+COLLAR_LOW = 0.034
+COLLAR_TOP = 0.042
+# Radius at the bottom and at the top.
+BOWL_INSIDE = 0.05
+BOWL_RADIUS = 0.075
+BOWL_HEIGHT = 0.055
+CHINA_WALL = 0.005
 GRAIN = 0.007
 RINGS = ((0.0, 1), (0.0152, 6), (0.0298, 12))  # of grains on the crucible's bottom: radius and number
 GRAINS = tuple(f"grain_{i}" for i in range(1, sum(count for _, count in RINGS) + 1))
@@ -35,14 +49,17 @@ def crucible() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
     bottom = Geom(Cylinder(OUTSIDE, WALL), Pose(np.array([0.0, 0.0, WALL / 2])), IRON)
     outside = [(OUTSIDE, 0.0), (OUTSIDE, COLLAR_LOW), (COLLAR, COLLAR_LOW), (COLLAR, COLLAR_TOP), (OUTSIDE, COLLAR_TOP)]
     outline = [(0.0, 0.0), *outside, (OUTSIDE, HEIGHT), (INSIDE, HEIGHT), (INSIDE, WALL), (0.0, WALL)]
-    wall, collar = ring(INSIDE, OUTSIDE, WALL, HEIGHT, IRON), ring(INSIDE, COLLAR, COLLAR_LOW, COLLAR_TOP, IRON)
+    wall = ring(INSIDE, OUTSIDE, WALL, HEIGHT, IRON)
+    collar = ring(INSIDE, COLLAR, COLLAR_LOW, COLLAR_TOP, IRON)
     return (revolved(outline, IRON),), (bottom, *wall, *collar)
 
 
 @cache
 def stand(height: float) -> tuple[Geom, ...]:
     """A block with a low rim that keeps the crucible from being pushed off; the frame is where the crucible stands."""
-    width, rim = 2 * (OUTSIDE + 0.009), OUTSIDE + 0.006  # of the block, and the middle of the rim's bars
+    # Of the block, and the middle of the rim's bars.
+    width = 2 * (OUTSIDE + 0.009)
+    rim = OUTSIDE + 0.006
     along = [board((width, 0.006, SEAT), (0.0, side * rim, SEAT / 2), STONE) for side in (-1, 1)]
     across = [board((0.006, width, SEAT), (side * rim, 0.0, SEAT / 2), STONE) for side in (-1, 1)]
     return (board((width, width, height), (0.0, 0.0, -height / 2), STONE), *along, *across)
@@ -53,7 +70,8 @@ def bowl() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
     outer = (BOWL_INSIDE + CHINA_WALL, BOWL_RADIUS + CHINA_WALL)
     bottom = Geom(Cylinder(outer[0], CHINA_WALL), Pose(np.array([0.0, 0.0, CHINA_WALL / 2])), CHINA)
     wall = round_wall((BOWL_INSIDE, BOWL_RADIUS), outer, CHINA_WALL, BOWL_HEIGHT, CHINA, 12)
-    outside, inside = [(0.0, 0.0), (outer[0], 0.0), (outer[1], BOWL_HEIGHT)], [(BOWL_RADIUS, BOWL_HEIGHT)]
+    outside = [(0.0, 0.0), (outer[0], 0.0), (outer[1], BOWL_HEIGHT)]
+    inside = [(BOWL_RADIUS, BOWL_HEIGHT)]
     return (revolved([*outside, *inside, (BOWL_INSIDE, CHINA_WALL), (0.0, CHINA_WALL)], CHINA),), (bottom, *wall)
 
 
@@ -98,9 +116,11 @@ class PourGrains(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        height, mass = draw("stand.height", STAND), draw("grain.mass", 0.002)
+        height = draw("stand.height", STAND)
+        mass = draw("grain.mass", 0.002)
         place = draw.pose("crucible", (*CRUCIBLE, height))
-        friction, looks = draw("grain.friction", 0.3), (Geom(Sphere(GRAIN), color=MAIZE),)
+        friction = draw("grain.friction", 0.3)
+        looks = (Geom(Sphere(GRAIN), color=MAIZE),)
         grains: list[Body] = []
         for radius, count in RINGS:
             for angle in np.arange(count) * 2 * np.pi / count:

@@ -7,12 +7,25 @@ from core.values.layouts import around, within
 from tasks.assets import board
 
 PLACE = (0.68, 0.0)  # of the track's frame: x points across it and away from the robot, y back to where the carts start
-TOP, TRACK = 0.06, 0.04  # height of the track and half its width
-START, END = 0.66, -0.34  # ends of the track along its y; beyond the second is the bin
-DECK, LID, PANE = -0.1, 0.115, 0.006  # near edge of the deck before the track; height and thickness of the lid
-TRAY, TRAY_FLOOR, FAR = (0.055, 0.2), 0.03, 0.2  # x inside the tray; its floor; the far wall
-SIDE, HEIGHT = 0.05, 0.024  # of a cart
-SPEED, AT, GAP = 0.2, 0.4, 0.155  # of the carts; where the blue one starts; from one cart to the next
+# Height of the track and half its width.
+TOP = 0.06
+TRACK = 0.04
+# Ends of the track along its y; beyond the second is the bin.
+START = 0.66
+END = -0.34
+# Near edge of the deck before the track; height and thickness of the lid.
+DECK = -0.1
+LID = 0.115
+PANE = 0.006
+TRAY = (0.055, 0.2)  # x inside the tray
+TRAY_FLOOR = 0.03  # its floor
+FAR = 0.2  # the far wall
+# Of a cart:
+SIDE = 0.05
+HEIGHT = 0.024
+SPEED = 0.2  # of the carts
+AT = 0.4  # where the blue one starts
+GAP = 0.155  # from one cart to the next
 STILL_M_S = 0.02
 
 BLUE: Color = (0.16, 0.36, 0.76, 1.0)
@@ -24,7 +37,9 @@ GLASS: Color = (0.75, 0.86, 0.92, 0.22)
 
 def machine(pose: Pose) -> Body:
     """What stands around the track: a deck on this side, a tray on the far side, a bin at the end, a lid over it."""
-    length, middle, wall = START - END, (START + END) / 2, 0.01
+    length = START - END
+    middle = (START + END) / 2
+    wall = 0.01
     tray = FAR - TRACK
     parts = (
         board((-DECK - TRACK, length, TOP), ((DECK - TRACK) / 2, middle, TOP / 2), STEEL),
@@ -89,7 +104,9 @@ class StopCart(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        frame, at, mass = draw.pose("track", (*PLACE, 0.0)), draw("cart.y", AT), draw("cart.mass", 0.12)
+        frame = draw.pose("track", (*PLACE, 0.0))
+        at = draw("cart.y", AT)
+        mass = draw("cart.mass", 0.12)
         velocity = frame.rotation.apply([0.0, -draw("speed", SPEED), 0.0])
         bed = (board((2 * TRACK, START - END, TOP), (0.0, (START + END) / 2, TOP / 2), (0.88, 0.90, 0.93, 1.0)),)
         track = Body("track", frame, 0.0, bed, bed, friction=0.0)
@@ -113,7 +130,8 @@ class StopCart(Task):
         earned = np.where(inside & slow, 1.0, np.clip((across - aside) / (TRAY[0] - aside), 0.0, 1.0) / 2)
         for name in ("red_before", "red_behind"):
             aside, along, _ = np.moveaxis(end.relative(name, "track"), -1, 0)
-            before, now = start.linear_velocity(name), end.linear_velocity(name)
+            before = start.linear_velocity(name)
+            now = end.linear_velocity(name)
             goes_on = (before * now).sum(axis=-1) > 0.8 * (before * before).sum(axis=-1)
             passes = (np.abs(aside) < TRACK) & ((along < END) | goes_on)
             earned = earned * (passes & ~trace.touched(name, "robot"))

@@ -6,19 +6,25 @@ from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Margin, P
 from core.values.layouts import around, within
 from tasks.assets import board, open_box, revolved
 
-PLACE, TOP = (0.39, 0.0), 0.055  # the middle of the board's near edge, on top; its x axis points from the robot
-DEPTH, WIDTH, THICKNESS = 0.34, 0.46, 0.02
+# The middle of the board's near edge, on top; its x axis points from the robot.
+PLACE = (0.39, 0.0)
+TOP = 0.055
+DEPTH = 0.34
+WIDTH = 0.46
+THICKNESS = 0.02
 TRAY = (0.12, 0.48, 0.03)  # outer length, width and height
 CARD = (0.04, 0.03, 0.003)
 VASE = (0.17, 0.0)  # on the board
-VASE_RADIUS, VASE_HEIGHT = 0.022, 0.12
+VASE_RADIUS = 0.022
+VASE_HEIGHT = 0.12
 CELLS = (
     *((0.25, y) for y in (-0.165, -0.0825, 0.0, 0.0825, 0.165)),
     *((0.17, y) for y in (-0.165, -0.09, 0.09, 0.165)),
     *((0.09, y) for y in (-0.124, -0.0413, 0.0413, 0.124)),
 )
 CARDS = tuple(f"card_{i}" for i in range(1, len(CELLS) + 1))
-BY_S, PRESS_N = 15.0, 15.0
+BY_S = 15.0
+PRESS_N = 15.0
 
 LACQUER: Color = (0.16, 0.17, 0.20, 1.0)
 BEECH: Color = (0.72, 0.52, 0.33, 1.0)
@@ -85,7 +91,8 @@ class SweepCards(Task):
         slab = (board((DEPTH, WIDTH, THICKNESS), (DEPTH / 2, 0.0, -THICKNESS / 2), LACQUER),)
         box = open_box(*TRAY, 0.008, BEECH)
         below = upright @ Pose.xyz_rpy((-TRAY[0] / 2 - 0.004, 0.0, -TOP))
-        mass, friction = draw("cards.mass", 0.005), draw("cards.friction", 0.4)
+        mass = draw("cards.mass", 0.005)
+        friction = draw("cards.friction", 0.4)
         cards = []
         for number, (name, (x, y)) in enumerate(zip(CARDS, CELLS, strict=True)):
             lies = draw.pose(name) @ Pose.xyz_rpy((0.0, 0.0, CARD[2] / 2))

@@ -8,15 +8,21 @@ from core.values.layouts import around, within
 
 RADIUS = 0.08
 TOP = 0.016  # of the board, above the table
-STRIP, STRIP_HEIGHT = 0.01, 0.006  # its width, and its height above the board
+# Its width, and its height above the board.
+STRIP = 0.01
+STRIP_HEIGHT = 0.006
 NEAR_EDGE = -0.14  # of the board, from the middle of the strip
-FAR_EDGE, WIDTH = 0.32, 0.34
+FAR_EDGE = 0.32
+WIDTH = 0.34
 TOLERANCE = 0.015  # of the disc's middle, m
 TILT = 15.0  # of its axis, degrees
 RAISED = 0.005  # m; a disc that is higher than it lay is held, or leans
 
-WOOD, DARK = (0.76, 0.56, 0.36, 1.0), (0.34, 0.24, 0.16, 1.0)
-BLUE, RED, GREEN = (0.20, 0.38, 0.70, 1.0), (0.78, 0.22, 0.18, 1.0), (0.25, 0.62, 0.35, 1.0)
+WOOD = (0.76, 0.56, 0.36, 1.0)
+DARK = (0.34, 0.24, 0.16, 1.0)
+BLUE = (0.20, 0.38, 0.70, 1.0)
+RED = (0.78, 0.22, 0.18, 1.0)
+GREEN = (0.25, 0.62, 0.35, 1.0)
 
 
 def board(pose: Pose) -> Body:
@@ -87,8 +93,10 @@ class TurnDisc(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        pose, thickness = draw.pose("board", (0.55, 0.0, 0.0)), draw("disc.thickness", 0.016)
-        x, y = -STRIP / 2 - draw("gap", 0.004) - RADIUS, draw("disc.y", 0.0)
+        pose = draw.pose("board", (0.55, 0.0, 0.0))
+        thickness = draw("disc.thickness", 0.016)
+        x = -STRIP / 2 - draw("gap", 0.004) - RADIUS
+        y = draw("disc.y", 0.0)
         lies = pose @ Pose.xyz_rpy((x, y, TOP + thickness / 2))
         stone = disc(lies, thickness, draw("disc.mass", 0.45), draw("disc.friction", 0.5))
         there = pose.apply((draw("mark.x", 0.16), y + draw("mark.y", 0.0), TOP))

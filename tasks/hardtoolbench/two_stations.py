@@ -6,20 +6,39 @@ from core.scene import Body, Camera, Cylinder, Geom, Goal, Joint, Pose, Scene, S
 from core.values.layouts import around, within
 from tasks.assets import board
 
-TUBE_WIDTH, TUBE_HEIGHT, TUBE_LENGTH, WALL = 0.024, 0.03, 0.16, 0.006  # inside
-PRESSED, STOP = 0.025, 0.03  # of the button's way, m
-BAY_WIDTH, BAY_HEIGHT, BAY_LENGTH = 0.11, 0.095, 0.22  # inside
-HANDLE, TOP, GAP, BAR = 0.09, 0.05, 0.024, 0.012  # x and height of the handle; behind it; thickness
-PULLED, END = 0.08, 0.1  # of the drawer's way, m
+# Inside:
+TUBE_WIDTH = 0.024
+TUBE_HEIGHT = 0.03
+TUBE_LENGTH = 0.16
+WALL = 0.006
+# Of the button's way, m.
+PRESSED = 0.025
+STOP = 0.03
+# Inside:
+BAY_WIDTH = 0.11
+BAY_HEIGHT = 0.095
+BAY_LENGTH = 0.22
+# X and height of the handle; behind it; thickness.
+HANDLE = 0.09
+TOP = 0.05
+GAP = 0.024
+BAR = 0.012
+# Of the drawer's way, m.
+PULLED = 0.08
+END = 0.1
 
-STEEL, GLASS, WOOD = (0.48, 0.50, 0.54, 1.0), (0.62, 0.80, 0.86, 0.35), (0.66, 0.47, 0.29, 1.0)
-RED, BLUE = (0.80, 0.20, 0.17, 1.0), (0.20, 0.38, 0.70, 1.0)
+STEEL = (0.48, 0.50, 0.54, 1.0)
+GLASS = (0.62, 0.80, 0.86, 0.35)
+WOOD = (0.66, 0.47, 0.29, 1.0)
+RED = (0.80, 0.20, 0.17, 1.0)
+BLUE = (0.20, 0.38, 0.70, 1.0)
 
 
 def tube(mouth: Pose) -> Body:
     """A fixed square tube along x on a post; its frame is in the middle of its mouth."""
     z = float(mouth.position[2])
-    wide, high = TUBE_WIDTH + 2 * WALL, (TUBE_HEIGHT + WALL) / 2
+    wide = TUBE_WIDTH + 2 * WALL
+    high = (TUBE_HEIGHT + WALL) / 2
     parts = (
         board((TUBE_LENGTH, wide, WALL), (TUBE_LENGTH / 2, 0.0, -high), STEEL),
         board((TUBE_LENGTH, wide, WALL), (TUBE_LENGTH / 2, 0.0, high), STEEL),
@@ -44,7 +63,9 @@ def cabinet(pose: Pose) -> Body:
 
 def drawer(pose: Pose, mass: float) -> Body:
     """A block with two arms below the roller; its frame is on top of the roller, in its middle."""
-    front, height = BAR / 2 + GAP, BAY_HEIGHT - 0.007  # nothing gets between it and the canopy
+    # Nothing gets between it and the canopy.
+    front = BAR / 2 + GAP
+    height = BAY_HEIGHT - 0.007
     parts = (
         *(board((front, 0.008, 0.02), (front / 2, side * 0.03, -BAR - 0.012), BLUE) for side in (-1, 1)),
         board((0.09, 0.1, height), (front + 0.045, 0.0, height / 2 + 0.003 - TOP), RED),
@@ -105,12 +126,15 @@ class TwoStations(Task):
         draw = self.draw(seed)
         mouth = draw.pose("tube", (0.56, 0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("tube.height", 0.18)))
         stands = draw.pose("cabinet", (0.54, -0.2, 0.0))
-        depth, mass = draw("button.depth", 0.075), draw("drawer.mass", 0.5)
-        stiff, heavy = draw("button.friction", 5.0), draw("drawer.friction", 5.0)
+        depth = draw("button.depth", 0.075)
+        mass = draw("drawer.mass", 0.5)
+        stiff = draw("button.friction", 5.0)
+        heavy = draw("drawer.friction", 5.0)
         face = board((0.03, 0.022, 0.028), (0.015, 0.0, 0.0), RED)
         button = Body("button", mouth @ Pose.xyz_rpy((depth, 0.0, 0.0)), 0.03, (face,), (face,))
         drawn = drawer(stands @ Pose.xyz_rpy((HANDLE, 0.0, TOP)), mass)
-        forward, back = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+        forward = (1.0, 0.0, 0.0)
+        back = (-1.0, 0.0, 0.0)
         joints = (
             Joint("button", "slider", "button", "tube", forward, upper=STOP, lower=0.0, damping=5.0, friction=stiff),
             Joint("drawer", "slider", "drawer", "cabinet", back, upper=END, lower=0.0, damping=5.0, friction=heavy),

@@ -6,10 +6,16 @@ from core.scene import Body, Camera, Elastic, Filling, Goal, Pose, Scene, Soft, 
 from core.values.layouts import around, within
 from tasks.assets import board
 
-WALL, HIGH = 0.22, 0.07  # length and height of the two walls, m
+# Length and height of the two walls, m.
+WALL = 0.22
+HIGH = 0.07
 RADIUS = (0.048, 0.056)  # of the ball, m
-NEAR, SQUEEZE_N, STILL = 0.04, 2.0, 0.05  # m from the mark; N; m/s
-ROSE, WOOD, GREEN = (0.93, 0.55, 0.60, 1.0), (0.66, 0.47, 0.29, 1.0), (0.25, 0.62, 0.35, 1.0)
+NEAR = 0.04  # m from the mark
+SQUEEZE_N = 2.0  # N
+STILL = 0.05  # m/s
+ROSE = (0.93, 0.55, 0.60, 1.0)
+WOOD = (0.66, 0.47, 0.29, 1.0)
+GREEN = (0.25, 0.62, 0.35, 1.0)
 
 
 class GatherBall(Task):

@@ -6,16 +6,27 @@ from core.scene import Body, Camera, Cloth, Cylinder, Elastic, Geom, Goal, Pose,
 from core.values.layouts import around, within
 from tasks.assets import board
 
-BAR, RADIUS = 0.18, 0.008  # length and radius of the bar, m
-LONG, WIDE = 0.14, 0.27  # of the cloth, along the slats and across, m
-SLATS, SLAT, RACK = (-0.125, -0.08, 0.0, 0.08, 0.125), 0.01, 0.16  # where they are, their width, and their height, m
-SHARE, STILL = 0.3, 0.1  # of the nodes on each side of a bar; m/s of a cloth at rest
-LINEN, WOOD, STEEL = (0.86, 0.82, 0.70, 1.0), (0.66, 0.47, 0.29, 1.0), (0.48, 0.50, 0.54, 1.0)
+# Length and radius of the bar, m.
+BAR = 0.18
+RADIUS = 0.008
+# Of the cloth, along the slats and across, m.
+LONG = 0.14
+WIDE = 0.27
+# Where they are, their width, and their height, m.
+SLATS = (-0.125, -0.08, 0.0, 0.08, 0.125)
+SLAT = 0.01
+RACK = 0.16
+SHARE = 0.3  # of the nodes on each side of a bar
+STILL = 0.1  # m/s of a cloth at rest
+LINEN = (0.86, 0.82, 0.70, 1.0)
+WOOD = (0.66, 0.47, 0.29, 1.0)
+STEEL = (0.48, 0.50, 0.54, 1.0)
 
 
 def rack(pose: Pose) -> Body:
     """Slats that point from a beam toward -x; the frame is on the table, below the middle of the cloth."""
-    beam, height = LONG / 2 + 0.02, RACK - SLAT / 2
+    beam = LONG / 2 + 0.02
+    height = RACK - SLAT / 2
     slats = [board((LONG + 0.03, SLAT, SLAT), (0.005, y, height), WOOD) for y in SLATS]
     wall = board((0.02, SLATS[-1] * 2 + SLAT, RACK), (beam + 0.01, 0.0, RACK / 2), WOOD)
     return Body("rack", pose, 0.0, (*slats, wall), (*slats, wall), friction=0.4)
@@ -58,7 +69,8 @@ class HangCloth(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        below, place = draw.pose("rack", (0.57, -0.2, 0.0)), draw.pose("post", (0.66, 0.22, 0.0))
+        below = draw.pose("rack", (0.57, -0.2, 0.0))
+        place = draw.pose("post", (0.66, 0.22, 0.0))
         height = draw("post.height", 0.3)
         column = Geom(Cylinder(0.018, height + 0.03), Pose.xyz_rpy((0.018, 0.0, (height + 0.03) / 2)), WOOD)
         foot = board((0.12, 0.12, 0.012), (0.018, 0.0, 0.006), WOOD)

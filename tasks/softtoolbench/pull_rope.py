@@ -6,12 +6,20 @@ from core.scene import Body, Camera, Elastic, Geom, Goal, Pose, Rope, Scene, Sof
 from core.values.layouts import around, within
 from tasks.assets import board, round_wall
 
-EYE, TAIL, THICK = 0.03, 0.22, 0.008  # radius of the eye, length of the rest, and thickness, m
-NODES, IN_EYE = 22, 9  # of the rope; the last of them are the eye
-BEHIND, LEVEL = 0.105, -0.02  # from the ring to the middle of the eye, and its rest below the ring's middle, m
+# Radius of the eye, length of the rest, and thickness, m.
+EYE = 0.03
+TAIL = 0.22
+THICK = 0.008
+NODES = 22  # of the rope
+IN_EYE = 9  # the last of them are the eye
+# From the ring to the middle of the eye, and its rest below the ring's middle, m.
+BEHIND = 0.105
+LEVEL = -0.02
 THROUGH = 0.04  # m on the near side that the whole eye must be
 OPENING = 0.057  # m; what passes a ring within it passes inside, what passes outside stays beyond it
-HEMP, WOOD, STEEL = (0.72, 0.26, 0.20, 1.0), (0.66, 0.47, 0.29, 1.0), (0.48, 0.50, 0.54, 1.0)
+HEMP = (0.72, 0.26, 0.20, 1.0)
+WOOD = (0.66, 0.47, 0.29, 1.0)
+STEEL = (0.48, 0.50, 0.54, 1.0)
 
 
 def rest(pose: Pose) -> Body:
@@ -59,7 +67,8 @@ class PullRope(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        pose, inner = draw.pose("ring", (0.66, 0.0, 0.25)), draw("ring.inner", 0.05)
+        pose = draw.pose("ring", (0.66, 0.0, 0.25))
+        inner = draw("ring.inner", 0.05)
         wall = round_wall((inner, inner), (inner + 0.01, inner + 0.01), -0.006, 0.006, STEEL, 16)
         height = pose.position[2] - inner - 0.005
         post = board((0.02, 0.02, height), (0.0, 0.0, -inner - 0.005 - height / 2), STEEL)
@@ -77,8 +86,10 @@ class PullRope(Task):
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Up to 0.09 on the way to the ring, then up to 1 by how far the whole eye is through it; 0.09 at most if the
         rope does not go through the ring once."""
-        first, last = start.nodes("rope", "ring"), end.nodes("rope", "ring")
-        x, beyond = last[..., 0], last[..., 1:, 0]
+        first = start.nodes("rope", "ring")
+        last = end.nodes("rope", "ring")
+        x = last[..., 0]
+        beyond = last[..., 1:, 0]
         share = x[..., :-1] / np.where(x[..., :-1] == beyond, 1.0, x[..., :-1] - beyond)
         at = last[..., :-1, 1:] + share[..., None] * (last[..., 1:, 1:] - last[..., :-1, 1:])
         crosses = (x[..., :-1] > 0) != (beyond > 0)

@@ -5,8 +5,11 @@ from core.interfaces import Task
 from core.scene import Box, Camera, Elastic, Filling, Goal, Margin, Pose, Scene, Soft, State, Trace, floor, table
 from core.values.layouts import around, within
 
-FLAT, WIDER = 0.7, 1.25  # of its height at most, of the area that it covers at least
-HOLD_S, PRESS_N = 1.0, 30.0
+# Of its height at most, of the area that it covers at least.
+FLAT = 0.7
+WIDER = 1.25
+HOLD_S = 1.0
+PRESS_N = 30.0
 DOUGH = (0.93, 0.82, 0.62, 1.0)
 
 
@@ -46,7 +49,8 @@ class SpreadSlab(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        side, height = draw("slab.side", 0.1), draw("slab.height", 0.045)
+        side = draw("slab.side", 0.1)
+        height = draw("slab.height", 0.045)
         form = Filling(Box((side, side, height)), (4, 4, 2))
         friction = draw("slab.friction", 0.4)
         elastic = Elastic(draw("slab.density", 400), draw("slab.young", 1.8e3), 0.45, 0.05, friction)
@@ -77,7 +81,9 @@ class SpreadSlab(Task):
     def shares(start: State, now: State) -> tuple[Array, Array]:
         """How much of what is asked the slab is lower, and covers more, in states (...)."""
         top, high = (state.nodes("slab")[..., 2].max(axis=-1) for state in (now, start))
-        area, before = now.covered_area("slab"), start.covered_area("slab")
+        area = now.covered_area("slab")
+        before = start.covered_area("slab")
         if np.ndim(area) > np.ndim(before):  # instants of each world
-            high, before = high[..., None], before[..., None]
+            high = high[..., None]
+            before = before[..., None]
         return (1 - top / high) / (1 - FLAT), (area / before - 1) / (WIDER - 1)

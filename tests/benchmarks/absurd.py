@@ -19,12 +19,22 @@ from core.solids.tracks import Track, body_tracks, robot_tracks
 from tests.panda import PANDA
 
 # From here on a tool, a motion or an end counts as absurd.
-PARTED_M, EARLY_M = 0.005, 0.005
-HOME_RAD, LITTLE_RAD, PRESSED_N, FAST_M_S = 0.02, 0.5, 60.0, 0.2
-GHOST_M, TIP_M_S, INSIDE_CM2, AIR_M = 0.008, 6.0, 1.0, 0.02
-COMMANDED_HZ, LOOKED_HZ = 25.0, 50.0
-_TOUCH_M, EATEN_M = 0.002, 0.003
-_AT_REST_M_S, _LIFTED_M = 0.1, 0.01
+PARTED_M = 0.005
+EARLY_M = 0.005
+HOME_RAD = 0.02
+LITTLE_RAD = 0.5
+PRESSED_N = 60.0
+FAST_M_S = 0.2
+GHOST_M = 0.008
+TIP_M_S = 6.0
+INSIDE_CM2 = 1.0
+AIR_M = 0.02
+COMMANDED_HZ = 25.0
+LOOKED_HZ = 50.0
+_TOUCH_M = 0.002
+EATEN_M = 0.003
+_AT_REST_M_S = 0.1
+_LIFTED_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,8 @@ def fling(tried: Tried) -> float:
 def cut(tried: Tried) -> float:
     """How far the rollout is from a tool that has been inside of something (`inside`)."""
     assert tried.evaluation.candidate.tool is not None
-    seen, every = tried.recording, max(1, round(1 / LOOKED_HZ / float(np.diff(tried.recording.times[:2])[0])))
+    seen = tried.recording
+    every = max(1, round(1 / LOOKED_HZ / float(np.diff(tried.recording.times[:2])[0])))
     states = State(seen.states.names, *(array[::every] for array in seen.states.arrays))
     seen = Recording(seen.times[::every], seen.arm[::every], seen.fingers[::every], states)
     return _lack(inside(tried.scene, tried.evaluation.candidate.tool, seen)[0], INSIDE_CM2)
@@ -122,13 +133,15 @@ def _lack(value: float, wanted: float) -> float:
 
 def _deepest(tool: Sequence[Track], bodies: Sequence[Track]) -> float:
     """The deepest that the tool's commanded path gets into bodies at their first poses, metres."""
-    deepest, request = 0.0, coal.DistanceRequest()
+    deepest = 0.0
+    request = coal.DistanceRequest()
     for one in tool:
         for other in bodies:
             near = ((one.low <= other.high[0]) & (one.high >= other.low[0])).all(axis=1)
             for k in np.flatnonzero(near[:-1]):
                 for share in (0.0, 0.5):
-                    here, there = one.at(int(k), share)[0], other.at(0, 0.0)[0]
+                    here = one.at(int(k), share)[0]
+                    there = other.at(0, 0.0)[0]
                     gap = coal.distance(one.geometry, here, other.geometry, there, request, coal.DistanceResult())
                     deepest = max(deepest, -float(gap))
     return deepest
@@ -217,30 +230,38 @@ def hanging(scene: Scene, tool: Tool | None, recording: Recording) -> tuple[floa
     not counted. A lifted body that nothing touches hangs by a metre.
     """
     assert tool is not None
-    states, tracks = recording.states, body_tracks(scene, PANDA, recording)
+    states = recording.states
+    tracks = body_tracks(scene, PANDA, recording)
     solids = [*robot_tracks(PANDA, tool, recording), *tracks]
     worst = 0.0, ""
     for body in scene.free:
-        first, last = states[0].position(body.name), states[-1].position(body.name)
+        first = states[0].position(body.name)
+        last = states[-1].position(body.name)
         still = np.linalg.norm(states[-1].linear_velocity(body.name)) < _AT_REST_M_S
         if not still or last[2] < first[2] + _LIFTED_M or last[2] < -0.2:
             continue
         middle = states[-1].pose(body.name).apply(_center(body))[:2]
-        own, others = [t for t in tracks if t.owner == body.name], [t for t in solids if t.owner != body.name]
-        low, high, normals = np.full(2, np.inf), np.full(2, -np.inf), []
+        own = [t for t in tracks if t.owner == body.name]
+        others = [t for t in solids if t.owner != body.name]
+        low = np.full(2, np.inf)
+        high = np.full(2, -np.inf)
+        normals = []
         for one in own:
             for other in others:
                 touch = np.maximum(one.low[-1], other.low[-1]), np.minimum(one.high[-1], other.high[-1])
                 if (touch[0] > touch[1] + _TOUCH_M).any():
                     continue
-                result, k = coal.DistanceResult(), len(recording.times) - 1
-                here, there = one.at(k, 0.0)[0], other.at(k, 0.0)[0]
+                result = coal.DistanceResult()
+                k = len(recording.times) - 1
+                here = one.at(k, 0.0)[0]
+                there = other.at(k, 0.0)[0]
                 gap = coal.distance(other.geometry, there, one.geometry, here, coal.DistanceRequest(), result)
                 if gap > _TOUCH_M:
                     continue
                 normals.append(result.normal)
                 if result.normal[2] > 0.2:
-                    low, high = np.minimum(low, touch[0][:2]), np.maximum(high, touch[1][:2])
+                    low = np.minimum(low, touch[0][:2])
+                    high = np.maximum(high, touch[1][:2])
         if any(a @ b < -0.5 for i, a in enumerate(normals) for b in normals[:i]):
             continue
         beyond = np.maximum(np.maximum(low - middle, middle - high), 0.0)
@@ -274,7 +295,8 @@ class Watched(Simulator):
 def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recording) -> Tried:
     """Follow the commanded path of a rollout's tool."""
     assert evaluation.candidate.tool is not None
-    tool, still = evaluation.candidate.tool, _still(job.trajectory, scene)
+    tool = evaluation.candidate.tool
+    still = _still(job.trajectory, scene)
     loose = np.zeros((len(still.times), len(tool.bearers)))  # the tool's own joints stay as they were built
     held = replace(still, fingers=np.hstack([still.fingers, loose]))
     commanded = robot_tracks(PANDA, tool, held)[-len(tool.components) :]

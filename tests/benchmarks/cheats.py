@@ -49,7 +49,9 @@ USAGE = (
     "[sims=NAME,...] [rollouts=N] [seed=N] [workers=N]"
 )
 FOUND = 0.3
-PARENTS, CHILDREN, FIRST = 10, 12, 24
+PARENTS = 10
+CHILDREN = 12
+FIRST = 24
 FRAMES = 8
 SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
 SHARES |= {"GatherSpheres": 0.05, "TurkeyLegs": 0.15, "CleanTable": 0.5, "ElevatePlate": 0.5}
@@ -108,7 +110,8 @@ class Varied:
     """Draws and changes designs for a task at random."""
 
     def __init__(self, names: list[str], random: np.random.Generator) -> None:
-        self.names, self.random = names, random
+        self.names = names
+        self.random = random
 
     def draw(self) -> Candidate:
         """Draw a chain of one to four parts of any shape, and a plan around a few bodies."""
@@ -122,7 +125,8 @@ class Varied:
 
     def changed(self, candidate: Candidate, other: Candidate) -> Candidate:
         """Change a design in one to three places; one time in five it gets another's plan first."""
-        tool, plan = candidate.tool, candidate.plan
+        tool = candidate.tool
+        plan = candidate.plan
         assert tool is not None
         assert isinstance(plan, AnchoredPlan)
         if self.random.random() < 0.2 and isinstance(other.plan, AnchoredPlan) and not tool.gripper:
@@ -146,7 +150,8 @@ class Varied:
 
     def grown(self, tool: Tool) -> Tool:
         """Add a part of any shape at a random place of the surface of another's bounding box."""
-        random, parent = self.random, tool.components[int(self.random.integers(len(tool.components)))]
+        random = self.random
+        parent = tool.components[int(self.random.integers(len(tool.components)))]
         size = np.exp(random.uniform(np.log(0.004), np.log(0.3), 3))
         shapes: list[Shape] = [
             Box(tuple(size)),
@@ -173,7 +178,8 @@ class Varied:
 
     def joined(self, tool: Tool) -> Tool:
         """Give a part a joint, change the one that it has, or take it away."""
-        random, parts = self.random, list(tool.components)
+        random = self.random
+        parts = list(tool.components)
         number = int(random.integers(len(parts)))
         component = parts[number]
         if component.joint is not None and random.random() < 0.5:
@@ -185,12 +191,14 @@ class Varied:
         middle, sides = component.shape.bounds
         origin = tuple(map(float, middle + random.choice([-1, 0, 1], 3) * sides / 2)) if hinge else (0.0, 0.0, 0.0)
         lower, rest = (-upper, -upper) if random.random() < 0.5 else (0.0, upper)
-        upper, kind = 0.0 if lower < 0 else upper, "hinge" if hinge else "slider"
+        upper = 0.0 if lower < 0 else upper
+        kind = "hinge" if hinge else "slider"
         joint = ToolJoint(kind, axis, lower, upper, origin)  # type: ignore[arg-type]
         parts[number] = replace(component, joint=joint)
         tool = replace(tool, components=tuple(parts))
         bearer = next(bearer for bearer in tool.bearers if bearer.name == component.name)
-        inertia, reach = moved(tool, bearer)[1], max(-lower, upper)
+        inertia = moved(tool, bearer)[1]
+        reach = max(-lower, upper)
         strong = min(MAX_SPRING[kind] / reach, MAX_SPRINGS_J / reach**2, inertia * (2 * np.pi * MAX_HZ) ** 2)
         slow = min(MAX_DAMPING[kind], inertia * MAX_DECAY)
         stiffness, damping = (
@@ -204,8 +212,10 @@ class Varied:
 
     def plan(self, plan: AnchoredPlan) -> AnchoredPlan:
         """Move waypoints, add or remove one, anchor one anew, or change its tempo."""
-        random, steps = self.random, list(plan.steps)
-        number, kind = int(random.integers(len(steps))), random.random()
+        random = self.random
+        steps = list(plan.steps)
+        number = int(random.integers(len(steps)))
+        kind = random.random()
         if kind < 0.6:
             actions = installed().create("action", "anchored")
             moved: AnchoredPlan = actions.with_parameters(plan, self.moved(actions.parameters(plan)))
@@ -238,7 +248,8 @@ class Varied:
         )
 
     def tempo(self) -> dict[str, Any]:
-        random, pace = self.random, float(np.exp(self.random.uniform(np.log(0.02), np.log(2.0))))
+        random = self.random
+        pace = float(np.exp(self.random.uniform(np.log(0.02), np.log(2.0))))
         through = bool(random.random() < 0.3)
         return {
             "speed": pace if (timed := random.random()) < 0.4 else 0.0,
@@ -256,7 +267,8 @@ class Varied:
 
 def search(given: Settings) -> None:
     """Search all pairs that the folder does not have, and print the table."""
-    sim, folder = engines(given.sims[:1])[given.sims[0]], Path(given.folder)
+    sim = engines(given.sims[:1])[given.sims[0]]
+    folder = Path(given.folder)
     shares = {task: SHARES.get(task, 1.0) for task in given.tasks}
     each = given.rollouts / len(given.measures) / sum(shares.values())
     counts = {task: int(np.ceil(each * share)) for task, share in shares.items()}
@@ -277,7 +289,8 @@ def search_all(pairs: Sequence[Pair], workers: int) -> None:
 
 def searched(pair: Pair) -> str:
     """Search for one pair, write its files, and return a summary."""
-    began, run = time.perf_counter(), _Search(pair)
+    began = time.perf_counter()
+    run = _Search(pair)
     best = run.run()
     absurd = [evaluation for evaluation, lack in best if lack == 0]
     top = max((evaluation.reward for evaluation in absurd), default=0.0)
@@ -295,7 +308,8 @@ def searched(pair: Pair) -> str:
 
 class _Search:
     def __init__(self, pair: Pair) -> None:
-        self.pair, self.measure = pair, MEASURES[pair.measure]
+        self.pair = pair
+        self.measure = MEASURES[pair.measure]
         self.task: Task = installed().create("task", pair.task)
         self.simulator = Watched(pair.sim.create())
         self.tools = installed().create("tool", "solids", {"joints": True})
@@ -304,7 +318,9 @@ class _Search:
         self.random = np.random.default_rng(zlib.crc32(pair.file.name.encode()))
         names = ["world", *(body.name for body in self.scene.bodies)]
         self.varied = Varied(names, self.random)
-        self.rollouts, self.absurd, self.statuses = 0, 0, Counter[str]()
+        self.rollouts = 0
+        self.absurd = 0
+        self.statuses = Counter[str]()
 
     def run(self) -> list[tuple[Evaluation, float]]:
         """Return the best designs and what they lack, after the pair's rollouts: first what is absurd and earns."""
@@ -363,7 +379,8 @@ class _Search:
             lack = self.measure(tried(self.scene, evaluation, job, recording))
             self.absurd += int(lack == 0)
             ranked.append((evaluation, lack))
-        self.simulator.jobs, self.simulator.outcomes = (), []
+        self.simulator.jobs = ()
+        self.simulator.outcomes = []
         return ranked
 
 
@@ -372,11 +389,14 @@ class _Search:
 
 def table(given: Settings) -> None:
     """Print rollouts, and the best reward of an absurd rollout by task and measure, also to ``table.md``."""
-    folder, lines = Path(given.folder), []
+    folder = Path(given.folder)
+    lines = []
     lines += [f"| task | rollouts | {' | '.join(given.measures)} |", "|---" * (2 + len(given.measures)) + "|"]
-    everything, seconds = Counter[str](), 0.0
+    everything = Counter[str]()
+    seconds = 0.0
     for name in given.tasks:
-        cells, count = [], 0
+        cells = []
+        count = 0
         for measure in given.measures:
             files = (folder / "searched").glob(f"{name}.{measure}.*.json")
             records = [json.loads(file.read_text()) for file in files]
@@ -396,7 +416,8 @@ def table(given: Settings) -> None:
 
 def judge(given: Settings) -> None:
     """Play the best of each finding in every engine, draw it, and print its rewards."""
-    folder, sims = Path(given.folder), engines(given.sims)
+    folder = Path(given.folder)
+    sims = engines(given.sims)
     (folder / "strips").mkdir(exist_ok=True)
     sys.stdout.write(f"| finding | {' | '.join(sims)} |\n{'|---' * (1 + len(sims))}|\n")
     for file in sorted((folder / "findings").glob("*.json")):

@@ -46,7 +46,8 @@ class Settings:
 
 
 def main(words: list[str]) -> None:
-    given, clock = measuring.settings(words, Settings), Clock(time.process_time)
+    given = measuring.settings(words, Settings)
+    clock = Clock(time.process_time)
     for holder, name, label in CLOCKS:
         clock.around(holder, name, label)
     labels = [label for _, _, label in CLOCKS]
@@ -54,7 +55,8 @@ def main(words: list[str]) -> None:
     for task in given.tasks:
         for sim in given.sims:
             play(task, sim)
-            before, began = dict(clock.seconds), time.process_time()
+            before = dict(clock.seconds)
+            began = time.process_time()
             for _ in range(given.rounds):
                 play(task, sim)
             took = time.process_time() - began
@@ -65,7 +67,8 @@ def main(words: list[str]) -> None:
 
 def play(task: str, sim: str) -> None:
     """Read the reference solution of a task, and play it."""
-    rules, tools = SpawnRules(installed().create("task", task), 0), representation(FILES[task])
+    rules = SpawnRules(installed().create("task", task), 0)
+    tools = representation(FILES[task])
     candidates = read_designs(load_designs(FILES[task]), tools, rules)
     Evaluator(PluginPart("task", task), PluginPart("sim", sim), 0)(candidates[:1])
 

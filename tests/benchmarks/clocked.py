@@ -53,7 +53,9 @@ class Clock:
         inner: Callable[..., Any] = getattr(holder, name)
         self.seconds.setdefault(label, 0.0)
         self.calls.setdefault(label, 0)
-        seconds, calls, now = self.seconds, self.calls, self._now
+        seconds = self.seconds
+        calls = self.calls
+        now = self._now
 
         @functools.wraps(inner)
         def timed(*args: Any, **named: Any) -> Any:
@@ -117,12 +119,18 @@ class Clocked:
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         clock = _started(self.evaluator)
-        before, calls, began, cpu = dict(clock.seconds), dict(clock.calls), time.perf_counter(), time.process_time()
+        before = dict(clock.seconds)
+        calls = dict(clock.calls)
+        began = time.perf_counter()
+        cpu = time.process_time()
         evaluations = self.evaluator(candidates)
         took: dict[str, Any] = {label: total - before[label] for label, total in clock.seconds.items()}
-        took["chunk"], took["cpu"] = time.perf_counter() - began, time.process_time() - cpu
+        took["chunk"] = time.perf_counter() - began
+        took["cpu"] = time.process_time() - cpu
         took["steps"] = clock.calls["step"] - calls["step"]
-        took["pid"], took["peak_mb"], took["mb"] = os.getpid(), peak_mb(), resident_mb()
+        took["pid"] = os.getpid()
+        took["peak_mb"] = peak_mb()
+        took["mb"] = resident_mb()
         return [replace(evaluations[0], figures=took), *evaluations[1:]]
 
 
@@ -208,7 +216,8 @@ def reference(task_name: str, sim: str, designs: str, number: int, seed: int) ->
     is computed at each step of 1 ms.
     """
     plugins = installed()
-    task, simulator = plugins.create("task", task_name), plugins.create("sim", sim, {"time_step": 0.001})
+    task = plugins.create("task", task_name)
+    simulator = plugins.create("sim", sim, {"time_step": 0.001})
     candidates = read_designs(load_designs(Path(designs)), plugins.create("tool", "urdf"), SpawnRules(task, seed))
     candidate = [c for c in candidates if c.problem is None][number]
     _, job = prepare(task, candidate, seed, RolloutSettings())

@@ -29,8 +29,11 @@ TOOLS_KG = (0.0, 0.3, 1.0)
 LOADS_KG = (0.3, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 11.0, 12.0, 13.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
 _HELD_M = 0.02  # a load that the arm holds lowers it by less
 _STIFF_M = 5e-6  # by less for each kilogram, and the load is not seen in the arm's position
-_ASIDE_M, _STIFF_RAD = 0.1, 1e-4  # of a load of 1 kg beside the flange; by less, and it is not seen
-_HANG_M, _STICK_M, _SIDE_M = 0.25, 0.15, 0.1
+_ASIDE_M = 0.1  # of a load of 1 kg beside the flange
+_STIFF_RAD = 1e-4  # by less, and it is not seen
+_HANG_M = 0.25
+_STICK_M = 0.15
+_SIDE_M = 0.1
 _INTO_M = 0.002
 _HZ = 200.0
 
@@ -108,7 +111,8 @@ def _tracking(simulator: Simulator, robot: Robot) -> dict[str, float]:
 
 def _loads(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     """Put bodies of more and more mass below the flange, on a plate that the arm holds, until it gives way."""
-    plate, on_it = _plate(0.12), HOME.position - (0.0, 0.0, _HANG_M - _SIDE_M / 2)
+    plate = _plate(0.12)
+    on_it = HOME.position - (0.0, 0.0, _HANG_M - _SIDE_M / 2)
     sags: dict[float, float] = {}
     for mass in LOADS_KG:
         sag = -_Played(simulator, robot, plate, still(robot), cube("load", on_it, _SIDE_M, mass)).miss()[:, 2]
@@ -151,14 +155,17 @@ def _plate(width: float) -> Tool:
 
 def _presses(simulator: Simulator, robot: Robot) -> dict[str, float]:
     """Send the tip of a stick 2 mm into the table, then 0.1 m along it; and into a cube of 0.1 kg on the table."""
-    x, low, tip = HOME.position[0], _STICK_M - _INTO_M, (0.0, 0.0, -_STICK_M)
+    x = HOME.position[0]
+    low = _STICK_M - _INTO_M
+    tip = (0.0, 0.0, -_STICK_M)
 
     def press(top: float, *aside: float, bodies: tuple[Body, ...] = ()) -> _Played:
         way = [(x, 0.05), *((x + shift, 0.0) for shift in (0.0, *aside))]
         plan = [(at, 0.0, top + low + above, 0.0, 0.0, 0.0) for at, above in way]
         return _Played(simulator, robot, stick(_STICK_M), motion(plan, robot), table(), *bodies)
 
-    down, slid = press(0.0), press(0.0, 0.1)
+    down = press(0.0)
+    slid = press(0.0, 0.1)
     heights = down.at(tip)[:, 2]
     touched = int(np.argmax(heights < max(heights[-1], 0.0) + 1e-5))
     pressed = press(0.05, bodies=(cube("cube", (x, 0.0, 0.025), 0.05, 0.1),)).states.position("cube")
@@ -180,7 +187,8 @@ def main(words: list[str]) -> None:
     if words[:1] in (["--help"], ["-h"]):
         say(USAGE)
         return
-    given, figures = measuring.settings(words, Settings), dict[str, dict[str, float | None]]()
+    given = measuring.settings(words, Settings)
+    figures = dict[str, dict[str, float | None]]()
     robot = installed().create("robot", given.robot)
     for name, sim in engines(given.sims).items():
         found = measure(sim.create(), robot)

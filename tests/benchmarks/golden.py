@@ -59,8 +59,11 @@ def main() -> None:
 
 def record(given: Settings) -> None:
     """Keep the rewards in ``designs/TASK.json``, ``rewards/TASK.json`` and ``solutions/TASK.SIM.json``."""
-    names, sims, folder = measuring.tasks(given.tasks), engines(given.sims), Path(given.folder)
-    designer, workers = next(iter(sims.values())).name, measuring.workers(given.workers)
+    names = measuring.tasks(given.tasks)
+    sims = engines(given.sims)
+    folder = Path(given.folder)
+    designer = next(iter(sims.values())).name
+    workers = measuring.workers(given.workers)
     if given.like is not None:
         if not (source := Path(given.like) / "designs").is_dir():
             raise UserError(f"like={given.like}: there is no folder {source}")
@@ -96,7 +99,8 @@ def compare(before: Path, after: Path) -> None:
         other = after / "designs" / file.name
         if other.exists() and load_designs(other)["strategies"] != load_designs(file)["strategies"]:
             raise UserError(f"{other} has other designs than {file}; record again with like={before}")
-    old, new = read(before), read(after)
+    old = read(before)
+    new = read(after)
     lines = ["| task | engine | rewards | differ | missing | largest difference |", "|---|---|---|---|---|---|"]
     total: Counter[str] = Counter()
     for task, engine in sorted({key[:2] for key in old}):

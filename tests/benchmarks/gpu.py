@@ -57,7 +57,8 @@ def main() -> None:
     if min(given.worlds, default=0) < 1:
         raise UsageError(f"worlds must be at least 1, got {given.worlds}")
     settings = RolloutSettings(penetration=given.penetration)
-    rows, agreements = [], []
+    rows = []
+    agreements = []
     for name in names:
         candidates = throughput.designs(name, given.tools, given.plans, given.seed)
         simulator: Simulator | None = None
@@ -126,12 +127,14 @@ def memory_mb(simulator: Simulator) -> float:
 
 def agreement(simulator: Simulator, task_name: str, candidates: Sequence[Candidate], seed: int) -> dict[str, Any]:
     """Compare the rewards with those in `sim=mujoco`."""
-    task, settings = installed().create("task", task_name), RolloutSettings()
+    task = installed().create("task", task_name)
+    settings = RolloutSettings()
     ours, theirs = (
         [e.reward for e in evaluate_batch(task, engine, candidates, seed, settings)]
         for engine in (simulator, installed().create("sim", "mujoco"))
     )
-    apart, alike = np.abs(np.subtract(ours, theirs)), np.ptp(ours) == 0 or np.ptp(theirs) == 0
+    apart = np.abs(np.subtract(ours, theirs))
+    alike = np.ptp(ours) == 0 or np.ptp(theirs) == 0
     return {
         "designs": len(ours),
         "close": float((apart <= CLOSE).mean()),

@@ -37,7 +37,9 @@ from core.store.reader import stored_evaluations
 T = TypeVar("T")
 
 SOLUTIONS = Path(__file__).parents[1] / "tasks" / "solutions"
-N_TOOL, N_ACTION, N_ITERATION = 5, 3, 2
+N_TOOL = 5
+N_ACTION = 3
+N_ITERATION = 2
 SPARE = 1.2  # designs more than needed in a generation, since some may be rejected
 
 console = Console(stderr=True)
@@ -135,7 +137,8 @@ def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Pat
 def population(count: int) -> dict[str, int]:
     """Return the run's budget for ``count`` designs."""
     half = math.ceil(count / 2)
-    n_tool, n_action = min(N_TOOL, half), min(N_ACTION, half)
+    n_tool = min(N_TOOL, half)
+    n_action = min(N_ACTION, half)
     return {"n_agent": math.ceil(SPARE * half / (n_tool * n_action)), "n_tool": n_tool, "n_action": n_action}
 
 

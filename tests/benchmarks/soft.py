@@ -29,8 +29,10 @@ class Settings:
 
 def seconds(name: str, layouts: int) -> float:
     """Measure the processor time of a rollout of a task's reference solution, the median of some layouts."""
-    task, simulator = installed().create("task", name, variation="wide"), installed().create("sim", "mujoco")
-    solution, times = anchored(name), []
+    task = installed().create("task", name, variation="wide")
+    simulator = installed().create("sim", "mujoco")
+    solution = anchored(name)
+    times = []
     for seed in range(UNSEEN, UNSEEN + layouts + 1):
         begun = time.process_time()
         evaluate_batch(task, simulator, [solution], seed, RolloutSettings())

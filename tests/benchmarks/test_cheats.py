@@ -28,9 +28,11 @@ def moved(position, x, z):
 
 def recording(task, positions):
     """The arm stays at home, and the free bodies are at ``positions`` from the second of four samples on."""
-    start, trajectory = task.scene(0).state(), at_home(task)
+    start = task.scene(0).state()
+    trajectory = at_home(task)
     states = [start] + [replace(start, positions=np.array(positions, dtype=np.float64))] * 3
-    arm, fingers = np.repeat(trajectory.arm, 4, axis=0), np.full((4, 2), 0.04)
+    arm = np.repeat(trajectory.arm, 4, axis=0)
+    fingers = np.full((4, 2), 0.04)
     return Recording(np.arange(4) / 25, arm, fingers, State.stack(states))
 
 
@@ -40,7 +42,8 @@ def task():
 
 
 def test_a_body_hangs_where_nothing_is_below_its_middle(task):
-    scene, tool = task.scene(0), Tool((component("board", (0.3, 0.1, 0.02), (0.0, 0.0, -0.01)),))
+    scene = task.scene(0)
+    tool = Tool((component("board", (0.3, 0.1, 0.02), (0.0, 0.0, -0.01)),))
     top = moved(task.home.position, 0.0, 0.035)  # the board's upper side, and half a cube
     for x, beyond in ((0.05, 0.0), (0.17, 0.02), (0.6, 1.0)):
         found, name = absurd.hanging(scene, tool, recording(task, [moved(top, x, 0.0)]))
@@ -52,7 +55,8 @@ def test_a_body_hangs_where_nothing_is_below_its_middle(task):
 
 
 def test_a_sheet_is_inside_of_a_cube_by_its_area(task):
-    scene, tool = task.scene(0), Tool((component("sheet", (0.2, 0.2, 0.001), (0.0, 0.0, -0.05)),))
+    scene = task.scene(0)
+    tool = Tool((component("sheet", (0.2, 0.2, 0.001), (0.0, 0.0, -0.05)),))
     at = moved(task.home.position, 0.0, -0.05)
     area, where = absurd.inside(scene, tool, recording(task, [at]))
     assert area == pytest.approx((7 - 2 * 0.3) ** 2, rel=0.15)

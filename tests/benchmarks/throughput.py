@@ -252,10 +252,12 @@ def ceiling(candidates: Sequence[Candidate], workers: int, count: int) -> dict[s
         store = RunStore.create(Path(folder) / "run", {"tool": {"name": "urdf"}})
         events.register(store, "store")
         try:
-            began, cpu = time.perf_counter(), time.process_time()
+            began = time.perf_counter()
+            cpu = time.process_time()
             for evaluation in Trials(Still(), executor)(many):
                 events.hook.candidate_evaluated(evaluation=evaluation)
-            stored, used = time.perf_counter() - began, time.process_time() - cpu
+            stored = time.perf_counter() - began
+            used = time.process_time() - cpu
         finally:
             store.run_ended()
     return {

@@ -12,8 +12,10 @@ def heights(mesh, x, y):
     area = side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
     upright = np.abs(area) < 1e-12
     area[upright] = np.inf
-    dx, dy = x - corner[:, 0], y - corner[:, 1]
-    u, v = (dx * other[:, 1] - dy * other[:, 0]) / area, (side[:, 0] * dy - side[:, 1] * dx) / area
+    dx = x - corner[:, 0]
+    dy = y - corner[:, 1]
+    u = (dx * other[:, 1] - dy * other[:, 0]) / area
+    v = (side[:, 0] * dy - side[:, 1] * dx) / area
     hit = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & ~upright
     return (corner[:, 2] + u * side[:, 2] + v * other[:, 2])[hit]
 
@@ -25,7 +27,8 @@ def test_the_plates_collision_shapes_match_its_visual_shape():
     collision = [part.shape.to_trimesh().convex_hull.apply_transform(part.pose.matrix) for part in body.collisions]
     for angle in np.radians([1.0, 8.0, 40.0, 91.0]):
         for radius in np.linspace(FOOT_RADIUS + 0.003, RIM_RADIUS - 0.006, 12):
-            x, y = radius * np.cos(angle), radius * np.sin(angle)
+            x = radius * np.cos(angle)
+            y = radius * np.sin(angle)
             shown, solid = (np.concatenate([heights(mesh, x, y) for mesh in meshes]) for meshes in (visual, collision))
             assert solid.max() == pytest.approx(shown.max(), abs=0.002)
             assert solid.min() == pytest.approx(shown.min(), abs=0.002)

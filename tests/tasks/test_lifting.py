@@ -32,7 +32,10 @@ def test_the_reward_rises_in_step_with_the_body(task, begin, rise):
 
 @every_body
 def test_a_body_elsewhere_earns_nothing(task, begin, rise):
-    along, beside, off, thrown = (-0.3, 0, 0), (0, rise, rise), (0.7, 0, -0.6), (0, 0, 2 * rise)
+    along = (-0.3, 0, 0)
+    beside = (0, rise, rise)
+    off = (0.7, 0, -0.6)
+    thrown = (0, 0, 2 * rise)
     for way in (along, beside, off, thrown):
         assert task.reward(task.scene(0).state(), moved(task, begin, *way)) == pytest.approx(0.0, abs=1e-9)
 

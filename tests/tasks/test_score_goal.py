@@ -119,7 +119,8 @@ def through_nets(places):
     """The nets that a path (S, 3) in the goal's frame crosses."""
     passed = []
     for net in NETS:
-        at, half = net.pose.inverse().apply(places), np.array(net.shape.size) / 2
+        at = net.pose.inverse().apply(places)
+        half = np.array(net.shape.size) / 2
         thin = int(np.argmin(half))
         for i in np.flatnonzero(at[:-1, thin] * at[1:, thin] < 0):
             share = at[i, thin] / (at[i, thin] - at[i + 1, thin])

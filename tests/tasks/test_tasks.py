@@ -111,7 +111,8 @@ def test_the_config_has_the_papers_parameters(name):
 @every_task
 def test_all_that_matters_is_in_the_picture(name):
     task = task_of(name)
-    position, target = np.array(task.camera.position), np.array(task.camera.target)
+    position = np.array(task.camera.position)
+    target = np.array(task.camera.target)
     forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)
@@ -184,7 +185,9 @@ def test_no_body_penetrates_another(name, variation, seeds):
 def test_the_scene_rests_and_the_bare_arm_is_clear_of_it(name, engine):
     """Otherwise it would push bodies aside in the first instant, or be pushed."""
     scene, outcome = idle(name, engine)
-    placed, start, end = scene.state(), outcome.start, outcome.end
+    placed = scene.state()
+    start = outcome.start
+    end = outcome.end
     assert np.linalg.norm(start.positions - placed.positions, axis=-1).max() < 5e-3
     assert outcome.tracking_error_rad < 2e-3
     assert np.linalg.norm(end.positions - start.positions, axis=-1).max() < 2e-3
@@ -298,7 +301,8 @@ def test_the_reference_solution_solves_it(name, engine):
 def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine, count):
     """A few of those that the docs have figures of."""
     protocol, material = (PROTOCOL, "pla") if name in HARD else (RolloutSettings(), "paper")
-    solution, task = anchored(name, material), task_of(name, "wide")
+    solution = anchored(name, material)
+    task = task_of(name, "wide")
     seeds = range(UNSEEN, UNSEEN + count)
     trials = [evaluate_batch(task, simulator(engine), [solution], seed, protocol)[0] for seed in seeds]
     assert not [trial.reason for trial in trials if trial.status != "ok"]
@@ -309,7 +313,8 @@ def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engin
 @pytest.mark.parametrize("name", ["OneBook", "ScoreGoal"])
 def test_the_same_seed_gives_the_same_result(name, engine):
     """In a simulator that has run other rollouts, and in a new one."""
-    ours, new = simulator(engine), installed().create("sim", engine)
+    ours = simulator(engine)
+    new = installed().create("sim", engine)
     first, again = (evaluate_batch(task_of(name), sim, solutions(name), 1, RolloutSettings()) for sim in (ours, new))
     for one, other in zip(first, again, strict=True):
         assert (one.reward, one.moved_m) == (other.reward, other.moved_m)

@@ -19,7 +19,8 @@ from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
-THICK, LONG = 0.012, 0.3
+THICK = 0.012
+LONG = 0.3
 ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -LONG / 2])), Box((THICK, THICK, LONG))),))
 STAND = np.array([0.55, 0.0])  # where the hollow thing is put, within reach
 
@@ -73,7 +74,8 @@ def test_rod_stays_inside(name, engine, angle, run_up):
     ahead = np.array([np.cos(angle), np.sin(angle)])
     if name == "container" and ahead[0] < 0.75:  # it is open toward the robot
         ahead = np.array([abs(ahead[0]) + 0.75, ahead[1]]) / np.hypot(abs(ahead[0]) + 0.75, ahead[1])
-    z, wall = LONG + height, exit_distance(inside, ahead)
+    z = LONG + height
+    wall = exit_distance(inside, ahead)
     far = STAND + (wall + 0.1) * ahead
     start = STAND - (min(0.05, wall / 2) if run_up else 0.0) * ahead
     way = [[*STAND, z + 0.3], [*start, z], [*far, z]]

@@ -87,10 +87,12 @@ def set_contacts(
         geom.contype, geom.conaffinity = one.role.value
         friction = one.surface.friction
         if one.role is Role.SCENE and not one.free:
-            friction, geom.priority = mean_friction(friction, tools), 1
+            friction = mean_friction(friction, tools)
+            geom.priority = 1
         geom.friction = [friction, 0.0, one.surface.rolling]
         geom.condim = _dimensions(one.surface.rolling)
-        geom.solref, geom.solimp = reference, IMPEDANCE
+        geom.solref = reference
+        geom.solimp = IMPEDANCE
     covered = set()
     for (one, partner), (other, others_partner) in combinations(zip(colliders, partners, strict=True), 2):
         (type_1, affinity_1), (type_2, affinity_2) = one.role.value, other.role.value

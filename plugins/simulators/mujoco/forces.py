@@ -23,12 +23,15 @@ PACKED = 256  # steps whose contacts are packed at once
 _AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)  # as a number: an array is compared with an enum one by one
 _OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _NET = 3  # a sensor's way to make one of many contacts: the sum of the forces
-_OUTER, _INNER = "pushes", "pushes within"  # of all contacts, and of those of the links with one another
+# Of all contacts, and of those of the links with one another.
+_OUTER = "pushes"
+_INNER = "pushes within"
 
 
 def add_feeler(spec: Element, link: str) -> None:
     """Add what a `Feeler` reads: sensors of the contacts of a link and of all that it moves. They are off at first."""
-    kinds, fields = mujoco.mjtObj, mujoco.mjtConDataField
+    kinds = mujoco.mjtObj
+    fields = mujoco.mjtConDataField
     for name, other in ((_OUTER, {}), (_INNER, {"reftype": kinds.mjOBJ_XBODY, "refname": link})):
         kind = mujoco.mjtSensor.mjSENS_CONTACT
         sensor = spec.add_sensor(name=name, type=kind, objtype=kinds.mjOBJ_XBODY, objname=link, **other)
@@ -57,7 +60,8 @@ class Feeler:
 
         Contacts of stiff bodies chatter, so that one step alone may have none.
         """
-        outer, inner = sensed[:, self._outer :], sensed[:, self._inner :]
+        outer = sensed[:, self._outer :]
+        inner = sensed[:, self._inner :]
         return outer[:, 3:6], (inner[:, :3] - outer[:, :3]) / len(sensed)
 
 
@@ -91,7 +95,8 @@ class Meter:
         robot = model.geom_contype != Role.SCENE.value[0]
         links = sorted({owner for owner, own in zip(owners, robot, strict=True) if own})
         bodies = [body.name for body in scene.bodies]
-        self._names, self._links = [*links, *bodies], len(links)
+        self._names = [*links, *bodies]
+        self._links = len(links)
         self._tool = links.index("tool") if "tool" in links else -1
         self._owners = np.array(
             [
@@ -110,7 +115,8 @@ class Meter:
 
     def begin(self, packed: Sequence[Measured]) -> None:
         """Begin anew, after steps that were measured before."""
-        self._packed, self._steps = [*packed], []
+        self._packed = [*packed]
+        self._steps = []
 
     def measure(self, data: Element) -> None:
         """Copy the contacts of the last step."""
@@ -142,7 +148,8 @@ class Meter:
         asleep[:, self._bodies < 0] = False
         resting = asleep[steps, pairs[:, 0]] & asleep[steps, pairs[:, 1]]
         scene = acts & (pairs[:, 1] >= self._links)
-        new, mine = np.flatnonzero(scene & ~resting), np.flatnonzero(scene & (pairs[:, 0] == self._tool))
+        new = np.flatnonzero(scene & ~resting)
+        mine = np.flatnonzero(scene & (pairs[:, 0] == self._tool))
         axes = np.arange(3)
         along = forces[first[mine, None] + np.minimum(axes, dims[mine, None] - 1)] * (axes < dims[mine, None])
         on_second = np.einsum("pi,pij->pj", along, frames[mine].reshape(-1, 3, 3))  # without friction there is one row
@@ -167,20 +174,24 @@ class Meter:
         )
         interval = np.searchsorted(at, np.arange(offsets[-1]), side="right")  # of each step
         spans = np.diff(at, prepend=at[0] - 1)
-        codes, found = pairs @ (len(self._names), 1), {}
+        codes = pairs @ (len(self._names), 1)
+        found = {}
         order = np.argsort(codes, kind="stable")
         for mine in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
             one, other = pairs[mine[0]]
-            which, entries = steps[mine], forces[mine]
+            which = steps[mine]
+            entries = forces[mine]
             resting = asleep[:, one] & asleep[:, other]
             if resting.any():
                 since = np.maximum.accumulate(np.where(resting, 0, np.arange(len(resting))))
-                begin, end = np.searchsorted(which, since), np.searchsorted(which, since, side="right")
+                begin = np.searchsorted(which, since)
+                end = np.searchsorted(which, since, side="right")
                 which = np.repeat(np.arange(len(resting)), end - begin)
                 shift = np.repeat(begin - np.cumsum(end - begin) + (end - begin), end - begin)
                 entries = entries[np.arange(len(which)) + shift]
             sums = np.bincount(interval[which], entries, minlength=len(at))
             if sums.any():
                 found[self._names[one], self._names[other]] = sums / spans
-        samples, bodies = interval[touching], np.array(self._names, dtype=np.str_)[others]
+        samples = interval[touching]
+        bodies = np.array(self._names, dtype=np.str_)[others]
         return replace(recording, forces=found, pushes=Pushes(samples, bodies, points, pushes / spans[samples, None]))

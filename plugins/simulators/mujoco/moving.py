@@ -31,7 +31,8 @@ def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dic
     hung = {placed.joint.body: placed.joint for placed in scene.ordered_joints}
     loose = (body for body in _rigid(scene) if body.name not in hung)
     for body in (*loose, *(scene[name] for name in hung)):
-        name, joint = _name(scene, body.name), hung.get(body.name)
+        name = _name(scene, body.name)
+        joint = hung.get(body.name)
         above = joint.parent if joint else None
         bearer = spec.worldbody if above is None else bearers[above]
         outer = scene[above].pose if above is not None and above in tops else Pose()
@@ -63,11 +64,16 @@ def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None
     made = element.add_joint(name=name, type=_KINDS[joint.kind], axis=joint.axis, pos=joint.origin, ref=joint.start)
     if joint.limited:
         made.range = [joint.lower, joint.upper]
-    made.stiffness[0], made.springref, made.damping[0] = joint.stiffness, joint.rest, joint.damping
+    made.stiffness[0] = joint.stiffness
+    made.springref = joint.rest
+    made.damping[0] = joint.damping
     made.frictionloss = joint.friction
-    made.solref_limit, made.solref_friction, made.solimp_friction = reference, reference, HOLDS
+    made.solref_limit = reference
+    made.solref_friction = reference
+    made.solimp_friction = HOLDS
     if joint.drive:
-        made.actfrcrange, made.actgravcomp = [-joint.drive.force, joint.drive.force], True
+        made.actfrcrange = [-joint.drive.force, joint.drive.force]
+        made.actgravcomp = True
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_pid(kp=1.0, kv=1.0)
 
@@ -89,19 +95,23 @@ class Moving:
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
-        self._scene, self._names = scene, tuple(body.name for body in _rigid(scene))
+        self._scene = scene
+        self._names = tuple(body.name for body in _rigid(scene))
         self._softs = Softs(scene, model)
         self._first = model.nq - 7 * len(self._names), model.nv - 6 * len(self._names)
         self._places: dict[str, _Place] = {}
         for name in self._names:
             joint = model.joint(_name(scene, name))
-            q, v = int(joint.qposadr[0]), int(joint.dofadr[0])
+            q = int(joint.qposadr[0])
+            v = int(joint.dofadr[0])
             self._places[name] = _Place(slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping)))
         self._drives = [placed.joint.drive for placed in scene.ordered_joints if placed.joint.drive]
         self._launched = [body for body in scene.free if body.launched]
         latched = [(one, model.joint(_name(scene, one.body))) for one in scene.joints if one.latches]
         self._latched = [(one, at.id, int(at.qposadr[0]), int(at.dofadr[0])) for one, at in latched]
-        self.drives, self.launches, self.latches = len(self._drives), bool(self._launched), bool(self._latched)
+        self.drives = len(self._drives)
+        self.launches = bool(self._launched)
+        self.latches = bool(self._latched)
 
     def state(self, qpos: Array, qvel: Array) -> State:
         """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
@@ -162,7 +172,8 @@ def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]
 def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
     """Convert the positions (..., 7 B) and speeds (..., 6 B) of bodies without a joint to a state."""
     shape = (*qpos.shape[:-1], len(names))
-    poses, speeds = qpos.reshape(*shape, 7), qvel.reshape(*shape, 6)
+    poses = qpos.reshape(*shape, 7)
+    speeds = qvel.reshape(*shape, 6)
     turning = speeds[..., 3:].copy()  # in the body's own axes
     if turning.size:
         axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)

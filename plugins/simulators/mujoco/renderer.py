@@ -77,14 +77,16 @@ class MuJoCoRenderer(Renderer):
                 self._context.free()
             self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
-        self._robot, self._tool = robot, shown
+        self._robot = robot
+        self._tool = shown
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
         for name, value in joint_positions(self._robot, self._tool, arm, fingers).items():
             self._data.joint(name).qpos[0] = value
         for name in state.names:
             number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]
-            self._data.mocap_pos[number], self._data.mocap_quat[number] = state.position(name), state.quaternion(name)
+            self._data.mocap_pos[number] = state.position(name)
+            self._data.mocap_quat[number] = state.quaternion(name)
         mujoco.mj_kinematics(self._model, self._data)
         for soft in self._softs:
             self._bend(soft.name, soft.form.surface(state.nodes(soft.name)))
@@ -92,16 +94,21 @@ class MuJoCoRenderer(Renderer):
 
     def _bend(self, name: str, surface: Mesh) -> None:
         """Give a soft body's mesh other vertices and smooth normals, in the frame of its geom."""
-        model, geom = self._model, int(self._model.body(f"scene/{name}").geomadr[0])
-        number, turn = int(model.geom_dataid[geom]), self._data.geom_xmat[geom].reshape(3, 3)
-        corners, normals = surface.vertices[surface.faces], np.zeros_like(surface.vertices)
+        model = self._model
+        geom = int(self._model.body(f"scene/{name}").geomadr[0])
+        number = int(model.geom_dataid[geom])
+        turn = self._data.geom_xmat[geom].reshape(3, 3)
+        corners = surface.vertices[surface.faces]
+        normals = np.zeros_like(surface.vertices)
         np.add.at(
             normals, surface.faces, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None]
         )
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        at, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
+        at = model.mesh_vertadr[number]
+        count = model.mesh_vertnum[number]
         model.mesh_vert[at : at + count] = (surface.vertices - self._data.geom_xpos[geom]) @ turn
-        at, faces = model.mesh_normaladr[number], slice(*(model.mesh_faceadr[number] + [0, model.mesh_facenum[number]]))
+        at = model.mesh_normaladr[number]
+        faces = slice(*(model.mesh_faceadr[number] + [0, model.mesh_facenum[number]]))
         of_face = model.mesh_facenormal[faces].ravel()
         model.mesh_normal[at + of_face] = (normals @ turn)[model.mesh_face[faces].ravel()]
         with self._opengl.as_current():
@@ -113,7 +120,8 @@ class MuJoCoRenderer(Renderer):
         mujoco.mjv_updateScene(
             self._model, self._data, mujoco.MjvOption(), mujoco.MjvPerturb(), _look(camera), everything, self._scene
         )
-        view, picture = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
+        view = mujoco.MjrRect(0, 0, width, height)
+        picture = np.empty((height, width, 3), np.uint8)
         with self._opengl.as_current():
             mujoco.mjr_resizeOffscreen(width, height, self._context)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
@@ -152,7 +160,10 @@ def _no_open_gl(why: str) -> NoPicture:
 
 def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color) -> None:
     geom = add_geom(spec, bearer, shape, pose)
-    geom.rgba, geom.contype, geom.conaffinity, geom.mass = color, 0, 0, 1e-6
+    geom.rgba = color
+    geom.contype = 0
+    geom.conaffinity = 0
+    geom.mass = 1e-6
     if isinstance(shape, Mesh):
         mesh = spec.mesh(geom.meshname)
         mesh.userface = np.ravel(shape.faces).astype(np.int32)
@@ -165,11 +176,18 @@ def _light(spec: Element) -> None:
     spec.add_texture(**white, rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=8, height=48)
     sun = spec.worldbody.add_light(pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True)
     sun.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    sun.diffuse, sun.ambient, sun.specular = [0.55] * 3, [0.0] * 3, [0.1] * 3
-    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.1] * 3
+    sun.diffuse = [0.55] * 3
+    sun.ambient = [0.0] * 3
+    sun.specular = [0.1] * 3
+    spec.visual.headlight.ambient = [0.5] * 3
+    spec.visual.headlight.diffuse = [0.1] * 3
     spec.visual.headlight.specular = [0.0] * 3
-    spec.stat.extent, spec.stat.center = 1.0, [0.6, 0.0, 0.2]  # metres; the extent is the unit of the view settings
-    spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = 0.02, 15.0, 8.0
+    # Metres; the extent is the unit of the view settings.
+    spec.stat.extent = 1.0
+    spec.stat.center = [0.6, 0.0, 0.2]
+    spec.visual.map.znear = 0.02
+    spec.visual.map.zfar = 15.0
+    spec.visual.map.shadowclip = 8.0
     spec.visual.quality.shadowsize = 4096
 
 

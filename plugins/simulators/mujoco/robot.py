@@ -56,8 +56,10 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
         body = spec.body(bearer.name)
         spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)
         joint = spec.joint(joint_name(bearer.name))
-        joint.stiffness[0], joint.springref = bearer.joint.stiffness, bearer.joint.rest
-        joint.damping[0], joint.frictionloss = bearer.joint.damping, bearer.joint.friction
+        joint.stiffness[0] = bearer.joint.stiffness
+        joint.springref = bearer.joint.rest
+        joint.damping[0] = bearer.joint.damping
+        joint.frictionloss = bearer.joint.friction
     return spec, colliders
 
 
@@ -73,12 +75,14 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
     for joint in spec.joints:
         joint.solref_limit = [2 * spec.option.timestep, 1.0]
         if joint.parent.name in loose:
-            joint.solref_friction, joint.solimp_friction = joint.solref_limit, HOLDS
+            joint.solref_friction = joint.solref_limit
+            joint.solimp_friction = HOLDS
             continue
         joint.actgravcomp = True
         if robot.gripper is not None and joint.name in robot.gripper.joints:
             force = robot.gripper.force_n
-            joint.actfrcrange, joint.armature = [-force, force], FINGER_INERTIA
+            joint.actfrcrange = [-force, force]
+            joint.armature = FINGER_INERTIA
         else:  # the description's effort is the limit
             joint.armature = robot.motor_inertia[robot.arm_joints.index(joint.name)]
         servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -103,9 +107,11 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
-    count, h = len(model.actuator_biasprm), model.opt.timestep
+    count = len(model.actuator_biasprm)
+    h = model.opt.timestep
     shrink = np.exp(-h * tracking_rate * np.array([1.0, _AHEAD]))
-    product, total = float(np.prod(shrink)), float(np.sum(shrink))
+    product = float(np.prod(shrink))
+    total = float(np.sum(shrink))
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE:
         b = 1 - (total - 1) / product
         a = 1 / product - 1 - b

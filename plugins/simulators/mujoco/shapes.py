@@ -15,18 +15,24 @@ Element = Any  # of an MjSpec
 
 def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Element:
     """Add a collision shape to a body of the spec; a mesh by its vertices alone, so that it is its convex hull."""
-    size, mesh = [0.0, 0.0, 0.0], ""
+    size = [0.0, 0.0, 0.0]
+    mesh = ""
     match shape:
         case Box():
-            kind, size = mujoco.mjtGeom.mjGEOM_BOX, [side / 2 for side in shape.size]
+            kind = mujoco.mjtGeom.mjGEOM_BOX
+            size = [side / 2 for side in shape.size]
         case Sphere():
-            kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [shape.radius, 0.0, 0.0]
+            kind = mujoco.mjtGeom.mjGEOM_SPHERE
+            size = [shape.radius, 0.0, 0.0]
         case Cylinder():
-            kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [shape.radius, shape.length / 2, 0.0]
+            kind = mujoco.mjtGeom.mjGEOM_CYLINDER
+            size = [shape.radius, shape.length / 2, 0.0]
         case Capsule():
-            kind, size = mujoco.mjtGeom.mjGEOM_CAPSULE, [shape.radius, shape.length / 2, 0.0]
+            kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+            size = [shape.radius, shape.length / 2, 0.0]
         case Mesh():
-            kind, mesh = mujoco.mjtGeom.mjGEOM_MESH, f"mesh_{len(spec.meshes)}"
+            kind = mujoco.mjtGeom.mjGEOM_MESH
+            mesh = f"mesh_{len(spec.meshes)}"
             spec.add_mesh(name=mesh, uservert=np.ravel(shape.vertices))
     return bearer.add_geom(type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion)
 

@@ -89,7 +89,8 @@ def described(
     for body, surface in zip(scene.bodies, surfaces, strict=True):
         if isinstance(body, Soft):
             continue
-        bearer, frame = bearers[body.name], body.pose if body.fixed else None
+        bearer = bearers[body.name]
+        frame = body.pose if body.fixed else None
         for part in body.collisions:
             geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
             colliders.append(Collider(geom, body.name, bearer.name, Role.SCENE, surface, not body.fixed))
@@ -155,14 +156,18 @@ class World:
     """Play jobs one after another, each from a copy of the settled world, so that no motion affects the next."""
 
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
-        self._scene, self._model = scene, model
-        self._joints, self._moving = Joints.of(robot, tool, model), Moving(scene, model)
-        self._data, self._feeler = mujoco.MjData(model), Feeler(model)
+        self._scene = scene
+        self._model = model
+        self._joints = Joints.of(robot, tool, model)
+        self._moving = Moving(scene, model)
+        self._data = mujoco.MjData(model)
+        self._feeler = Feeler(model)
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
         """Play a rollout as `core.simulation.playback.play` does, with all controls given at once."""
-        job, dt = begun(job), self._model.opt.timestep
+        job = begun(job)
+        dt = self._model.opt.timestep
         trajectory = job.trajectory
         if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
             return Outcome(None, None, error="the trajectory's targets are not finite")
@@ -219,10 +224,16 @@ class World:
         self, job: Rollout, guards: Guards, settle: int, times: Array, states: Array, meter: Meter | None
     ) -> tuple[Rollout, Array, tuple[Array, Array]]:
         """Do the steps after the settling as `_run` does, some readings at once; where a guard ends, go back to it."""
-        data, dt, kept = self._data, self._model.opt.timestep, mujoco.MjData(self._model)
-        controls, tick, done, found = self._controls(job.trajectory, times), feel_every(dt), settle, [states]
+        data = self._data
+        dt = self._model.opt.timestep
+        kept = mujoco.MjData(self._model)
+        controls = self._controls(job.trajectory, times)
+        tick = feel_every(dt)
+        done = settle
+        found = [states]
         while done < len(times):
-            last, quiet = found[-1][-1:], int(np.searchsorted(times[done:] + dt, guards.since))
+            last = found[-1][-1:]
+            quiet = int(np.searchsorted(times[done:] + dt, guards.since))
             due = (quiet // tick + 1) * tick  # the steps up to the next reading
             orders = controls[done : done + due + (0 if meter else _READINGS * tick)]
             mujoco.mj_copyData(kept, self._model, data)
@@ -254,7 +265,8 @@ class World:
 
     def _settle(self, joints: Array, controls: Array, meter: Meter | None) -> _Settled:
         """Settle with ``controls`` (S, 2 J) that hold joints (J,); kept, since many motions begin the same way."""
-        known, count = self._settled, len(controls)
+        known = self._settled
+        count = len(controls)
         if (
             known is None
             or len(known.states) != 1 + count
@@ -323,11 +335,15 @@ class World:
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
             drives = aims[:-1]
-        count, own = self._joints.arm, len(self._joints.driven)
+        count = self._joints.arm
+        own = len(self._joints.driven)
         controls = np.empty((len(times), own + self._moving.drives, 2))
-        controls[:, :count, 0], controls[:, :count, 1] = arm, speeds
-        controls[:, count:own, 0], controls[:, count:own, 1] = fingers[:, None], finger_speeds[:, None]
-        controls[:, own:, 0], controls[:, own:, 1] = drives, np.diff(aims, axis=0) / dt
+        controls[:, :count, 0] = arm
+        controls[:, :count, 1] = speeds
+        controls[:, count:own, 0] = fingers[:, None]
+        controls[:, count:own, 1] = finger_speeds[:, None]
+        controls[:, own:, 0] = drives
+        controls[:, own:, 1] = np.diff(aims, axis=0) / dt
         return controls.reshape(len(times), -1)
 
     def stepped(self, start: JointTrajectory) -> Stepped:
@@ -340,8 +356,10 @@ class Stepped:
 
     def __init__(self, model: Element, moving: Moving, start: JointTrajectory, joints: Joints) -> None:
         self.time_step = float(model.opt.timestep)
-        self._model, self._data = model, mujoco.MjData(model)
-        self._joints, self._moving = joints, moving
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._joints = joints
+        self._moving = moving
         self._begun = -np.inf  # steps since the launch
         self._data.qpos[joints.driven] = [*start.arm[0], *([start.fingers[0]] * joints.grip)]
         self._ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
@@ -349,12 +367,15 @@ class Stepped:
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         back = 0.0 if self._ahead else self.time_step  # see `World._controls`
         controls = self._data.ctrl.reshape(-1, 2)
-        count, own = self._joints.arm, len(self._joints.driven)
-        controls[:count, 0], controls[:count, 1] = arm - back * speeds, speeds
+        count = self._joints.arm
+        own = len(self._joints.driven)
+        controls[:count, 0] = arm - back * speeds
+        controls[:count, 1] = speeds
         controls[count:own] = fingers - back * finger_speed, finger_speed
         if self._moving.drives:
             begin, end = self._moving.aim((self._begun + np.array([0.0, 1.0])) * self.time_step)
-            controls[own:, 0], controls[own:, 1] = end if self._ahead else begin, (end - begin) / self.time_step
+            controls[own:, 0] = end if self._ahead else begin
+            controls[own:, 1] = (end - begin) / self.time_step
         self._moving.pull(self._model, self._data)
         self._joints.hold(self._model, held=self._begun < 0)
         self._begun += 1

@@ -9,7 +9,8 @@ from typing import Any
 from core.errors import UserError
 
 sys.stderr.flush()
-_stderr, _nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+_stderr = os.dup(2)
+_nowhere = os.open(os.devnull, os.O_WRONLY)
 os.dup2(_nowhere, 2)
 try:
     import pybullet

@@ -14,7 +14,8 @@ from plugins.simulators.pybullet.engine import Client
 
 def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, Array]:
     """Return what pushed some links of the robot in the last step, see `core.values.jobs.FeelingWorld`."""
-    points, forces = [], []
+    points = []
+    forces = []
     for contact in client.getContactPoints():
         one, other = (contact[body] == robot and contact[link] in links for body, link in ((1, 3), (2, 4)))
         if one != other:
@@ -35,7 +36,9 @@ class Forces(Impulses):
 
     def __init__(self, client: Client, things: Mapping[tuple[int, int], Thing], time_step: float) -> None:
         super().__init__()
-        self._client, self._things, self._time_step = client, things, time_step
+        self._client = client
+        self._things = things
+        self._time_step = time_step
         self._meetings: dict[tuple[int, ...], Meeting] = {}
 
     def add_step(self) -> None:

@@ -16,7 +16,8 @@ from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
 from plugins.simulators.rendering import Renderer, joint_positions
 
-_NEAR_M, _FAR_M = 0.02, 10.0
+_NEAR_M = 0.02
+_FAR_M = 10.0
 _AWAY_M = 400.0  # so far, a metre in depth changes sizes by a quarter of a percent
 _OUT_OF_SIGHT = [0.0, 0.0, -100.0]
 
@@ -33,7 +34,9 @@ class PyBulletRenderer(Renderer):
         shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
         self._robot = load_robot(client, robot_file(self._folder, robot, shown, visuals=True))
         numbers, _ = joint_numbers(client, self._robot)
-        self._arm, self._tool, self._numbers = robot, shown, numbers
+        self._arm = robot
+        self._tool = shown
+        self._numbers = numbers
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
         self._softs = {soft.name: (soft, 0) for soft in task.scene(seed).softs}
@@ -110,11 +113,15 @@ class PyBulletRenderer(Renderer):
 def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
     """Compute the view matrix and the projection matrix, column by column."""
     target, (_, up, forward) = np.asarray(camera.target), camera.axes
-    position, fov_deg, near, far = np.asarray(camera.position), camera.fov_deg, _NEAR_M, _FAR_M
+    position = np.asarray(camera.position)
+    fov_deg = camera.fov_deg
+    near = _NEAR_M
+    far = _FAR_M
     if camera.height_m is not None:  # the software renderer draws nothing in parallel projection: from far away instead
         position = position - _AWAY_M * forward
         distance = float(np.linalg.norm(target - position))
         fov_deg = 2 * float(np.degrees(np.arctan(camera.height_m / 2 / distance)))
-        near, far = near + _AWAY_M, far + _AWAY_M
+        near = near + _AWAY_M
+        far = far + _AWAY_M
     view: list[float] = pybullet.computeViewMatrix(position.tolist(), target.tolist(), up.tolist())
     return view, pybullet.computeProjectionMatrixFOV(fov_deg, aspect, near, far)

@@ -38,11 +38,13 @@ class Lightness:
     @classmethod
     def of(cls, bodies: Mapping[str, Body], joints: Sequence[Joint], inertias: Mapping[str, Inertia]) -> Lightness:
         """Compute it for ``bodies`` and their ``inertias``, with a parent's own joint before those on it."""
-        twists, above = list[Array](), {name: list[int]() for name in bodies}
+        twists = list[Array]()
+        above = {name: list[int]() for name in bodies}
         for name in bodies.keys() - {joint.body for joint in joints}:  # a free root
             above[name] = list(range(6))
             twists += [*np.eye(6)]
-        first, axes = len(twists), dict[str, list[int]]()
+        first = len(twists)
+        axes = dict[str, list[int]]()
         for joint in joints:
             own = _twists(joint, bodies[joint.body].pose)
             rows = list(range(len(twists), len(twists) + len(own)))
@@ -51,7 +53,8 @@ class Lightness:
             twists += own
         masses = np.zeros((len(twists), len(twists)))
         for name, body in bodies.items():
-            frame, moving = body.pose @ inertias[name].frame, np.array([twists[row] for row in above[name]])
+            frame = body.pose @ inertias[name].frame
+            moving = np.array([twists[row] for row in above[name]])
             moved = moving[:, 3:] + np.cross(moving[:, :3], frame.position)
             turned = moving[:, :3] @ frame.rotation.as_matrix()
             own_mass = body.mass * moved @ moved.T + turned * inertias[name].moments @ turned.T
@@ -105,11 +108,13 @@ class PreparedTree:
         frame = frames[joints[0].body] if root is None else root.pose
         if root is not None:
             bodies.append(root)
-            frames[root.name], links[root.name] = root.pose, _ROOT
+            frames[root.name] = root.pose
+            links[root.name] = _ROOT
         inertias = {body.name: body.inertia() for body in bodies}
         made = {_ROOT: RobotLink(_ROOT)} if root is None else {}
         for body in bodies:
-            name, inertia = links[body.name], inertias[body.name]
+            name = links[body.name]
+            inertia = inertias[body.name]
             place = frames[body.name].inverse() @ body.pose  # of the body in the link
             own = inertial(Inertia(inertia.mass, place @ inertia.frame, inertia.moments))
             made[name] = RobotLink(name, own, collisions_of(body, folder, place))
@@ -177,7 +182,8 @@ def _joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
     kind = "continuous" if joint.kind == "hinge" and not joint.limited else _KINDS[joint.kind]
     lower, upper = (joint.lower - joint.start, joint.upper - joint.start) if joint.limited else (1.0, -1.0)  # none
     low, high, x, y, z = (rounded(value, DIGITS) for value in (lower, upper, *joint.axis))
-    limits, origin = Limits(low, high, 0.0, 1000.0), Origin.of(pose, DIGITS)
+    limits = Limits(low, high, 0.0, 1000.0)
+    origin = Origin.of(pose, DIGITS)
     return RobotJoint(f"{link}_joint", kind, parent, link, origin, (x, y, z), limits)
 
 
@@ -188,7 +194,9 @@ class Mechanism:
         self, client: Client, tree: PreparedTree, places: dict[str, Place], gain: float, time_step: float
     ) -> None:
         """``places`` are those of bodies; ``gain`` is the share of its error that a drive makes up in a step."""
-        self._client, self._gain, self._time_step = client, gain, time_step
+        self._client = client
+        self._gain = gain
+        self._time_step = time_step
         self._steps: int | None = None  # since the launch
         joints = [(places[joint.body], joint) for joint in tree.joints]
         for place, joint in joints:
@@ -199,7 +207,8 @@ class Mechanism:
 
     def _resist(self, place: Place, joint: Joint) -> None:
         """Set a motor at rest, which is dry friction; PyBullet's own would hold the joint."""
-        client, most = self._client, joint.friction
+        client = self._client
+        most = joint.friction
         if joint.kind == "ball":
             still = {"targetPosition": [0, 0, 0, 1], "targetVelocity": [0, 0, 0], "positionGain": 0, "velocityGain": 1}
             client.setJointMotorControlMultiDof(*place, client.POSITION_CONTROL, **still, force=[most] * 3)
@@ -237,7 +246,8 @@ class Mechanism:
         begins = 0.0 if self._steps is None else self._steps * self._time_step
         ends = begins if self._steps is None else begins + self._time_step
         before, after = joint.drive.sample(np.array([begins, ends])).tolist()
-        away, target = after - before, after - joint.start
+        away = after - before
+        target = after - joint.start
         if joint.kind == "hinge" and not joint.limited:  # the schedule of a wheel begins again a turn behind
             away -= 2 * np.pi * round(away / (2 * np.pi))
             value = self._client.getJointState(*place)[0]

@@ -121,7 +121,8 @@ class World:
         forces: bool = False,
     ) -> None:
         """``file`` describes the robot with ``tool``; with ``forces`` contact forces are summed up."""
-        self.client, self._number = client, client.number
+        self.client = client
+        self._number = client.number
         self.time_step = settings.time_step / scene.steps(settings.time_step)
         self._gain = 1.0 - float(np.exp(-settings.tracking_rate * self.time_step))
         separation = 1.0 - float(np.exp(-settings.separation_rate * self.time_step))
@@ -147,7 +148,8 @@ class World:
         self.robot = load_robot(client, file)
         numbers, links = joint_numbers(client, self.robot)
         moving = robot.joints(tool.gripper)
-        self._arm, grip = len(robot.arm_joints), robot.gripper if tool.gripper else None
+        self._arm = len(robot.arm_joints)
+        grip = robot.gripper if tool.gripper else None
         self._joints = [numbers[name] for name in moving]
         efforts = [client.getJointInfo(self.robot, joint)[10] for joint in self._joints]
         self._forces = [*efforts[: self._arm], *([grip.force_n] * len(grip.joints) if grip else ())]
@@ -159,7 +161,8 @@ class World:
         start = [*trajectory.arm[0], *([trajectory.fingers[0]] * self._fingers)]
         for joint, angle in zip(self._joints, start, strict=True):
             client.resetJointState(self.robot, joint, angle)
-        self._links, self._held = links, (robot, tool)
+        self._links = links
+        self._held = (robot, tool)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
             friction = tool.friction if name in tool.borne_on else robot.friction
@@ -180,7 +183,8 @@ class World:
 
     def _filter_contacts(self, robot: Robot, tool: Tool, links: dict[str, int]) -> None:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
-        own, joined = {*tool.borne_on}, [{bearer.name, bearer.parent} for bearer in tool.bearers]
+        own = {*tool.borne_on}
+        joined = [{bearer.name, bearer.parent} for bearer in tool.bearers]
         bearers = set(robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount)
         base = self.client.getBodyInfo(self.robot)[0].decode()
         everything = {base: -1, **links}
@@ -286,20 +290,26 @@ class World:
                 linear, angular = p.getBaseVelocity(body, self._number)
             else:
                 moving = self.client.getLinkState(body, link, 1, 1)
-                position, quaternion, linear, angular = moving[0], moving[1], moving[6], moving[7]
+                position = moving[0]
+                quaternion = moving[1]
+                linear = moving[6]
+                angular = moving[7]
             found += (*position, *quaternion, *linear, *angular)
         return tuple(found)
 
     def _joints_of(self, angles: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
         """Arm (T, J) and fingers with the tool's joints (T, F + K)."""
-        rows, count = np.array(angles), len(self._joints)
+        rows = np.array(angles)
+        count = len(self._joints)
         fingers = rows[:, self._arm : count] if self._fingers else np.zeros((len(rows), self._idle_fingers))
         return rows[:, : self._arm], np.concatenate([fingers, rows[:, count:]], axis=1)
 
     def _states_of(self, bodies: Sequence[tuple[float, ...]]) -> State:
         rows = np.array(bodies, dtype=np.float64).reshape(len(bodies), len(self._free), 13)
-        positions, quaternions = rows[..., :3].copy(), rows[..., [6, 3, 4, 5]]
-        linear, angular = rows[..., 7:10].copy(), rows[..., 10:].copy()
+        positions = rows[..., :3].copy()
+        quaternions = rows[..., [6, 3, 4, 5]]
+        linear = rows[..., 7:10].copy()
+        angular = rows[..., 10:].copy()
         shifted = self._scene.shifted
         if shifted and np.isfinite(quaternions).all():
             centers = positions[:, shifted]
@@ -310,7 +320,8 @@ class World:
 
 def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path:
     """Write the arm with its tool to a file: PyBullet reads only files."""
-    arm, held = assembled(robot, tool, fused=True), dict[str, RobotLink]()
+    arm = assembled(robot, tool, fused=True)
+    held = dict[str, RobotLink]()
     for name, inertia in driven_links(robot).items():
         held[name] = replace(arm.links[name], inertial=replace(inertial(inertia), moments=_PLACEHOLDER))
     return text_file(folder, write(replace(arm, links=arm.links | held), visuals=visuals), "urdf")
@@ -322,7 +333,8 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
 
     Bullet has no inertia of a joint. As a link's own, the joints before it carry it too where their axes are parallel.
     """
-    arm, inertias = assembled(robot, fused=True), {}
+    arm = assembled(robot, fused=True)
+    inertias = {}
     for name, motor in zip(robot.arm_joints, robot.motor_inertia, strict=True):
         joint = arm.named[name]
         mass, center, tensor = arm.links[joint.child].inertial.placed()
@@ -340,7 +352,8 @@ def load_robot(client: Client, file: Path) -> int:
 
 def joint_numbers(client: Client, robot: int) -> tuple[dict[str, int], dict[str, int]]:
     """Map the names of joints, and of links but the base, to PyBullet's numbers."""
-    joints, links = {}, {}
+    joints = {}
+    links = {}
     for number in range(client.getNumJoints(robot)):
         info = client.getJointInfo(robot, number)
         joints[info[1].decode()] = number

@@ -29,7 +29,9 @@ _SEPARATION = 2.0
 _BRAKE = 1e4
 # The least arm of rolling friction of a lying cylinder, as a share of its radius: where it rests, slower than so many
 # m/s, and where it rolls. Without, it begins to roll by itself.
-_LEAST_RESTING, _LEAST_ROLLING, _RESTS = 0.02, 0.01, 0.05
+_LEAST_RESTING = 0.02
+_LEAST_ROLLING = 0.01
+_RESTS = 0.05
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
 _ALIKE = 0.98, 1.02  # a brake is updated if the force changed by more than these factors
@@ -109,7 +111,8 @@ class Bodies:
             radius = weighed.radii.get(body.name, 0.0)
             arm = max(body.rolling_friction, _LEAST_ROLLING * radius)
             if not body.fixed and arm > 0:
-                drive, impulse = physx.PhysxDriveComponent(component), arm * body.mass * time_step
+                drive = physx.PhysxDriveComponent(component)
+                impulse = arm * body.mass * time_step
                 held = max(1.0, _LEAST_RESTING * radius / arm)
                 _brake(drive, impulse, held * GRAVITY)
                 entity.add_component(drive)
@@ -130,7 +133,8 @@ class Bodies:
     def launch(self) -> None:
         """Give bodies their velocities; PhysX takes that of the centre of mass."""
         for body in self._launched:
-            component, spin = self.components[body.name], np.asarray(body.spin)
+            component = self.components[body.name]
+            spin = np.asarray(body.spin)
             there = component.entity_pose
             arm = (there * component.cmass_local_pose).p - there.p
             component.linear_velocity = body.velocity + np.cross(spin, arm)
@@ -204,4 +208,5 @@ class _Brakes:
             for brake, acceleration in zip(changed.tolist(), changed_to.tolist(), strict=True):
                 _, drive, impulse, _ = self.each[brake]
                 _brake(drive, impulse, acceleration)
-            self._low[changed], self._high[changed] = (_ALIKE[0] * changed_to) ** 2, (_ALIKE[1] * changed_to) ** 2
+            self._low[changed] = (_ALIKE[0] * changed_to) ** 2
+            self._high[changed] = (_ALIKE[1] * changed_to) ** 2

@@ -69,10 +69,12 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
             for shape in link.collisions
         )
         inertia = _inertia([link.inertial.placed(pose) for link, pose in links if link.inertial.mass > 0])
-        parent, joint = None, None
+        parent = None
+        joint = None
         if name in arm.joints:
             head, pose = parts[arm.joints[name].parent]
-            parent, joint = order.index(head), _along_x(arm.joints[name], pose)
+            parent = order.index(head)
+            joint = _along_x(arm.joints[name], pose)
         made.append(ArticulationLink(name, parent, joint, inertia, collisions))
     return tuple(made)
 

@@ -17,7 +17,8 @@ from plugins.simulators.sapien.description import robot_links
 
 def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
     """Return what pushed these collision shapes in the last step, see `core.values.jobs.FeelingWorld`."""
-    points, forces = [], []
+    points = []
+    forces = []
     for contact in system.get_contacts():
         one, other = (shape in shapes for shape in contact.shapes)
         if one != other:
@@ -43,7 +44,8 @@ class Forces(Impulses):
         self._free = [(each, self._things[each.collision_shapes[0]]) for each in system.rigid_dynamic_components]
         links = {link.name: link.collisions for link in robot_links(robot, tool)}
         for component in system.articulation_link_components:
-            parts, shapes = links[component.entity.name], component.collision_shapes
+            parts = links[component.entity.name]
+            shapes = component.collision_shapes
             for number, shape in enumerate(shapes):  # of each part there are as many copies
                 part = parts[number * len(parts) // len(shapes)].part
                 self._things[shape] = -1, "tool" if part in tool.borne_on else part
@@ -51,11 +53,13 @@ class Forces(Impulses):
     def add_step(self) -> None:
         """Add those of the last step. PhysX keeps them for bodies that sleep. It does not tell those of friction."""
         resting = self._fixed.union(thing for component, thing in self._free if component.is_sleeping)
-        before, self._still = self._still, {}
+        before = self._still
+        self._still = {}
         for contact in self._system.get_contacts():
             shapes = tuple(contact.shapes)
             one, other = (self._things[shape] for shape in shapes)
-            still, met = one in resting and other in resting, meeting(one, other)
+            still = one in resting and other in resting
+            met = meeting(one, other)
             impulse = before.get(shapes) if still else None
             if impulse is None:
                 impulse = sum(float(point.impulse @ point.normal) for point in contact.points)

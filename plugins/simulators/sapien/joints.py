@@ -39,7 +39,8 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
     roots: dict[str, str] = {}
     pairs: dict[str, list[tuple[str, str]]] = {}
     for placed in scene.ordered_joints:
-        body, parent = placed.joint.body, placed.joint.parent
+        body = placed.joint.body
+        parent = placed.joint.parent
         if parent is not None:
             roots[body] = roots.setdefault(parent, parent)
             pairs.setdefault(roots[body], []).append((body, parent))
@@ -77,12 +78,15 @@ class Joints:
         time_step: float,
         tracking_rate: float,
     ) -> None:
-        self._time_step, self._steps, self._begun = time_step, 0, False
+        self._time_step = time_step
+        self._steps = 0
+        self._begun = False
         poses = {body.name: body.pose for body in scene.bodies}
         self._acting: list[_Acting] = []
         for placed in scene.ordered_joints:
             joint = placed.joint
-            child, parent = components[joint.body], components.get(joint.parent or "")
+            child = components[joint.body]
+            parent = components.get(joint.parent or "")
             child.solver_position_iterations *= _ITERATIONS
             child.sleep_threshold = 0.0  # a door that falls shut slowly does not stop
             inside = poses[joint.body]
@@ -105,24 +109,31 @@ class _Hung:
     """A body that hangs from a joint; ``inside`` is its pose in its parent, or in the world if that is fixed."""
 
     def __init__(self, joint: Joint, child: Any, parent: Any, inside: Pose, inertia: Inertia, time_step: float) -> None:
-        self.joint, self.child, self.parent, self.time_step = joint, child, parent, time_step
+        self.joint = joint
+        self.child = child
+        self.parent = parent
+        self.time_step = time_step
         # A joint's frame has the joint's axis as x, and hinges turn from the middle of their range.
         self.middle = (joint.lower + joint.upper) / 2 if joint.kind == "hinge" and joint.limited else 0.0
-        origin, axis, reach = np.asarray(joint.origin), np.asarray(joint.axis), 0.0
+        origin = np.asarray(joint.origin)
+        axis = np.asarray(joint.axis)
+        reach = 0.0
         self.slack = 0.0 if joint.kind == "slider" else _slack(inertia, origin, axis if joint.kind == "hinge" else None)
         turned = Rotation.identity()
         if joint.kind != "ball":
             turned, _ = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])
             origin = origin + axis * ((inertia.frame.position - origin) @ axis)
             reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)  # then the two points move independently
-        self._reach, self._in_child = reach, Pose.from_rotation(origin, turned)
+        self._reach = reach
+        self._in_child = Pose.from_rotation(origin, turned)
         moved = self.middle - joint.start
         back = ((moved, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._in_parent = inside @ self._in_child @ Pose.xyz_rpy(*(back if joint.kind == "slider" else back[::-1]))
 
     def hold(self, tracking_rate: float) -> Iterator[_Acting]:
         """Make the joint, and return what acts in it."""
-        joint, main = self.joint, self._connect(0.0)
+        joint = self.joint
+        main = self._connect(0.0)
         for lock in (main.set_limit_y, main.set_limit_z, *([] if joint.kind == "slider" else [main.set_limit_x])):
             lock(0.0, 0.0)
         if joint.kind != "ball":
@@ -162,7 +173,8 @@ class _Hung:
 
 def _slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
     """Compute how much easier a body turns about its centre of mass than about a joint, 1/(kg m^2)."""
-    arm, own = inertia.frame.position - origin, float(inertia.moments.max())
+    arm = inertia.frame.position - origin
+    own = float(inertia.moments.max())
     if axis is not None:
         arm = arm - axis * (arm @ axis)
         own = float(inertia.moments @ inertia.frame.rotation.apply(axis, inverse=True) ** 2)
@@ -178,11 +190,16 @@ class _Motor:
     """
 
     def __init__(self, component: Any, hung: _Hung) -> None:
-        self.component, self._kind, self._middle = component, hung.joint.kind, hung.middle
+        self.component = component
+        self._kind = hung.joint.kind
+        self._middle = hung.middle
         self._set = getattr(component, f"set_drive_property_{_DRIVES[self._kind]}")
-        iterations, self._time_step = hung.child.solver_position_iterations, hung.time_step
-        self._share, self._each = iterations / (iterations + 1), hung.time_step / iterations
-        self._damping, self._slack = _LEAST, hung.slack * self._each
+        iterations = hung.child.solver_position_iterations
+        self._time_step = hung.time_step
+        self._share = iterations / (iterations + 1)
+        self._each = hung.time_step / iterations
+        self._damping = _LEAST
+        self._slack = hung.slack * self._each
 
     def resist(self, stiffness: float, damping: float, limit: float = math.inf) -> None:
         self._damping = max(damping * self._share - stiffness * self._each, _LEAST)
@@ -219,12 +236,14 @@ class _Pull:
     """The spring and latches of a hinge or slider: a force and how it changes with the position, at where it is."""
 
     def __init__(self, motor: _Motor, hung: _Hung) -> None:
-        self._motor, self._joint = motor, hung.joint
+        self._motor = motor
+        self._joint = hung.joint
         self._turned = hung.joint.start  # with whole turns
         self._slope = 0.0
 
     def act(self, time: float) -> None:
-        joint, position = self._joint, self._motor.position()
+        joint = self._joint
+        position = self._motor.position()
         moved = position - self._turned
         self._turned += math.remainder(moved, 2 * math.pi) if joint.kind == "hinge" else moved
         slope = joint.stiffness + max(0.0, sum(_slope(position - x.at, x.force, x.width) for x in joint.latches))
@@ -244,7 +263,8 @@ class _BallPull:
     """The spring of a ball joint."""
 
     def __init__(self, motor: _Motor, joint: Joint) -> None:
-        self._motor, self._stiffness = motor, joint.stiffness
+        self._motor = motor
+        self._stiffness = joint.stiffness
         motor.resist(joint.stiffness, joint.damping)
 
     def act(self, time: float) -> None:
@@ -258,14 +278,18 @@ class _Servo:
     """A motor that follows a schedule as the arm's do; ``time`` is 0 until the robot's motion begins."""
 
     def __init__(self, motor: _Motor, drive: Drive, tracking_rate: float, time_step: float) -> None:
-        self._motor, self._drive, self._time_step = motor, drive, time_step
+        self._motor = motor
+        self._drive = drive
+        self._time_step = time_step
         self._speeds = np.append(np.diff(drive.positions) / np.diff(drive.times), 0.0)
         self._ahead = 1 / tracking_rate
         stiffness = drive.force / _GIVES_WAY
         motor.resist(stiffness, stiffness / tracking_rate, drive.force)
 
     def act(self, time: float) -> None:
-        drive, middle = self._drive, time - self._time_step / 2  # of the time step
+        # Of the time step.
+        drive = self._drive
+        middle = time - self._time_step / 2
         if drive.repeats and middle > 0:
             middle %= drive.times[-1]
         speed = self._speeds[np.searchsorted(drive.times, middle) - 1]

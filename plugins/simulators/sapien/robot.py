@@ -59,8 +59,10 @@ class ArticulatedArm:
         tracking_rate: float,
         time_step: float,
     ) -> None:
-        links, joints = robot_links(arm, tool), arm.joints(tool.gripper)
-        self._arm, self._fingers = len(arm.arm_joints), len(arm.finger_joints)
+        links = robot_links(arm, tool)
+        joints = arm.joints(tool.gripper)
+        self._arm = len(arm.arm_joints)
+        self._fingers = len(arm.finger_joints)
         self._gripper = tool.gripper
         loose = {bearer.name: bearer.joint for bearer in tool.bearers}
         components: list[Any] = []
@@ -131,7 +133,8 @@ class ArticulatedArm:
     def drive(self, orders: list[float]) -> None:
         """Set the drives for the next step."""
         if self._pull:
-            values, speeds = self._articulation.qpos, self._articulation.qvel
+            values = self._articulation.qpos
+            speeds = self._articulation.qvel
             for i, joint in self._pull:
                 self._forces[i] = joint.stiffness * (joint.rest - values[i]) - joint.damping * speeds[i]
             self._articulation.qf = self._forces
@@ -150,7 +153,8 @@ class ArticulatedArm:
     def read(self, values: Any) -> tuple[Array, Array]:
         """Decode the articulation's joints (..., N): arm (..., J) and fingers (..., F)."""
         everything = np.asarray(values, dtype=np.float64)
-        values, loose = everything[..., self._numbers], everything[..., self._loose]
+        values = everything[..., self._numbers]
+        loose = everything[..., self._loose]
         fingers = values[..., self._arm :] if self._gripper else np.zeros((*values.shape[:-1], self._fingers))
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 

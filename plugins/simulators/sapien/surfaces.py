@@ -73,7 +73,8 @@ class Surfaces:
         """Make the material of ``surface`` for contacts with a surface of kind ``other``."""
         key = (surface, other)
         if key not in self._materials:
-            one, two = self._typical[self._kinds[surface]], self._typical[other]
+            one = self._typical[self._kinds[surface]]
+            two = self._typical[other]
             friction = math.sqrt(one.friction * two.friction)
             if friction > 0:  # this surface's deviation from the typical one of its kind
                 friction *= 2 * math.sqrt(surface.friction / one.friction) - 1
@@ -85,10 +86,12 @@ def _kinds(surfaces: set[Surface]) -> dict[Surface, int]:
     """Assign kinds to surfaces: each has one restitution, and one friction or a narrow range."""
     ratio = 1.0 if len(surfaces) <= _FEW else _ALIKE
     kinds: dict[Surface, int] = {}
-    first, kind = Surface(-1.0), -1
+    first = Surface(-1.0)
+    kind = -1
     for surface in sorted(surfaces, key=lambda s: (s.restitution, s.friction)):
         if surface.restitution != first.restitution or surface.friction > ratio * first.friction:
-            first, kind = surface, kind + 1
+            first = surface
+            kind = kind + 1
         kinds[surface] = kind
     return kinds
 

@@ -30,10 +30,12 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     """
     around = [floor(spec.floor_height)] * spec.floor + [table()] * spec.table
     marks = [Body.mark(mark.name, mark.position, mark.radius, rgba(mark.color)) for mark in spec.marks]
-    bodies, joints = list[Body](), list(spec.joints)
+    bodies = list[Body]()
+    joints = list(spec.joints)
     for number, of in enumerate(spec.bodies):
         with _located(tree, ("bodies", number)):
-            body, limits = _body(of, files), f"{LIGHTEST:g} to {HEAVIEST:g}; change its density"
+            body = _body(of, files)
+            limits = f"{LIGHTEST:g} to {HEAVIEST:g}; change its density"
             if not of.fixed and not LIGHTEST <= body.mass <= HEAVIEST:
                 raise ValueError(f"its mass would be {body.mass:.3g} kg, beyond {limits}")
             bodies.append(replace(body, pose=_frame(of.at, (*marks, *bodies)) @ body.pose))
@@ -68,7 +70,8 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
     """
     poses = {body.name: body.pose for body in scene.bodies}
     for placed in scene.ordered_joints:
-        joint, ball = placed.joint, placed.joint.kind == "ball"
+        joint = placed.joint
+        ball = placed.joint.kind == "ball"
         value = np.array([1.0, 0.0, 0.0, 0.0] if ball else starts.get(joint.name, joint.start))
         parent = Placement.at_rest(poses[joint.parent] if joint.parent is not None else Pose())
         moved = placed.carry(value, np.zeros(3 if ball else ()), parent)
@@ -95,7 +98,9 @@ def _body(spec: BodySpec, files: Files) -> Body:
         return Soft.make(spec.name, form, spec.elastic, _pose(spec), color=own, pinned=spec.pinned)
     if spec.file is not None:
         (read,) = files.mesh(spec.file, spec.scale).bodies
-        visuals, collisions, volume = read.visuals, read.collisions, read.mass
+        visuals = read.visuals
+        collisions = read.collisions
+        volume = read.mass
         if spec.color is not None:
             visuals = tuple(replace(geom, color=own) for geom in visuals)
     elif spec.parts is not None:
@@ -152,7 +157,8 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
     Raises:
         UserError: says which name.
     """
-    bodies, free = [body.name for body in scene.bodies], [body.name for body in scene.free]
+    bodies = [body.name for body in scene.bodies]
+    free = [body.name for body in scene.free]
     softs = {soft.name: len(soft.form.nodes) for soft in scene.softs}
     for number, goal in enumerate(spec.goals):
         named = [(name, "body that can move", free) for name in (*goal.bodies, *goal.keep)]

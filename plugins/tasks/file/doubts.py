@@ -12,7 +12,10 @@ from core.geometry import Array
 from core.robot.solids import body_solids
 from core.scene import Body, Scene, Soft
 
-HEAVY_KG, THIN_M, LONG_M, FAR_M = 50.0, 0.0002, 2.0, 1.5
+HEAVY_KG = 50.0
+THIN_M = 0.0002
+LONG_M = 2.0
+FAR_M = 1.5
 SINKS = 0.1  # of a soft solid's height, by its own weight
 FALLS_M = 0.002  # more than engines need to settle what rests
 

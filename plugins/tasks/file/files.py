@@ -48,7 +48,8 @@ class Files:
         Raises:
             UserError: it can't be used.
         """
-        file, kind = self.folder / name, Path(name).suffix.lower()
+        file = self.folder / name
+        kind = Path(name).suffix.lower()
         if kind not in HOLDING:
             raise UserError(f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import")
         if (name, prefix, fixed) not in self._read:

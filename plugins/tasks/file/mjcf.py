@@ -64,7 +64,8 @@ def read_mjcf(file: str | Path, *, prefix: str = "", folder: Path | None = None)
     Raises:
         UserError: says what can't be used, where, and how to mend it.
     """
-    file, left = Path(file).expanduser().absolute(), Counter[str]()
+    file = Path(file).expanduser().absolute()
+    left = Counter[str]()
     try:
         made = isolated(compile_model, "the model", _packed(file, folder or file.parent, left), limit_s=LIMIT_S)
         model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": made})
@@ -93,7 +94,9 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
     root = read_xml(read_inside(file, folder, "MJCF", MAX_BYTES / 1e6), file)
     if root.tag != "mujoco":
         raise UserError(f"it is no MJCF: its root is <{clean(root.tag, 40)}> instead of <mujoco>")
-    waiting, included, total = [(root, 0, 1)], {file.resolve()}, 0
+    waiting = [(root, 0, 1)]
+    included = {file.resolve()}
+    total = 0
     while waiting:
         element, depth, copies = waiting.pop()
         if element.tag == "replicate":
@@ -106,7 +109,8 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
             raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
         if total > MAX_ELEMENTS:
             raise UserError(f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out")
-        children, element[:] = [*reversed(element)], []
+        children = [*reversed(element)]
+        element[:] = []
         while children:
             child = children.pop()
             if child.tag == "include":
@@ -125,7 +129,8 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
     for element in root.iter():
         for key in ("assetdir", "meshdir", "texturedir", "texture", "builtin"):
             element.attrib.pop(key, None)
-    stream, names = io.BytesIO(), dict[Path, str]()
+    stream = io.BytesIO()
+    names = dict[Path, str]()
     with zipfile.ZipFile(stream, "w") as archive:
         for mesh in root.iterfind(".//mesh[@file]"):
             path = (meshes / mesh.attrib["file"]).resolve()
@@ -143,13 +148,18 @@ class _Reading:
     def __init__(self, model: Any, prefix: str, left: Counter[str]) -> None:
         if model.nbody > MAX_BODIES + 1:
             raise UserError(f"there are more than {MAX_BODIES} bodies; leave some out")
-        self._model, self._data, self._prefix, self._left = model, mujoco.MjData(model), prefix, left
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._prefix = prefix
+        self._left = left
         mujoco.mj_kinematics(model, self._data)
         self._meshes = [self._mesh(model.mesh(number)) for number in range(model.nmesh)]
         self._notes: list[str] = []
         self._names = [prefix + (model.body(number).name or f"body{number}") for number in range(model.nbody)]
-        numbers, welded = np.arange(model.nbody), model.body_weldid
-        self._moves, self._heads = (welded == numbers) & (numbers > 0), np.where(welded > 0, welded, numbers)
+        numbers = np.arange(model.nbody)
+        welded = model.body_weldid
+        self._moves = (welded == numbers) & (numbers > 0)
+        self._heads = np.where(welded > 0, welded, numbers)
 
     def read(self) -> Imported:
         bodies = [body for head in np.unique(self._heads) if (body := self._body(head))]
@@ -170,14 +180,20 @@ class _Reading:
 
     def _body(self, head: int) -> Body | None:
         """Make a body of all that is rigidly joined; None: nothing is there."""
-        model, data, name = self._model, self._data, self._names[head]
+        model = self._model
+        data = self._data
+        name = self._names[head]
         if not NAME.fullmatch(name.removeprefix(self._prefix)):
             raise UserError(f"body {name[:64]!r}: its name is not 1 to 64 letters, digits, '_', '.' or '-'; rename it")
         if (joints := model.body_jntnum[head]) > 1:
             raise UserError(f"body {name!r} has {joints} joints; one is read: put a body with mass and shape between")
-        at, visuals, collisions, frictions = _pose(data.body(head)), list[Geom](), list[Geom](), set[float]()
+        at = _pose(data.body(head))
+        visuals = list[Geom]()
+        collisions = list[Geom]()
+        frictions = set[float]()
         for number in np.flatnonzero(self._heads[model.geom_bodyid] == head):
-            geom, kind = model.geom(number), mujoco.mjtGeom(model.geom_type[number]).name.removeprefix("mjGEOM_")
+            geom = model.geom(number)
+            kind = mujoco.mjtGeom(model.geom_type[number]).name.removeprefix("mjGEOM_")
             if kind not in (*_SHAPES, "MESH"):
                 self._left[f"geom {kind.lower()}"] += 1
                 continue
@@ -198,13 +214,15 @@ class _Reading:
         return joined_body(name, at, mass, visuals, collisions, max(frictions, default=1.0))
 
     def _joint(self, joint: Any) -> Joint:
-        body, kind = self._names[joint.bodyid[0]], _JOINTS[joint.type[0]]
+        body = self._names[joint.bodyid[0]]
+        kind = _JOINTS[joint.type[0]]
         parent = self._heads[self._model.body_parentid[joint.bodyid[0]]]
         self._left["armature of a joint"] += bool(joint.armature[0])
         self._left["range of a ball"] += bool(kind == "ball" and joint.limited[0])
         lower, upper = joint.range.tolist()
         if not joint.limited[0] or kind == "ball" or (kind == "hinge" and upper - lower >= 2 * math.pi):
-            lower, upper = -math.inf, math.inf
+            lower = -math.inf
+            upper = math.inf
         return Joint(
             self._prefix + joint.name if joint.name else f"{body}_joint",
             kind,  # type: ignore[arg-type]  # one of three

@@ -35,12 +35,18 @@ from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
-MAX_BODIES, MAX_PARTS, MAX_IMPORTS, MAX_GOALS, MAX_RANGES, MAX_VARIATIONS = 100, 100, 20, 50, 200, 20
+MAX_BODIES = 100
+MAX_PARTS = 100
+MAX_IMPORTS = 20
+MAX_GOALS = 50
+MAX_RANGES = 200
+MAX_VARIATIONS = 20
 MAX_PHOTOS = 8
 _RIGID = ("parts", "friction", "rolling_friction", "restitution", "velocity", "spin")  # keys of rigid bodies alone
 _SOFT = ("rope", "cloth", "counts", "pinned")
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-_LIST, _OBJECT = "must be a list, such as [0, 0, 0.1]", "must be an object of keys and values, such as {radius: 0.1}"
+_LIST = "must be a list, such as [0, 0, 0.1]"
+_OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
 WORDS = {
     "bool_type": "must be true or false",
     "string_type": "must be a text; put it in quotes",
@@ -284,7 +290,8 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
 
 
 def _explain(where: Where, error: ErrorDetails) -> str:
-    kind, given = error["type"], error["input"]
+    kind = error["type"]
+    given = error["input"]
     if kind in UNKNOWN:
         return str(choices("key", str(where[-1]), keys_at(where[:-1])))
     if kind == "missing":

@@ -71,7 +71,8 @@ class FileTask(Task):
         Raises:
             UserError: they can't be.
         """
-        data, starts = deepcopy(self._tree.data), dict[str, float]()
+        data = deepcopy(self._tree.data)
+        starts = dict[str, float]()
         for path, number in numbers.items():
             holder, key = tree.follow(data, path)
             if path.startswith("joints.") and key == "start":

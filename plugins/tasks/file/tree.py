@@ -134,7 +134,8 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
     holder: Any = None
     key: str | int = ""
     for step in path.split("."):
-        holder, key = node, step
+        holder = node
+        key = step
         if isinstance(node, list):
             names = [item.get("name") if isinstance(item, dict) else None for item in node]
             axes = next((words for words in (("x", "y", "z"), ("roll", "pitch", "yaw")) if step in words), ())

@@ -170,7 +170,8 @@ def _convex_when_turned(outline: CrossSection) -> bool:
 
 
 def _revolved(outline: CrossSection, degrees: float, tolerance: Tolerance) -> list[Manifold]:
-    hull, fine = _round_hull(outline), segments(outline.bounds()[2])
+    hull = _round_hull(outline)
+    fine = segments(outline.bounds()[2])
     pockets = [pocket for pocket in (hull - outline).decompose() if pocket.area() >= _ALIKE]
     if all(map(_convex_when_turned, pockets)):
         parts = _sectors(hull, degrees, tolerance)

@@ -66,7 +66,9 @@ class Faces:
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         twice = np.linalg.norm(normals, axis=1)
         large = twice > _AREA
-        triangles, normals, twice = triangles[large], normals[large] / twice[large, None], twice[large]
+        triangles = triangles[large]
+        normals = normals[large] / twice[large, None]
+        twice = twice[large]
         _, first, group = np.unique(np.round(normals, 4), axis=0, return_index=True, return_inverse=True)
         sums = np.zeros((len(first), 3))
         np.add.at(sums, group.ravel(), triangles.mean(axis=1) * twice[:, None])
@@ -117,12 +119,14 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
     curved = faces.curved
     flat, bent = ([k for k in chosen if curved[k] == wanted] for wanted in (False, True))
     best = _spread(faces, flat, bent)
-    too_few, enough = 0, len(bent)
+    too_few = 0
+    enough = len(bent)
     while enough - too_few > 1:
         count = (too_few + enough) // 2
         planes = _spread(faces, flat, bent[:count])
         if faces.excess(planes)[1].max() <= sum(tolerance):
-            best, enough = planes, count
+            best = planes
+            enough = count
         else:
             too_few = count
     normals, offsets = best
@@ -136,7 +140,8 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
 
 def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
     """Return the flat faces' planes, and as many as ``bent`` that share the curved surface evenly."""
-    normals, centers = faces.normals[bent], faces.centers[bent]
+    normals = faces.normals[bent]
+    centers = faces.centers[bent]
     own_normals, own_centers, areas = (part[faces.curved] for part in (faces.normals, faces.centers, faces.areas))
     for _ in range(_ROUNDS if bent else 0):
         # How far the edge between two tangent planes exceeds the surface grows with (c - c') (n - n').
@@ -145,7 +150,8 @@ def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
         shares = np.where(np.arange(len(bent)) == np.abs(far).argmin(axis=1)[:, None], areas[:, None], 0.0)
         served = shares.sum(axis=0) > 0
         shares = shares[:, served] / shares[:, served].sum(axis=0)
-        normals[served], centers[served] = shares.T @ own_normals, shares.T @ own_centers
+        normals[served] = shares.T @ own_normals
+        centers[served] = shares.T @ own_centers
         normals /= np.linalg.norm(normals, axis=1)[:, None]
     normals = np.vstack([faces.normals[flat], normals])
     return normals, np.max(normals @ faces.corners.T, axis=1)
@@ -161,7 +167,8 @@ def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
     pieces: list[Manifold] = []
     for part in parts:
         beyond = vertices_of(part) @ normals.T > offsets + 1e-6
-        left, outside = part, []
+        left = part
+        outside = []
         for plane in np.flatnonzero(beyond.any(axis=0)) if not beyond.all(axis=0).any() else ():
             beside, left = left.split_by_plane(normals[plane], offsets[plane])
             outside.append(beside)
@@ -177,7 +184,8 @@ def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
 def outline_pieces(outline: CrossSection, tolerance: Tolerance, nested: int = 0) -> list[CrossSection]:
     """Cut an outline into convex outlines: its hull, less the hulls of its pockets, and what lies within these."""
     hull = outline.hull()
-    solids, within = [hull.extrude(100.0)], []
+    solids = [hull.extrude(100.0)]
+    within = []
     for pocket in (hull - outline).decompose():
         if pocket.area() < _AREA:
             continue

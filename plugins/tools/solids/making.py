@@ -130,7 +130,8 @@ def _farthest(pieces: Manifold, solid: Manifold) -> float:
     if pieces.volume() < SLIVER:
         return 0.0
     mesh = pieces.to_mesh64()
-    corners, rng = vertices_of(pieces), np.random.default_rng(0)
+    corners = vertices_of(pieces)
+    rng = np.random.default_rng(0)
     triangles = corners[np.asarray(mesh.tri_verts)]
     areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
     chosen = triangles[rng.choice(len(triangles), _SAMPLES, p=areas / areas.sum())]
@@ -144,11 +145,13 @@ def _check_whole(solid: Manifold) -> None:
     pieces = solid.decompose()
     if len(pieces) > _MAX_PIECES:
         raise DesignError(f"falls into {len(pieces)} pieces; a component is of one piece")
-    joined, apart = pieces[:1], pieces[1:]
+    joined = pieces[:1]
+    apart = pieces[1:]
     while joined and apart:
         piece = joined.pop()
         near = [other for other in apart if piece.min_gap(other, 1.0) < _TOUCH]
-        joined, apart = joined + near, [other for other in apart if other not in near]
+        joined = joined + near
+        apart = [other for other in apart if other not in near]
     if apart:
         raise DesignError(f"falls into {len(pieces)} pieces; join them, or write them as components that touch")
 
@@ -169,12 +172,16 @@ def _triangles(solid: Manifold) -> tuple[Array, np.ndarray[tuple[int, int], np.d
 
 def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float:
     """Measure the largest distance of ``points`` (P, 3) from a surface of triangles, in the unit of both."""
-    corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    corners = coal.StdVec_Vec3s()
+    triangles = coal.StdVec_Triangle()
     corners.extend(np.asarray(vertices))
     triangles.extend(coal.Triangle(*face) for face in np.asarray(faces).tolist())
-    surface, point = coal.BVHModelOBBRSS(), coal.Sphere(1e-9)
+    surface = coal.BVHModelOBBRSS()
+    point = coal.Sphere(1e-9)
     surface.beginModel(len(triangles), len(corners))
     surface.addSubModel(corners, triangles)
     surface.endModel()
-    measure, here, request = coal.ComputeDistance(surface, point), coal.Transform3s(), coal.DistanceRequest()
+    measure = coal.ComputeDistance(surface, point)
+    here = coal.Transform3s()
+    request = coal.DistanceRequest()
     return max(float(measure(here, coal.Transform3s(np.eye(3), at), request, coal.DistanceResult())) for at in points)

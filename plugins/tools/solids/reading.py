@@ -101,7 +101,8 @@ class TreeReader:
             raise DesignError(f"{where} must have exactly one of {', '.join(_KINDS)}; it has {found}")
         (name,) = named
         check_keys(value, {name, "at", *_EXTRA.get(name, ())}, where)
-        content, where = value[name], f"{where}: {name}"
+        content = value[name]
+        where = f"{where}: {name}"
         at = _read_pose(value.get("at"), f"{where}: at")
         if name in OPERATIONS:
             if not isinstance(content, list) or len(content) < 2:

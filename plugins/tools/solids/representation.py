@@ -21,8 +21,10 @@ class _Reader:
     """Reads the trees of one tool and counts their triangles, then makes the shapes and counts their parts."""
 
     def __init__(self) -> None:
-        self._reader, self._trees = TreeReader(), dict[str, Node]()
-        self._triangles, self._parts = 0, 0
+        self._reader = TreeReader()
+        self._trees = dict[str, Node]()
+        self._triangles = 0
+        self._parts = 0
 
     def read(self, item: Mapping[str, Any], where: str) -> tuple[Shape | Compound, Pose]:
         """Read a tree; what is returned stands in for its shape."""
@@ -54,7 +56,9 @@ class SolidTools(ComponentTools):
     """
 
     shapes = ("box", "cylinder", "capsule", "sphere")
-    field, keys, template = FIELD, ("solid",), "solids"
+    field = FIELD
+    keys = ("solid",)
+    template = "solids"
     limits = MappingProxyType(
         {"MAX_SIZE_M": MAX_SIZE_M, "MAX_NODES": MAX_NODES, "MAX_POINTS": MAX_POINTS}
         | {"WITHIN_M": WITHIN_M, "MAX_PARTS": MAX_PARTS}

@@ -30,7 +30,8 @@ MAX_NAME = {"link": 64, "joint": 70}  # `core.robot` names a joint after its lin
 DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
 
 _MOVES: dict[str, Literal["hinge", "slider"]] = {"revolute": "hinge", "prismatic": "slider"}
-_NAME, _DECLARATION = re.compile(r"[A-Za-z0-9_.-]+"), re.compile(r"\s*<\?xml[^>]*\?>")
+_NAME = re.compile(r"[A-Za-z0-9_.-]+")
+_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
 _MANY = ("link", "joint", "material", "collision", "visual")  # what an element may have several of
 _MIN_OPACITY = 0.2  # what collides must be visible
 
@@ -61,7 +62,8 @@ def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, l
     Raises:
         DesignError: they are not boxes on joints that lead to a mount, fixed ones or, if ``loose``, hinges and sliders.
     """
-    mounts, aliases = Tool(gripper=gripper).mounts, dict(robot.aliases)
+    mounts = Tool(gripper=gripper).mounts
+    aliases = dict(robot.aliases)
     root = _parse(text)
     names = _check(root, robot_names(robot), " or ".join(mounts))
     bare = {link.get("name") for link in root.iterfind("link") if link.find("inertial") is None or not masses}
@@ -82,7 +84,8 @@ def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, l
     taken = {*names, *robot_names(robot)}
     parents = {name: aliases.get(tree.joints[name].parent, tree.joints[name].parent) for name in names}
     for name in parents_first(parents, mounts, "link"):
-        shapes, mass = _boxes(tree.links[name]), tree.links[name].inertial.mass
+        shapes = _boxes(tree.links[name])
+        mass = tree.links[name].inertial.mass
         if name in bare:
             mass = default_mass(math.fsum(shape.box.volume for shape in shapes)) if shapes else Component.mass
         moving = _moving(tree.joints[name], loose)
@@ -139,7 +142,8 @@ def _boxes(link: RobotLink) -> list[_Shape]:
 
     Where there are as many of both, collision boxes have the colours of the visual ones.
     """
-    collisions, visuals = link.collisions or link.visuals, link.visuals
+    collisions = link.collisions or link.visuals
+    visuals = link.visuals
     painted = visuals if len(visuals) == len(collisions) else collisions
     made = []
     for shape, looks in zip(collisions, painted, strict=True):
@@ -211,11 +215,13 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
 
     Return its name, and the pose in its own frame.
     """
-    best, least = holders[0], math.inf
+    best = holders[0]
+    least = math.inf
     for holder in holders if len(holders) > 1 else ():
         distance = gap(box, holder.frame @ pose, holder.box, Pose()) if holder.box is not None else 0.0
         if distance < least:
-            best, least = holder, distance
+            best = holder
+            least = distance
         if distance == 0:
             break
     return best.name, best.frame @ pose

@@ -179,7 +179,8 @@ def test_an_anchor_that_is_not_there(step, problem):
 def test_a_designs_file_names_the_representation_and_reads_back():
     task = on_panda(BringCube())
     document = json.loads(json.dumps({"strategies": [BARE | {"action": "anchored", "action_sets": [[GOOD, NEAR]]}]}))
-    rules, bare = SpawnRules(task, 0), installed().create("tool", "none")
+    rules = SpawnRules(task, 0)
+    bare = installed().create("tool", "none")
     (candidate,) = read_designs(document, bare, rules)
     assert isinstance(candidate.plan, AnchoredPlan)
     (again,) = read_designs({"strategies": [dump_design(candidate, bare)]}, bare, rules)
@@ -263,7 +264,8 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     words += ["film=false", "prompt.picture=false"]
     cfg = load("config", words)
     run(cfg, tmp_path / "run")
-    representation, rules = tool_part(cfg).create(), SpawnRules(on_panda(BringCube()), 0)
+    representation = tool_part(cfg).create()
+    rules = SpawnRules(on_panda(BringCube()), 0)
     stored = stored_evaluations(tmp_path / "run", representation, rules)
     assert all(isinstance(evaluation.candidate.plan, AnchoredPlan) for evaluation in stored)
     plans = {evaluation.candidate.id: evaluation.candidate.plan.dump() for evaluation in stored}
@@ -354,7 +356,8 @@ def test_guards_that_mean_nothing_are_refused(steps, said):
 
 
 def test_the_model_hears_of_guards_only_where_it_may_use_them():
-    told, silent = AnchoredActions(guards=True), AnchoredActions()
+    told = AnchoredActions(guards=True)
+    silent = AnchoredActions()
     assert {"until", "newtons", "otherwise"} <= {*told.schema(gripper=False)["items"]["properties"]}
     assert "until" not in silent.schema(gripper=False)["items"]["properties"]
     brief = SimpleNamespace(task=BringCube(), scene_seed=0, gripper=False)

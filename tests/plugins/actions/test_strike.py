@@ -14,7 +14,8 @@ from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
 
-GRAY, FAR_M = (0.6, 0.6, 0.6, 1.0), 2.0
+GRAY = (0.6, 0.6, 0.6, 1.0)
+FAR_M = 2.0
 PADDLE = Tool(
     (
         Component("shaft", "tool_mount", Pose(np.array([0.0, 0.0, -0.13])), Box((0.03, 0.03, 0.26)), 0.1),
@@ -50,7 +51,8 @@ def swing(tempo):
 def test_a_strike_needs_its_tempo(engine):
     stroke = np.array([[0.6, y, 0.31, 0.0, 0.0, 0.0] for y in (-0.4, 0.4)])  # as fast as a straight way allows
     candidates = [Candidate(PADDLE, plan) for plan in (swing(tempo=True), swing(tempo=False), stroke)]
-    settings, sim = RolloutSettings(hold_s=4.0), installed().create("sim", engine)
+    settings = RolloutSettings(hold_s=4.0)
+    sim = installed().create("sim", engine)
     struck, *pushed = evaluate_batch(on_panda(Strike()), sim, candidates, 0, settings)
     assert struck.reward > 0.9
     assert all(evaluation.status == "ok" and evaluation.reward < 0.4 for evaluation in pushed)

@@ -16,9 +16,13 @@ from tests.panda import on_panda
 pytestmark = pytest.mark.slow
 
 GRAY = (0.6, 0.6, 0.6, 1.0)
-FLOOR, TOP, SIDE = -0.9, 0.5, 0.04
-CUBE, AWAY = np.array([0.95, -0.2, TOP + SIDE / 2 + 0.0001]), np.array([-1.1, 1.67])
-TRAY, WALL = 0.5, 0.01
+FLOOR = -0.9
+TOP = 0.5
+SIDE = 0.04
+CUBE = np.array([0.95, -0.2, TOP + SIDE / 2 + 0.0001])
+AWAY = np.array([-1.1, 1.67])
+TRAY = 0.5
+WALL = 0.01
 
 
 def part(name, parent, at, size, mass):
@@ -36,7 +40,9 @@ FORK = Tool(  # two rails between cheeks, open to the left; the post on which th
         part("far_cheek", "rear", (0.036, 0.05, -0.01), (0.01, 0.10, 0.05), 0.01),
     )
 )
-REACH, RAIL = 0.57, 0.135  # from the mount to the cube on the rails, ahead and down
+# From the mount to the cube on the rails, ahead and down.
+REACH = 0.57
+RAIL = 0.135
 
 
 class Throw(Task):
@@ -62,7 +68,8 @@ class Throw(Task):
 
 def throw(tempo):
     """Take the cube from below, swing back, and swing about the base until the arm stops and the cube flies on."""
-    turns, yaws = np.radians(np.linspace(-35, 29, 8)).tolist(), np.radians(np.linspace(-105, 49, 8)).tolist()
+    turns = np.radians(np.linspace(-35, 29, 8)).tolist()
+    yaws = np.radians(np.linspace(-105, 49, 8)).tolist()
     swing = [
         {"offset": [0.5 * np.cos(turn), 0.5 * np.sin(turn), 0.8], "rpy": [0.0, 0.0, yaw]}
         for turn, yaw in zip(turns, yaws, strict=True)
@@ -78,7 +85,8 @@ def throw(tempo):
 
 @pytest.mark.parametrize("engine", ["pybullet", "sapien", "mujoco"])
 def test_a_throw_needs_its_tempo(engine):
-    task, settings = on_panda(Throw()), RolloutSettings(hold_s=2.0)
+    task = on_panda(Throw())
+    settings = RolloutSettings(hold_s=2.0)
     assert np.linalg.norm(AWAY) >= 1.99
     candidates = [Candidate(FORK, throw(tempo=True)), Candidate(FORK, throw(tempo=False), action=1)]
     thrown, carried = evaluate_batch(task, installed().create("sim", engine), candidates, 0, settings)

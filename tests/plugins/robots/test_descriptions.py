@@ -38,7 +38,8 @@ def test_inertias_and_limits_are_replaced():
 
 
 def test_endless_joints_get_ends():
-    file, name = "kinova_description/robots/kinova.urdf", "j2s6s200_joint_1"
+    file = "kinova_description/robots/kinova.urdf"
+    name = "j2s6s200_joint_1"
     assert arm(file).named[name].kind == "continuous"
     joint = arm(file, limits={name: {"lower": -3.0, "upper": 3.0}}).named[name]
     assert (joint.kind, joint.range) == ("revolute", (-3.0, 3.0))

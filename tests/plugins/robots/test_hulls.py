@@ -62,7 +62,9 @@ def test_a_hull_has_few_corners_and_is_near_the_whole(write):
 
 
 def test_names_tell_content_apart(write, tmp_path):
-    one, same, other = write("a.stl"), write("b.stl"), write("c.stl", trimesh.creation.box((1, 1, 1)))
+    one = write("a.stl")
+    same = write("b.stl")
+    other = write("c.stl", trimesh.creation.box((1, 1, 1)))
     assert hull_file(one) == hull_file(same)
     assert len({hull_file(one), hull_file(other), hull_file(one, (2.0, 1.0, 1.0)), visual_file(one, GREY)}) == 4
     made = hull_file(one).stat().st_mtime_ns

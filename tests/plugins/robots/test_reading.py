@@ -142,10 +142,8 @@ def test_a_gripper(changed):
     robot = changed(*gripped(), gripper=GripperOptions("hand_base", ("left", "right")))
     gripper = robot.gripper
     assert (gripper.links, gripper.travel_m, gripper.force_n) == (("finger_l", "finger_r"), 0.03, 25.0)
-    rigid, held = (
-        arm_of(robot).forward(np.array(HOME)),
-        link_frames(robot, True, np.array([HOME]), np.full((1, 2), 0.03)),
-    )
+    rigid = arm_of(robot).forward(np.array(HOME))
+    held = link_frames(robot, True, np.array([HOME]), np.full((1, 2), 0.03))
     rotation, position = (values[0] for values in held["tool_mount"])
     np.testing.assert_allclose(position, rigid.position, atol=1e-9)
     np.testing.assert_allclose(rotation, rigid.rotation.as_matrix(), atol=1e-9)

@@ -64,7 +64,8 @@ def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
     bodies = table(), cube(at=(0.6, 0, 0.05)), Body.of("can", Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=0.3, color=GREY)
     plan = [[0.45, 0, 0.3, 0, 0, 0, 0.3], [0.65, 0, 0.3, 0, 0, 0, 1.0]]
     job = Rollout(tool, motion(plan), settle_s=settle_s, hold_s=0.2, record_hz=30.0)
-    sim, task = mujoco(), Bodies(*bodies)
+    sim = mujoco()
+    task = Bodies(*bodies)
     (ours,) = sim.rollout(task, [job])
     theirs = play(sim.world(task, tool), job)
     assert ours.tracking_error_rad == theirs.tracking_error_rad
@@ -107,12 +108,15 @@ def test_a_world_settles_once_for_all_that_begin_alike():
 @pytest.mark.parametrize("rate", [20.0, 50.0])
 def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
     world = mujoco(time_step=time_step, tracking_rate=rate).world(Bodies(), BARE)
-    target, rest = still().arm[0] + 2e-3, np.zeros(7)  # all at once: none pushes another away
+    # All at once: none pushes another away.
+    target = still().arm[0] + 2e-3
+    rest = np.zeros(7)
     left = []
     for _ in range(round(3 / rate / time_step)):
         world.step(target, FINGER_OPEN, rest, 0.0)
         left.append(target - world.joints()[0])
-    first, last = round(0.5 / rate / time_step), len(left) - 1
+    first = round(0.5 / rate / time_step)
+    last = len(left) - 1
     found = np.log(left[first] / left[last]) / ((last - first) * time_step)
     np.testing.assert_allclose(found, rate, rtol=0.25)  # a joint's inertia is not that of its link alone
 
@@ -151,7 +155,8 @@ def test_a_lying_cylinder_does_not_roll_by_itself(radius, length, rpy):
 
 @pytest.mark.parametrize("radius", [0.015, 0.05])
 def test_a_cylinder_rolls_down_a_slope_as_far_as_an_ideal_one(radius):
-    angle, seconds = math.radians(0.5), 1.5
+    angle = math.radians(0.5)
+    seconds = 1.5
     below = (0.5, 0, -0.05 / math.cos(angle))
     ground = Body.of("ground", Box((6, 3, 0.1)), below, mass=0, color=GREY, rpy=(0, angle, 0))
     above = radius / math.cos(angle) - 0.1 * math.tan(angle)
@@ -199,7 +204,8 @@ def test_what_slides_fast_stays_on_the_ground():
 
 def test_what_rolls_hardly_leaves_the_ground():
     """At 0.5 m/s for a second: down at nine of ten steps at least, and slower by what its rolling friction says."""
-    arm_of_friction, radius = 0.003, 0.08
+    arm_of_friction = 0.003
+    radius = 0.08
     ball = Body.of("ball", Sphere(radius), (0.45, 0, radius), mass=1.0, color=GREY, rolling_friction=arm_of_friction)
     made = model(table(), ball, slip_rate=200.0)
     data = mj.MjData(made)
@@ -263,7 +269,8 @@ def test_the_mounted_tool_adds_its_inertia():
 def test_a_joint_gives_no_more_than_its_torque_gravity_and_all():
     made = model(tool=stick(0.3, mass=1.0))
     data = mj.MjData(made)
-    data.qpos[:7], data.ctrl[0:14:2] = HOME_JOINTS, HOME_JOINTS
+    data.qpos[:7] = HOME_JOINTS
+    data.ctrl[0:14:2] = HOME_JOINTS
     mj.mj_forward(made, data)
     assert (np.abs(data.qfrc_actuator) < 60).all()  # what holds it up
     data.ctrl[0:14:2] = np.array(HOME_JOINTS) + 1.0
@@ -318,7 +325,8 @@ def test_what_is_behind_glass_can_be_seen(own_renderer):
         seen = own_renderer.shoot(camera, 80, 60).astype(int)
         return (seen[..., 0] > seen[..., 1] + 60).sum()
 
-    solid, glass = picture(1.0), picture(0.3)
+    solid = picture(1.0)
+    glass = picture(0.3)
     assert glass > solid + 20
 
 

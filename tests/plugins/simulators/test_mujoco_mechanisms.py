@@ -40,7 +40,9 @@ def slider(body="block", **more):
 
 def machine(*, latched, restitution=0.0):
     """A gate that is driven, a rod on it that swings, a ball joint, a latch or none, a cube that is thrown."""
-    gate, rod, bob = block("gate", 0, 0, 2), block("rod", 0, 0.2, 1.9, mass=0.2), block("bob", 1, 0, 2)
+    gate = block("gate", 0, 0, 2)
+    rod = block("rod", 0, 0.2, 1.9, mass=0.2)
+    bob = block("bob", 1, 0, 2)
     thrown = replace(block("thrown", -1, 0, 2), velocity=(0.5, 0.0, 1.0), spin=(1.0, 2.0, 3.0), restitution=restitution)
     joints = (
         slider("gate", start=0.1, drive=Drive((0.0, 0.3), (0.1, 0.4), 50.0, repeats=True)),
@@ -56,7 +58,8 @@ def machine(*, latched, restitution=0.0):
 @pytest.mark.parametrize("latched", [False, True])
 @pytest.mark.parametrize("forces", [False, True])
 def test_all_steps_at_once_are_what_the_core_plays_step_by_step(latched, forces, restitution):
-    task, sim = machine(latched=latched, restitution=restitution), mujoco()
+    task = machine(latched=latched, restitution=restitution)
+    sim = mujoco()
     first, ours = sim.rollout(task, [JOB, replace(JOB, forces=forces)])
     theirs = play(sim.world(task, BARE), JOB)
     for one in (first, theirs):
@@ -119,16 +122,19 @@ def test_forces_are_what_bodies_weigh_awake_and_asleep_and_what_stops_them():
 def test_states_are_what_mujoco_makes_of_positions_and_speeds(seed, kinds):
     """For bodies anywhere that hang from the world, from fixed, free and jointed ones, moved in any way."""
     rng = np.random.default_rng(seed)
-    bodies, joints = [replace(cube("fixed", mass=0.0), pose=anywhere(rng))], []
+    bodies = [replace(cube("fixed", mass=0.0), pose=anywhere(rng))]
+    joints = []
     for number, kind in enumerate(kinds):
-        name, parent = f"b{number}", rng.choice([None, *(body.name for body in bodies)])
+        name = f"b{number}"
+        parent = rng.choice([None, *(body.name for body in bodies)])
         bodies.append(replace(cube(name), pose=anywhere(rng)))
         if kind is not None:
             begin = 0.0 if kind == "ball" else rng.normal()
             joints.append(Joint(name, kind, name, parent, rng.normal(size=3), rng.normal(size=3), start=begin))
     scene = Scene(tuple(reversed(bodies)), tuple(reversed(joints)))
     model = compiled(PANDA, scene, {body.name: body.inertia() for body in scene.free}, BARE, 0.0025, 50.0, 100.0)
-    data, moving = mj.MjData(model), Moving(scene, model)
+    data = mj.MjData(model)
+    moving = Moving(scene, model)
     for array, others in zip(moving.state(data.qpos, data.qvel).arrays, scene.state().arrays, strict=True):
         np.testing.assert_allclose(
             array * np.sign((array * others).sum(axis=-1, keepdims=True) + 1e-9), others, atol=1e-9
@@ -139,7 +145,8 @@ def test_states_are_what_mujoco_makes_of_positions_and_speeds(seed, kinds):
     state = moving.state(np.array([data.qpos, data.qpos]), np.array([data.qvel, data.qvel]))[1]
     for name in state.names:
         number = model.body(f"body_{[body.name for body in scene.bodies].index(name)}").id
-        where, velocity = state.placement(name), np.zeros(6)
+        where = state.placement(name)
+        velocity = np.zeros(6)
         mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_XBODY, number, velocity, 0)
         np.testing.assert_allclose(where.position, data.xpos[number], atol=1e-9)
         np.testing.assert_allclose(abs(where.quaternion @ data.xquat[number]), 1.0, atol=1e-9)

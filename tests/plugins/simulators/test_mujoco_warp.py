@@ -153,7 +153,8 @@ def test_contacts_that_find_no_room_are_given_more(warped):
     """Never a wrong result: with too little room at first, the numbers are those with enough."""
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
     pile = [cube(f"c{i}", (0.6, 0.0, 0.05 + 0.1 * i)) for i in range(3)]
-    task, jobs = Bodies(table(), *pile), [Rollout(BARE, still(), hold_s=0.2), Rollout(stick(0.1), still(), hold_s=0.2)]
+    task = Bodies(table(), *pile)
+    jobs = [Rollout(BARE, still(), hold_s=0.2), Rollout(stick(0.1), still(), hold_s=0.2)]
     enough = [bits(outcome) for outcome in fresh.rollout(task, jobs)]
     (shared,) = {figures.shared for figures in fresh._figures.values()}
     fresh._contacts[shared] = 4
@@ -186,7 +187,8 @@ def far_away(simulator, task, job):
 
 @pytest.mark.parametrize("breaks", [nowhere, far_away])
 def test_a_world_that_explodes_is_an_error_and_hurts_no_other(breaks, capfd):
-    fresh, task = installed().create("sim", "mujoco_warp", {"device": "cpu"}), Bodies(table(), cube(at=(0.6, 0, 0.05)))
+    fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
+    task = Bodies(table(), cube(at=(0.6, 0, 0.05)))
     sound = Rollout(stick(0.25), still(), hold_s=0.2, record_hz=10)
     broken = breaks(fresh, task, Rollout(stick(0.2), still(), settle_s=0.1, hold_s=0.1))
     before, failed, after = fresh.rollout(task, [sound, broken, sound])

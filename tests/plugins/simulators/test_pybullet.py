@@ -40,7 +40,8 @@ def test_what_is_kept_between_rollouts_changes_no_bit_of_them():
 def test_motors_keep_targets_that_do_not_change(monkeypatch):
     from plugins.simulators.pybullet.world import World
 
-    sim, obey = installed().create("sim", "pybullet"), World.obey
+    sim = installed().create("sim", "pybullet")
+    obey = World.obey
     driven = []
 
     def anew(world, order):
@@ -89,7 +90,8 @@ def test_frames_of_many_bodies_are_those_of_each(tmp_path):
     assert scene.shifted  # of the free bodies
     offsets = [body.offset for body in scene.bodies if not body.fixed and body.offset is not None]
     rng = np.random.default_rng(0)
-    centers, quaternions = rng.normal(size=(200, len(offsets), 3)), rng.normal(size=(200, len(offsets), 4))
+    centers = rng.normal(size=(200, len(offsets), 3))
+    quaternions = rng.normal(size=(200, len(offsets), 4))
     each = [
         [Pose(c, q) @ offset for c, q, offset in zip(*rows, offsets, strict=True)]
         for rows in zip(centers, quaternions, strict=True)
@@ -102,7 +104,8 @@ def test_frames_of_many_bodies_are_those_of_each(tmp_path):
 @pytest.mark.parametrize("shape", [Capsule(0.01, 0.1), Cylinder(0.03, 0.1)])
 @pytest.mark.parametrize("yaw", [0.1, 0.4, 1.2])
 def test_what_lies_on_its_round_side_does_not_creep(shape, yaw):
-    at, rpy = (0.6, 0.1, shape.radius), (0.0, math.pi / 2, yaw)
+    at = (0.6, 0.1, shape.radius)
+    rpy = (0.0, math.pi / 2, yaw)
     body = Body.of("body", shape, at, mass=0.3, color=GREY, rpy=rpy)
     state = end(wait(installed().create("sim", "pybullet"), table(), body, seconds=2.0))
     assert np.abs(state.position("body") - at).max() < 1e-3

@@ -50,7 +50,8 @@ class Pencilless(BulkWorld):
 
 def drawing(own, other):
     class Drawing(DrawingSimulator):
-        renderer, stand_in = own, other
+        renderer = own
+        stand_in = other
 
         def rollout(self, task, jobs):
             raise NotImplementedError
@@ -70,7 +71,9 @@ def test_what_is_left_out_is_as_at_spawn():
 
 
 def test_what_is_given_is_shown():
-    renderer, camera, state = BulkWorld(), Camera(position=(1.0, 1.0, 1.0)), TASK.scene(0).state()
+    renderer = BulkWorld()
+    camera = Camera(position=(1.0, 1.0, 1.0))
+    state = TASK.scene(0).state()
     renderer.render(TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
     assert renderer.loaded == (TASK, 3, None)
     np.testing.assert_array_equal(renderer.posed[0], np.ones(7))

@@ -40,7 +40,8 @@ def sapien(**settings):
 
 def test_many_coefficients_of_friction_are_their_pairs_geometric_means():
     """Nine blocks on a slope, each with a friction of its own: those of one kind differ too."""
-    tilt, frictions = 0.45, np.geomspace(0.1, 1.2, 9)
+    tilt = 0.45
+    frictions = np.geomspace(0.1, 1.2, 9)
     hill = replace(slope(tilt, 0.3), mass=0.0)
     at = [hill.pose.apply([-1.8, 0.11 * (i - 4), 0.05 + 0.02]) for i in range(9)]
     blocks = [
@@ -79,7 +80,8 @@ def test_restitutions_are_told_apart():
 
 def test_the_mounted_tool_adds_its_inertia():
     heavy = Tool((Component("block", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
-    bare, loaded = robot_links(PANDA, BARE)[7].inertia, robot_links(PANDA, heavy)[7].inertia
+    bare = robot_links(PANDA, BARE)[7].inertia
+    loaded = robot_links(PANDA, heavy)[7].inertia
     assert loaded.mass == pytest.approx(bare.mass + 2)
     in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])
     centre = (bare.mass * bare.frame.position + 2 * in_link) / loaded.mass
@@ -141,7 +143,8 @@ def test_what_sleeps_presses_as_if_its_contacts_were_read_anew(monkeypatch):
     bodies = table(), cube("low", (0.6, 0, 0.05)), cube("high", (0.6, 0, 0.15)), cube("falls", (0.6, 0, 2.5), mass=0.05)
     job = Rollout(BARE, still(), hold_s=2.5, record_hz=30.0, forces=True)
     kept = film(sapien().rollout(Bodies(*bodies), [job])[0]).forces
-    read, add_step = [], Forces.add_step
+    read = []
+    add_step = Forces.add_step
 
     def anew(forces):
         read.append(len(forces._still))

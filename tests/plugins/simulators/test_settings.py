@@ -48,7 +48,8 @@ def test_numbers_that_make_no_sense(engine):
 @pytest.mark.parametrize(("engine", "time_step"), [("pybullet", 0.004), ("sapien", 0.01)])
 def test_fast_steps_are_twice_as_long(engine, time_step):
     def played(**settings):
-        plan, bodies = [[0.6, 0.2, 0.15, 0, 0.3, 0], [0.6, -0.2, 0.15, 0, 0, 0.5]], (table(), cube(at=(0.6, 0, 0.05)))
+        plan = [[0.6, 0.2, 0.15, 0, 0.3, 0], [0.6, -0.2, 0.15, 0, 0, 0.5]]
+        bodies = (table(), cube(at=(0.6, 0, 0.05)))
         return bits(move(made(engine, **settings), plan, *bodies, tool=stick(0.25), record_hz=25))
 
     assert played(speed="fast") == played(time_step=time_step) != played()
@@ -87,7 +88,8 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(engine, time_step
     jump = JointTrajectory(np.array([0.0, 1e-4]), arms, np.full(2, FINGER_OPEN))
     job = Rollout(BARE, jump, settle_s=0.1, hold_s=0.1, record_hz=250)
     (outcome,) = made(engine, time_step=time_step, tracking_rate=rate).rollout(Bodies(), [job])
-    times, left = film(outcome).times, arms[1, 0] - film(outcome).arm[:, 0]
+    times = film(outcome).times
+    left = arms[1, 0] - film(outcome).arm[:, 0]
     first, last = np.searchsorted(times, [0.0119, 0.0319])
     found = np.log(left[first] / left[last]) / (times[last] - times[first])
     assert 0.9 * rate < found < most * rate
@@ -109,7 +111,8 @@ def test_fingers_stay_as_far_from_the_middle(engine):
 
 def test_mujocos_renderer_sees_what_pybullets_sees():
     """The same camera and scene: edges of the cube, the table and the arm are at the same pixels."""
-    task, own = Bodies(floor(), table(), cube(at=(0.7, 0, 0.1), side=0.2)), made("mujoco")
+    task = Bodies(floor(), table(), cube(at=(0.7, 0, 0.1), side=0.2))
+    own = made("mujoco")
     ours, theirs = (
         sim.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
         for sim in (own, simulator("pybullet"))

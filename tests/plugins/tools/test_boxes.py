@@ -34,7 +34,8 @@ def tools(draw):
     components = []
     for k in range(draw(st.integers(0, 6))):
         color = (*(draw(st.floats(0, 1)) for _ in "rgb"), 1.0)
-        parent, mass = draw(st.sampled_from(names)), draw(st.floats(1e-6, 1.0))
+        parent = draw(st.sampled_from(names))
+        mass = draw(st.floats(1e-6, 1.0))
         components.append(Component(f"c{k}", parent, draw(poses), draw(shapes), mass, color))
         names.append(f"c{k}")
     return Tool(tuple(components), gripper)

@@ -131,6 +131,7 @@ def test_urdf_joints_that_make_no_sense(change, fault):
 def test_a_frame_can_not_move():
     own = made("urdf", joints=True)
     text = own.dump(hinged(0.2, hinge()))["tool_urdf"]
-    begin, end = text.index('<link name="rod">'), text.index('<joint name="rod_joint"')
+    begin = text.index('<link name="rod">')
+    end = text.index('<joint name="rod_joint"')
     with pytest.raises(DesignError, match="link 'rod' hangs on a joint that moves, and has no box"):
         own.parse({"tool_urdf": text[:begin] + '<link name="rod"/>' + text[end:]}, gripper=False)

@@ -111,7 +111,8 @@ def test_what_is_not_convex_has_convex_parts_within_1_mm(name):
     made = shape(SHAPES[name])
     assert isinstance(made, Compound)
     assert 2 <= len(made.parts) <= MAX_PARTS
-    surface, parts = made.surface.to_trimesh(), [part.to_trimesh() for part in made.parts]
+    surface = made.surface.to_trimesh()
+    parts = [part.to_trimesh() for part in made.parts]
     assert surface.is_watertight
     assert all(part.is_watertight and part.volume == pytest.approx(part.convex_hull.volume) for part in parts)
     near_solid = cKDTree(surface.sample(200_000, seed=0))  # its points are a tenth of a millimetre or two apart

@@ -282,7 +282,8 @@ def test_sides_are_positive(size):
 
 def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
     red = '<material><color rgba="1 0 0 1"/></material>'
-    high, low = '<origin xyz="0 0 0.1"/>', '<origin xyz="0 0 0"/>'
+    high = '<origin xyz="0 0 0.1"/>'
+    low = '<origin xyz="0 0 0"/>'
     visuals = shape("visual", origin=high, material=red) + shape("visual", origin=low)
     shapes = visuals + shape("collision", origin=high) + shape("collision", origin=low)
     tool = parse(link("a", shapes) + joint("tool_mount", "a"))
@@ -320,11 +321,13 @@ def tools(draw):
 def test_dump_and_parse_give_the_same_tool(tool):
     again = URDF.parse(URDF.dump(tool), gripper=tool.gripper)
     assert [(c.name, c.parent) for c in again.components] == [(c.name, c.parent) for c in tool.components]
-    before, after = tool.placed(), again.placed()
+    before = tool.placed()
+    after = again.placed()
     for component, other in zip(tool.components, again.components, strict=True):
         np.testing.assert_allclose(other.shape.size, component.shape.size, rtol=0, atol=1e-9)
         np.testing.assert_allclose([other.mass, *other.color], [component.mass, *component.color], rtol=0, atol=1e-9)
-        here, there = before[component.name], after[component.name]
+        here = before[component.name]
+        there = after[component.name]
         assert here[0] == there[0]
         np.testing.assert_allclose(there[1].matrix, here[1].matrix, rtol=0, atol=1e-9)
     assert URDF.dump(again) == {"tool_urdf": robot.tool_urdf(again)}
@@ -332,7 +335,8 @@ def test_dump_and_parse_give_the_same_tool(tool):
 
 def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
     made_of_pla = on_panda(UrdfTools())
-    made_of_pla.robot, made_of_pla.material = PANDA, Material("pla", 1240)
+    made_of_pla.robot = PANDA
+    made_of_pla.material = Material("pla", 1240)
     text = " ".join(
         made_of_pla.instructions(
             Brief(on_panda(OneBook()), 0, made_of_pla, False, 1, 1, 0, 0, 0, actions=WaypointActions())

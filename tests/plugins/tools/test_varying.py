@@ -110,7 +110,8 @@ def test_the_change_to_a_varied_tool_makes_it_again(shapes, seed):
 
 
 def test_tools_of_another_structure_are_no_change_of_each_other():
-    box, ball = SHAPES[0], SHAPES[3]
+    box = SHAPES[0]
+    ball = SHAPES[3]
     tool = chain([box, box, box])
     fan = replace(tool, components=(*tool.components[:2], replace(tool.components[2], parent="part0")))
     for other in (chain([box, box]), chain([box, box, ball]), fan):
@@ -149,7 +150,8 @@ def test_a_move_goes_toward_another_design_in_whole_points(seed):
 
 
 def test_moves_keep_within_the_bounds_and_reach_all_numbers():
-    rng, values = np.random.default_rng(0), TABLES.values
+    rng = np.random.default_rng(0)
+    values = TABLES.values
     seen = np.zeros(len(TABLES), dtype=bool)
     for _ in range(300):
         values = TABLES.moved(values, np.full((1, len(TABLES)), 5.0), rng)

@@ -53,7 +53,8 @@ def test_a_ring_across_the_peg_or_on_the_table_does_not_hang():
 def test_a_ring_that_stands_on_the_peg_or_is_held_above_it_does_not_hang(seed):
     """The peg must go through the hole of this layout's ring, which is up to 12 mm smaller than that of others."""
     scene = TASK.scene(seed)
-    inner, start = TASK.draw(seed)("ring.inner", 0.04), scene.state()
+    inner = TASK.draw(seed)("ring.inner", 0.04)
+    start = scene.state()
     for height, hangs in ((-inner, True), (-inner - 0.0015, True), (inner + SECTION, False), (inner + 0.005, False)):
         pose = scene["peg_b"].pose @ Pose.xyz_rpy((-HANGS, 0.0, height))
         end = replace(start, positions=pose.position[None], quaternions=pose.quaternion[None])

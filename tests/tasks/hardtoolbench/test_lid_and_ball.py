@@ -19,7 +19,8 @@ from tasks.hardtoolbench.lid_and_ball import (
 TASK = LidAndBall()
 SCENE = TASK.scene(0)
 START = SCENE.complete(SCENE.state())
-POT, BOWL = START.position("pot"), START.position("bowl")
+POT = START.position("pot")
+BOWL = START.position("bowl")
 ASIDE = POT + np.array([0.0, 0.28, LID_THICKNESS / 2])
 
 
@@ -70,7 +71,8 @@ def test_what_earns_nothing(case: dict[str, Array], most: float) -> None:
 def test_a_fall_that_ends_between_two_instants_is_as_fast_as_it_was(height: float, earned: float, late: float) -> None:
     """From 33 mm the lid is 0.8 m/s fast where it lands, and up to 0.39 m/s slower at the last instant before."""
     times = np.arange(-3, 6) / 25 + late
-    z, ends = np.maximum(height - 9.81 * np.maximum(times, 0.0) ** 2 / 2, 0.0), np.sqrt(2 * height / 9.81)
+    z = np.maximum(height - 9.81 * np.maximum(times, 0.0) ** 2 / 2, 0.0)
+    ends = np.sqrt(2 * height / 9.81)
     speeds = np.where(times < ends, 9.81 * np.maximum(times, 0.0), 0.0)
     states = [
         replace(

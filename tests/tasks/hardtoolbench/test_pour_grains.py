@@ -15,7 +15,8 @@ START = SCENE.state()
 
 def reward(count, at=(0.0, 0.0, 0.02), speed=0.0, touching=False, more=()):
     """The reward when some of the grains end at a place in the bowl's frame."""
-    positions, velocities = START.positions.copy(), START.linear_velocities.copy()
+    positions = START.positions.copy()
+    velocities = START.linear_velocities.copy()
     for name in GRAINS[:count]:
         index = START.names.index(name)
         positions[index] = SCENE["bowl"].pose.position + np.array(at)
@@ -42,7 +43,8 @@ def test_grains_in_motion_do_not_count():
 def test_grains_that_the_robot_still_carries_do_not_count():
     """They hang in the bowl, in the crucible that the tool holds there, or on the tool itself."""
     in_crucible = [("body", "crucible", name) for name in GRAINS]
-    on_tool, in_bowl = ("tool", "ladle", GRAINS[0]), [("body", name, "bowl") for name in GRAINS]
+    on_tool = ("tool", "ladle", GRAINS[0])
+    in_bowl = [("body", name, "bowl") for name in GRAINS]
     assert reward(len(GRAINS), more=[*in_crucible, ("tool", "rack", "crucible")]) == 0.0
     assert reward(len(GRAINS), more=[on_tool, ("body", *GRAINS[:2])]) == pytest.approx(1 - 2 / len(GRAINS))
     assert reward(len(GRAINS), more=[on_tool, *in_bowl]) == 1.0

@@ -16,7 +16,8 @@ IN_BIN = (0.01, END - 0.1, 0.022)
 
 def earned(touched=(), speed=0.0, slowed=1.0, **places):
     """The reward where carts end at places in the track's frame, the blue one at a speed, red ones as they began."""
-    positions, velocities = START.positions.copy(), slowed * START.linear_velocities
+    positions = START.positions.copy()
+    velocities = slowed * START.linear_velocities
     for name, place in places.items():
         positions[START.names.index(name)] = SCENE["track"].pose.apply(place)
     velocities[START.names.index("cart")] = (0.0, speed, 0.0)

@@ -26,7 +26,8 @@ from tests.solutions import representation
 
 pytestmark = pytest.mark.slow
 
-HERE, ROOT = Path(__file__).parent, Path(__file__).parents[3]
+HERE = Path(__file__).parent
+ROOT = Path(__file__).parents[3]
 OFFERS = installed().offers.items()
 TASKS = [name for (kind, name), offer in OFFERS if kind == "task" and offer.entry_point == "softtoolbench"]
 PROTOCOL = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
@@ -70,7 +71,8 @@ def test_names_words_and_configs(name):
 @every_task
 def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
     parts = installed()
-    tools, actions = parts.create("tool", "boxes"), parts.create("action", "anchored")
+    tools = parts.create("tool", "boxes")
+    actions = parts.create("action", "anchored")
     brief = Brief(task_of(name), 0, tools, False, 2, 1, generation=0, agent=0, seed=1, actions=actions)
     assert len(answer(brief)["strategies"]) == 2
     assert "what a soft body does as it gives way" in left_out(task_of(name), 0)
@@ -86,7 +88,8 @@ def test_the_reference_solution_fits_layouts_that_it_was_not_made_for(name, seed
 
 @every_task
 def test_doing_nothing_and_the_bare_gripper_earn_little(name):
-    home, plan = task_of(name).home, installed().create("action", "anchored").parse(BARE[name], gripper=True)
+    home = task_of(name).home
+    plan = installed().create("action", "anchored").parse(BARE[name], gripper=True)
     nothing = Candidate(Tool(), Waypoints(np.array([[*home.position, *home.rpy]])))
     assert trials(name, [nothing, Candidate(Tool(gripper=True), plan)], (0, 1, 2)).max() < 0.1
 

@@ -53,7 +53,8 @@ def device(name: str) -> Any:
 def _quiet() -> Iterator[None]:
     """Silence Warp's library, which reports a missing driver on the terminal."""
     sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)
         yield

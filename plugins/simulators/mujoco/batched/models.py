@@ -55,7 +55,8 @@ class ModelFigures:
 
     def state(self, numbers: Array) -> State:
         """Convert positions and speeds (..., Q + V) to the state of the free bodies."""
-        joints, bodies = self.joints.count, len(self.names)
+        joints = self.joints.count
+        bodies = len(self.names)
         positions = numbers[..., joints : joints + 7 * bodies]
         return state(self.names, positions, numbers[..., 2 * joints + 7 * bodies :])
 

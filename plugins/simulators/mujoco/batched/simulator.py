@@ -109,7 +109,8 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         waiting = list(members)
         while waiting:
             worlds = self._batch(task, [jobs[i] for i in waiting], mine[waiting[0]])
-            now, waiting = waiting[: worlds.size.worlds], waiting[worlds.size.worlds :]
+            now = waiting[: worlds.size.worlds]
+            waiting = waiting[worlds.size.worlds :]
             again = []
             for i, played in zip(now, worlds.play([mine[i] for i in now], [jobs[i] for i in now]), strict=True):
                 if played.crowded and 2 * worlds.size.contacts <= _MOST_CONTACTS:

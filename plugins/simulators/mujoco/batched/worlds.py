@@ -33,9 +33,13 @@ class Worlds:
     """
 
     def __init__(self, compiled: Element, size: Size, device: Any) -> None:
-        self.size, self._arm = size, 0
-        self._device, self._dt = device, float(compiled.opt.timestep)
-        joints, numbers, count = compiled.nactuator, compiled.nq + compiled.nv, size.worlds
+        self.size = size
+        self._arm = 0
+        self._device = device
+        self._dt = float(compiled.opt.timestep)
+        joints = compiled.nactuator
+        numbers = compiled.nq + compiled.nv
+        count = size.worlds
         self._ahead = int(compiled.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE)
         with warp.ScopedDevice(device):
             self._model = mujoco_warp.put_model(compiled, batch_sizes=dict.fromkeys(PER_WORLD, count))
@@ -77,8 +81,12 @@ class Worlds:
             for _ in range(max(last)):
                 warp.capture_launch(self._graph)
             self._note()
-            start, end, film = self._start.numpy(), self._end.numpy(), self._film.numpy()
-            lag, lost, broken = self._lag.numpy(), self._lost.numpy(), self._broken.numpy()
+            start = self._start.numpy()
+            end = self._end.numpy()
+            film = self._film.numpy()
+            lag = self._lag.numpy()
+            lost = self._lost.numpy()
+            broken = self._broken.numpy()
         every = self._every.numpy()
         return [
             Played(
@@ -94,9 +102,11 @@ class Worlds:
 
     def _load(self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]) -> list[int]:
         """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
-        count, self._arm = self.size.worlds, jobs[0].trajectory.arm.shape[1]
+        count = self.size.worlds
+        self._arm = jobs[0].trajectory.arm.shape[1]
         which = np.minimum(np.arange(count), len(jobs) - 1)
-        mine, theirs = [figures[i] for i in which], [jobs[i] for i in which]
+        mine = [figures[i] for i in which]
+        theirs = [jobs[i] for i in which]
         own = {name: np.stack([one.fields[name] for one in mine]) for name in PER_WORLD}
         _assign(self._springs, own["jnt_stiffness"])
         _assign(self._frictions, own["dof_frictionloss"])
@@ -107,11 +117,15 @@ class Worlds:
             _assign(getattr(self._model, name), own[name])
         mujoco_warp.reset_data(self._model, self._data)
         first = np.stack([one.fields["qpos0"] for one in mine])
-        times, targets = np.zeros(self._times.shape), np.zeros(self._targets.shape)
-        schedules, instants = [], []
+        times = np.zeros(self._times.shape)
+        targets = np.zeros(self._targets.shape)
+        schedules = []
+        instants = []
         for i, job in enumerate(theirs):
-            trajectory, known = job.trajectory, len(job.trajectory.times)
-            times[i, :known], targets[i, :known, : self._arm] = trajectory.times, trajectory.arm
+            trajectory = job.trajectory
+            known = len(job.trajectory.times)
+            times[i, :known] = trajectory.times
+            targets[i, :known, : self._arm] = trajectory.arm
             targets[i, :known, self._arm :] = trajectory.fingers[:, None]
             first[i, mine[i].joints.driven] = targets[i, 0]
             settle, begins = schedule(job, self._dt)
@@ -153,7 +167,8 @@ class Worlds:
         warp.launch(advance, 1, [self._step])
 
     def _leave_out(self, _: Any, data: Any) -> None:
-        contact, most = data.contact, self.size.contacts
+        contact = data.contact
+        most = self.size.contacts
         self._counts.zero_()
         warp.launch(
             leave_out,

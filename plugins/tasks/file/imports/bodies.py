@@ -14,9 +14,14 @@ from core.scene import Body, Geom, Joint, Scene
 
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
-LIGHTEST, HEAVIEST = 1e-5, 1e4  # kg
-SHORTEST_M, LONGEST_M, MAX_FRICTION = 1e-6, 20.0, 10.0
-_NAME, _RENAME = re.compile(r"[A-Za-z0-9_.-]{1,96}"), "its name is not of letters, digits, '_', '.' or '-'; rename it"
+# kg.
+LIGHTEST = 1e-5
+HEAVIEST = 1e4
+SHORTEST_M = 1e-6
+LONGEST_M = 20.0
+MAX_FRICTION = 10.0
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,96}")
+_RENAME = "its name is not of letters, digits, '_', '.' or '-'; rename it"
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,8 @@ class Imported:
             if not 0 <= body.friction <= MAX_FRICTION:
                 raise UserError(f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read")
             for geom in (*body.visuals, *body.collisions):
-                size, place = geom.shape.bounds[1], (body.pose @ geom.pose).position
+                size = geom.shape.bounds[1]
+                place = (body.pose @ geom.pose).position
                 if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
                     far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
                     raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")

@@ -84,7 +84,8 @@ def load_solid(
     """
     if file.suffix.lower() not in KINDS:
         raise UserError(f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them")
-    data, kind = read_inside(file, folder, "mesh"), file.suffix.lower()[1:]
+    data = read_inside(file, folder, "mesh")
+    kind = file.suffix.lower()[1:]
     found = _cut(data, kind, 0 if drawn_only else MAX_PARTS, str(file))
     change = np.diag(np.asarray(scale, dtype=np.float64)) @ (np.eye(3) if turn is None else turn)
     flip = -1 if np.linalg.det(change) < 0 else 1

@@ -54,13 +54,19 @@ def read_urdf(file: str | Path, *, fixed: bool = True, prefix: str = "", folder:
 
 class _UrdfBodies:
     def __init__(self, description: Description, folder: Path, prefix: str, notes: list[str]) -> None:
-        self._description, self._folder, self._prefix, self._notes = description, folder, prefix, notes
+        self._description = description
+        self._folder = folder
+        self._prefix = prefix
+        self._notes = notes
 
     def read(self, fixed: bool) -> Imported:
-        tree, root = self._description, self._description.root
+        tree = self._description
+        root = self._description.root
         moving = {child: joint for child, joint in tree.joints.items() if self._moves(joint)}
         parts = tree.rigid_parts(moving)
-        places, bodies, joints = dict[str, Pose](), dict[str, Body](), list[Joint]()
+        places = dict[str, Pose]()
+        bodies = dict[str, Body]()
+        joints = list[Joint]()
         for head in sorted({root, *moving}, key=lambda link: len(tree.above(link))):
             links = [(tree.links[name], place) for name, (first, place) in parts.items() if first == head]
             joint = None if head == root else moving[head]
@@ -121,7 +127,8 @@ class _UrdfBodies:
         return joined_body(name, pose, mass, visuals, collisions, _FRICTION)
 
     def _geoms(self, shape: RobotShape, place: Pose, drawn: bool) -> list[Geom]:
-        pose, color = place @ shape.origin.pose, shape.color or _GREY
+        pose = place @ shape.origin.pose
+        color = shape.color or _GREY
         if not isinstance(shape.shape, Path):
             return [Geom(shape.shape, pose, color)]
         if drawn and shape.shape.suffix.lower() not in KINDS:

@@ -152,13 +152,15 @@ def test_wild_trees_are_read_or_refused(wild, edits, flow):
 @settings(max_examples=100, deadline=None)
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode), st.integers(0, 2**32))
 def test_wild_bytes_are_read_or_refused(wild, noise, seed):
-    at, rng = sorted(random.Random(seed).choices(range(len(GOOD)), k=2)), GOOD.encode()
+    at = sorted(random.Random(seed).choices(range(len(GOOD)), k=2))
+    rng = GOOD.encode()
     wild.write_bytes(rng[: at[0]] + noise + rng[at[1] :])
     read_or_refused(wild)
 
 
 def read_or_refused(file):
-    problem, task = "", None
+    problem = ""
+    task = None
     try:
         task = FileTask(str(file))
     except UserError as error:

@@ -48,7 +48,8 @@ def place(draw):
 
 @st.composite
 def geoms(draw):
-    kind, size = draw(st.sampled_from(["sphere", "capsule", "cylinder", "box"])), draw(UNIT)
+    kind = draw(st.sampled_from(["sphere", "capsule", "cylinder", "box"]))
+    size = draw(UNIT)
     size = words(0.05 + np.abs(size) / 5)
     weight = draw(st.sampled_from(['mass="0.7"', 'density="300"', "", 'class="thin"']))
     return f'<geom type="{kind}" size="{size}" {place(draw)} {weight}/>'
@@ -79,11 +80,13 @@ def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     """Bodies have no names, so that they come in the order of the file; the joints are moved, by our own formulas."""
     file = written(tmp_path_factory.mktemp("model"), world, THIN)
     model = mujoco.MjModel.from_xml_path(str(file))
-    data, made = mujoco.MjData(model), read_mjcf(file)
+    data = mujoco.MjData(model)
+    made = read_mjcf(file)
     joints = {f"body{body}": model.joint(number) for number, body in enumerate(model.jnt_bodyid)}
     starts = {}
     for joint in made.joints:
-        other, ball = joints.pop(joint.body), joint.kind == "ball"
+        other = joints.pop(joint.body)
+        ball = joint.kind == "ball"
         assert joint.kind == {1: "ball", 2: "slider", 3: "hinge"}[other.type[0]]
         assert (joint.damping, joint.friction) == (other.damping[0], other.frictionloss[0])
         assert (joint.limited, joint.stiffness) == (other.limited[0], other.stiffness[0])
@@ -135,7 +138,8 @@ def test_a_mesh_collides_as_its_hull_and_is_drawn_whole(tmp_path):
         '<mujoco><body><freejoint/><geom type="mesh" mesh="ring" material="red"/></body></mujoco>'
     )
     (body,) = read(tmp_path, '<include file="part.xml"/>', RING).bodies
-    solid, drawn = body.collisions[0], body.visuals[0]
+    solid = body.collisions[0]
+    drawn = body.visuals[0]
     assert solid.shape.volume == pytest.approx(8 * ring.convex_hull.volume, rel=1e-5)
     assert drawn.shape.volume == pytest.approx(8 * ring.volume, rel=1e-5)
     bounds = drawn.shape.to_trimesh().apply_transform(drawn.pose.matrix).bounds
@@ -200,7 +204,8 @@ VALUES = ["", "1", "0 0 0", "1 2 3", "nan", "1e400", "-1", "mesh", "hinge", "fre
 
 @st.composite
 def wild(draw, depth=0):
-    tag, given = draw(st.sampled_from(WORDS)), draw(st.dictionaries(st.sampled_from(KEYS), st.sampled_from(VALUES)))
+    tag = draw(st.sampled_from(WORDS))
+    given = draw(st.dictionaries(st.sampled_from(KEYS), st.sampled_from(VALUES)))
     children = "".join(draw(st.lists(wild(depth=depth + 1), max_size=3))) if depth < 3 else ""
     return f"<{tag} {' '.join(f'{key}={value!r}' for key, value in given.items())}>{children}</{tag}>"
 

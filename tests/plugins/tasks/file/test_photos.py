@@ -25,7 +25,8 @@ def scene(folder, pictures):
 @pytest.fixture
 def bench(tmp_path):
     exif = Image.Exif()
-    exif[0x0112], exif[0x010E] = 6, "the bench of Mary"  # to be turned by 90 degrees; a description
+    exif[0x0112] = 6  # to be turned by 90 degrees
+    exif[0x010E] = "the bench of Mary"  # a description
     Image.new("RGB", (2000, 1000), (200, 30, 30)).save(tmp_path / "a.jpg", exif=exif)
     Image.new("RGBA", (640, 480), (0, 200, 0, 255)).save(tmp_path / "b.png")
     return tmp_path

@@ -76,7 +76,8 @@ def test_each_of_several_goals_has_its_score_in_a_trial(tmp_path, scaffold):
 
 
 def test_a_variation_draws_layouts_and_none_ignores_the_seed(scaffold):
-    usual, near = FileTask(scaffold), FileTask(scaffold, "near")
+    usual = FileTask(scaffold)
+    near = FileTask(scaffold, "near")
     assert usual.scene(0) == usual.scene(7)
     assert near.scene(3)["block"] == near.scene(3)["block"]
     places = {tuple(near.scene(seed)["block"].pose.position) for seed in range(20)}
@@ -98,7 +99,8 @@ def test_a_model_is_shown_the_file(scaffold, tmp_path):
 
 def test_workers_make_the_same_task(scaffold):
     part = pickle.loads(pickle.dumps(PluginPart("task", "file", (("file", scaffold), ("variation", "wide")))))
-    task, again = part.create(), pickle.loads(pickle.dumps(part.create()))
+    task = part.create()
+    again = pickle.loads(pickle.dumps(part.create()))
     assert task.name == again.name == "PushBlock"
     assert task.scene(5) == again.scene(5)
 
@@ -138,12 +140,14 @@ def test_a_body_may_be_a_mesh(tmp_path):
 
 def test_what_is_elastic_is_soft(tmp_path):
     """The bodies and goals of the page: at rest as they are, measured by their nodes, drawn anew in each layout."""
-    page, elastic = Path("docs/scene_files.md").read_text(), "elastic: {density: 200, young: 2.0e4}"
+    page = Path("docs/scene_files.md").read_text()
+    elastic = "elastic: {density: 200, young: 2.0e4}"
     shown = next(block for block in re.findall(r"```yaml\n(.*?)```", page, re.S) if "elastic" in block)
     text = f"name: Soft\ndescription: Press the dough, and bring the rope's end to a place.\n{shown}"
     verdicts = list(examine("task", on_panda(task_of(tmp_path, text, "softer"))))
     assert [verdict.problem for verdict in verdicts if verdict.problem] == []
-    task, start = task_of(tmp_path, text), task_of(tmp_path, text).scene(0).state()
+    task = task_of(tmp_path, text)
+    start = task_of(tmp_path, text).scene(0).state()
     nodes = {name: each.copy() for name, each in start.soft.items()}
     nodes["dough"] *= [1.1, 1.1, 0.5]
     done = replace(start, soft=nodes)

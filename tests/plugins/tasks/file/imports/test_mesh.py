@@ -123,7 +123,8 @@ def test_what_cannot_be_read_is_one_clear_line(tmp_path, name, data, options, me
 
 
 def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
-    inside, outside = tmp_path / "inside", tmp_path / "outside.stl"
+    inside = tmp_path / "inside"
+    outside = tmp_path / "outside.stl"
     inside.mkdir()
     trimesh.creation.box((1, 1, 1)).export(outside)
     (inside / "a.stl").symlink_to(outside)

@@ -133,7 +133,8 @@ NUMBERS = st.tuples(*[st.floats(-2, 2).map(lambda value: round(value, 3))] * 3)
 
 @st.composite
 def trees(draw):
-    text, kinds = link("link0"), ["revolute", "continuous", "prismatic", "fixed"]
+    text = link("link0")
+    kinds = ["revolute", "continuous", "prismatic", "fixed"]
     for number in range(1, draw(st.integers(2, 6))):
         axis = draw(NUMBERS.filter(lambda v: np.linalg.norm(v) > 0.2))
         origin = f'<origin xyz="{_words(draw(NUMBERS))}" rpy="{_words(draw(NUMBERS))}"/><axis xyz="{_words(axis)}"/>'
