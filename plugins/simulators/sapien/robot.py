@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,7 +15,7 @@ from core.interfaces import JointTrajectory
 from core.robot.description import joint_name
 from core.values.robots import Robot
 from plugins.simulators.sapien.bodies import weigh
-from plugins.simulators.sapien.description import AxisJoint, PlacedShape, robot_links
+from plugins.simulators.sapien.description import ArticulationLink, AxisJoint, PlacedShape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, hull, place, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
@@ -65,26 +66,7 @@ class ArticulatedArm:
         self._fingers = len(arm.finger_joints)
         self._gripper = tool.gripper
         loose = {bearer.name: bearer.joint for bearer in tool.bearers}
-        components: list[Any] = []
-        for link in links:
-            component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
-            components.append(component)
-            weigh(component, link.inertia)
-            for shape in link.collisions:
-                _attach(component, shape, arm, tool, surfaces, folder)
-            if link.joint is None:
-                component.joint.type = "fixed"
-            elif link.name in loose:
-                _hold(component.joint, link.joint)
-            else:
-                _drive(component.joint, link.joint, arm, tracking_rate)
-        if tool.gripper:
-            bears = zip(links, components, strict=True)
-            fingers = [part for link, part in bears if link.joint and link.joint.joint.name in arm.finger_joints]
-            chain = [fingers[0].parent, *fingers]
-            difference = [0.0, 1.0, -1.0]  # of the two joints, that is
-            components[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
-            components[0].articulation.solver_position_iterations *= _GRIP
+        components = _components(links, arm, tool, surfaces, folder, tracking_rate)
         # The target speed is added to the spring's target instead of the damper's: half as many calls. And in each of
         # the solver's n iterations a joint is driven as if that were the end of the step, and its speed is added: on
         # average (n - 1) / 2n of a step too far.
@@ -157,6 +139,34 @@ class ArticulatedArm:
         loose = everything[..., self._loose]
         fingers = values[..., self._arm :] if self._gripper else np.zeros((*values.shape[:-1], self._fingers))
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
+
+
+def _components(
+    links: Sequence[ArticulationLink], arm: Robot, tool: Tool, surfaces: Surfaces, folder: Path, tracking_rate: float
+) -> list[Any]:
+    """Make the articulation's links, with their shapes and with what drives or holds their joints."""
+    loose = {bearer.name for bearer in tool.bearers}
+    components: list[Any] = []
+    for link in links:
+        component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
+        components.append(component)
+        weigh(component, link.inertia)
+        for shape in link.collisions:
+            _attach(component, shape, arm, tool, surfaces, folder)
+        if link.joint is None:
+            component.joint.type = "fixed"
+        elif link.name in loose:
+            _hold(component.joint, link.joint)
+        else:
+            _drive(component.joint, link.joint, arm, tracking_rate)
+    if tool.gripper:
+        bears = zip(links, components, strict=True)
+        fingers = [part for link, part in bears if link.joint and link.joint.joint.name in arm.finger_joints]
+        difference = [0.0, 1.0, -1.0]  # of the two joints, that is
+        articulation = components[0].articulation
+        articulation.create_fixed_tendon([fingers[0].parent, *fingers], difference, difference, **_COUPLING)
+        articulation.solver_position_iterations *= _GRIP
+    return components
 
 
 def _attach(component: Any, part: PlacedShape, arm: Robot, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
