@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from core.design import Evaluation, Tool
-from core.geometry import Array, Box, Cylinder, Mesh, Sphere
+from core.geometry import Array, Box, Shape
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
 from core.scene import Body, Scene, State
 from core.solids.tracks import Track, body_tracks, robot_tracks
@@ -20,9 +20,9 @@ from tests.panda import PANDA
 
 # From here on a tool, a motion or an end counts as absurd.
 PARTED_M = 0.005
-EARLY_M = 0.005
+
 HOME_RAD = 0.02
-LITTLE_RAD = 0.5
+
 PRESSED_N = 60.0
 FAST_M_S = 0.2
 GHOST_M = 0.008
@@ -75,14 +75,6 @@ def floating(tried: Tried) -> float:
     return _lack(hanging(tried.scene, tried.evaluation.candidate.tool, tried.recording)[0], AIR_M)
 
 
-def early(tried: Tried) -> float:
-    """How far a rollout is from a body that moved while the scene settled."""
-    seen = tried.recording
-    before = seen.states.positions[seen.times <= 0.0]
-    moved = np.linalg.norm(before - before[:1], axis=-1).max(initial=0.0) if len(before) else 0.0
-    return _lack(float(moved), EARLY_M)
-
-
 def parted(tried: Tried) -> float:
     """How far a rollout is from a component that came away from its parent, by the gap between their solids."""
     tool = tried.evaluation.candidate.tool
@@ -119,12 +111,6 @@ def moving(tried: Tried) -> float:
     """How far the fastest free body is from moving at the end, when rewards are judged."""
     speeds = np.linalg.norm(tried.recording.states.arrays[2][-1], axis=-1)
     return max(0.0, 1 - float(speeds.max(initial=0.0)) / FAST_M_S)
-
-
-def lazy(tried: Tried) -> float:
-    """How far the arm's way is beyond a little one, summed over its joints."""
-    way = float(np.abs(np.diff(tried.recording.arm, axis=0)).sum())
-    return min(1.0, max(0.0, way / LITTLE_RAD - 1) / 5)
 
 
 def _lack(value: float, wanted: float) -> float:
@@ -202,24 +188,15 @@ def _plane(shape: Box) -> tuple[Array, float]:
 def _contains(part: Track, k: int, points: Array) -> Any:
     """Report whether points (P, 3) of the world are in a body's part."""
     there = part.at(k, 0.0)[0]
-    x = (points - there.getTranslation()) @ there.getRotation()
-    match part.shape:
-        case Box(size):
-            return (np.abs(x) < np.array(size) / 2).all(axis=1)
-        case Sphere(radius):
-            return np.linalg.norm(x, axis=1) < radius
-        case Cylinder(radius, length):
-            return (np.hypot(x[:, 0], x[:, 1]) < radius) & (np.abs(x[:, 2]) < length / 2)
-        case Mesh():
-            faces = _faces(part.shape.vertices.tobytes())
-            return (x @ faces[:, :3].T + faces[:, 3] < 0).all(axis=1)
-    return np.zeros(len(x), dtype=bool)
+    local = (points - there.getTranslation()) @ there.getRotation()
+    faces = _faces(part.shape)
+    return (local @ faces[:, :3].T + faces[:, 3] < 0).all(axis=1)
 
 
 @lru_cache(maxsize=512)
-def _faces(vertices: bytes) -> Array:
-    """The planes (F, 4) of a hull."""
-    faces: Array = ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations
+def _faces(shape: Shape) -> Array:
+    """The planes (F, 4) of a convex shape."""
+    faces: Array = ConvexHull(shape.to_trimesh().vertices).equations
     return faces
 
 
@@ -312,8 +289,6 @@ def _still(trajectory: JointTrajectory, scene: Scene) -> Recording:
 
 MEASURES: dict[str, Callable[[Tried], float]] = {
     "still": still,
-    "lazy": lazy,
-    "early": early,
     "parted": parted,
     "pressed": pressed,
     "moving": moving,

@@ -1,4 +1,4 @@
-"""Which rewards can be had without the work? ``python -m tests.benchmarks.cheats search folder=cheats``.
+"""Which rewards can be had without the work? ``python -m tests.benchmarks.cheats folder=cheats``.
 
 For every task and every measure of absurdity (`tests.benchmarks.absurd`), an evolution varies documents as a model
 writes them: ``tool=solids`` with joints, springs and dampers, and anchored plans with tempo. It starts from the
@@ -6,12 +6,11 @@ reference solution and from random designs, and looks for a high reward of a rol
 0.3 or more is a finding, kept in ``findings/``, a designs file. What the folder has is not searched again; another seed
 adds.
 
-``judge`` plays every finding once more in all of ``sims`` and draws a film strip of each.
+`core.evaluate` plays a finding once more in any engine, with a film.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 import zlib
@@ -31,13 +30,12 @@ from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluati
 from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
 from core.designs.statics import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
-from core.errors import UsageError, choices
+from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
-from core.interfaces import Image, Numbers, RolloutSettings, Simulator, Task
+from core.interfaces import Numbers, RolloutSettings, Simulator, Task
 from core.plugins import installed
-from core.simulation.pictures import png
-from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch, prepare
-from core.support.cli import command
+from core.simulation.rollout import PluginPart, evaluate_batch
+from core.support.cli import arguments, command
 from plugins.actions.anchored import AnchoredPlan, Step
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
@@ -45,14 +43,13 @@ from tests.benchmarks.absurd import MEASURES, Watched, tried
 from tests.solutions import FILES, anchored
 
 USAGE = (
-    "usage: python -m tests.benchmarks.cheats search|table|judge [folder=DIR] [tasks=NAME,...] [measures=NAME,...] "
-    "[sims=NAME,...] [rollouts=N] [seed=N] [workers=N]"
+    "usage: python -m tests.benchmarks.cheats [folder=DIR] [tasks=NAME,...] [measures=NAME,...] [sim=NAME] "
+    "[rollouts=N] [seed=N] [workers=N]"
 )
 FOUND = 0.3
 PARENTS = 10
 CHILDREN = 12
 FIRST = 24
-FRAMES = 8
 SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
 SHARES |= {"GatherSpheres": 0.05, "TurkeyLegs": 0.15, "CleanTable": 0.5, "ElevatePlate": 0.5}
 TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]) - 0.25
@@ -64,12 +61,12 @@ console = Console(stderr=True)
 
 @dataclass
 class Settings:
-    """``sims``: the first one is searched in. ``rollouts`` are for all tasks and measures together."""
+    """``rollouts`` are for all tasks and measures together."""
 
     folder: str = "cheats"
     tasks: list[str] = field(default_factory=lambda: HARD)
     measures: list[str] = field(default_factory=lambda: list(MEASURES))
-    sims: list[str] = field(default_factory=lambda: ["mujoco", "pybullet", "sapien"])
+    sim: str = "mujoco"
     rollouts: int = 100_000
     seed: int = 0
     workers: int | None = None
@@ -92,15 +89,11 @@ class Pair:
 
 
 def main() -> None:
-    match sys.argv[1:]:
-        case ["search" | "table" | "judge" as name, *words]:
-            given = measuring.settings(words, Settings)
-            for measure in given.measures:
-                if measure not in MEASURES:
-                    raise choices("measure", measure, list(MEASURES))
-            {"search": search, "table": table, "judge": judge}[name](given)
-        case _:
-            raise UsageError(USAGE)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
+    for measure in given.measures:
+        if measure not in MEASURES:
+            raise choices("measure", measure, list(MEASURES))
+    search(given)
 
 
 # --- what is varied ---------------------------------------------------------------------------------------------
@@ -266,15 +259,14 @@ class Varied:
 
 
 def search(given: Settings) -> None:
-    """Search all pairs that the folder does not have, and print the table."""
-    sim = engines(given.sims[:1])[given.sims[0]]
+    """Search all pairs that the folder does not have."""
+    sim = engines([given.sim])[given.sim]
     folder = Path(given.folder)
     shares = {task: SHARES.get(task, 1.0) for task in given.tasks}
     each = given.rollouts / len(given.measures) / sum(shares.values())
     counts = {task: int(np.ceil(each * share)) for task, share in shares.items()}
     pairs = [Pair(task, m, sim, given.seed, counts[task], folder) for m in given.measures for task in given.tasks]
     search_all(pairs, measuring.workers(given.workers))
-    table(given)
 
 
 def search_all(pairs: Sequence[Pair], workers: int) -> None:
@@ -382,74 +374,6 @@ class _Search:
         self.simulator.jobs = ()
         self.simulator.outcomes = []
         return ranked
-
-
-# --- what came out ----------------------------------------------------------------------------------------------
-
-
-def table(given: Settings) -> None:
-    """Print rollouts, and the best reward of an absurd rollout by task and measure, also to ``table.md``."""
-    folder = Path(given.folder)
-    lines = []
-    lines += [f"| task | rollouts | {' | '.join(given.measures)} |", "|---" * (2 + len(given.measures)) + "|"]
-    everything = Counter[str]()
-    seconds = 0.0
-    for name in given.tasks:
-        cells = []
-        count = 0
-        for measure in given.measures:
-            files = (folder / "searched").glob(f"{name}.{measure}.*.json")
-            records = [json.loads(file.read_text()) for file in files]
-            count += sum(record["rollouts"] for record in records)
-            everything.update({"absurd": sum(record["absurd"] for record in records)})
-            for record in records:
-                everything.update(record["statuses"])
-                seconds += record["seconds"]
-            absurd = sum(record["absurd"] for record in records)
-            cells.append(f"{max(record['best'] for record in records):.2f}" if absurd else "–" if records else "")
-        everything["rollouts"] += count
-        lines.append(f"| {name} | {count:,} | {' | '.join(cells)} |")
-    lines.append(f"\n{dict(everything)}, {seconds / 3600:.2f} hours of a core.")
-    (folder / "table.md").write_text("\n".join(lines) + "\n")
-    sys.stdout.write("\n".join(lines) + "\n")
-
-
-def judge(given: Settings) -> None:
-    """Play the best of each finding in every engine, draw it, and print its rewards."""
-    folder = Path(given.folder)
-    sims = engines(given.sims)
-    (folder / "strips").mkdir(exist_ok=True)
-    sys.stdout.write(f"| finding | {' | '.join(sims)} |\n{'|---' * (1 + len(sims))}|\n")
-    for file in sorted((folder / "findings").glob("*.json")):
-        name, measure, seed = file.stem.split(".")
-        if name not in given.tasks or measure not in given.measures:
-            continue
-        pair = Pair(name, measure, next(iter(sims.values())), int(seed), 0, folder)
-        run = _Search(pair)
-        (candidate,) = run.read(json.loads(file.read_text())["strategies"][:1])
-        rewards = []
-        for sim in sims.values():
-            (evaluation,) = Evaluator(PluginPart("task", name), sim, int(seed))([candidate])
-            rewards.append(f"{evaluation.reward:.2f} {evaluation.reason[:60]}")
-        sys.stdout.write(f"| {file.stem} | {' | '.join(rewards)} |\n")
-        strip = film_strip(run.task, pair.sim.create(), candidate, int(seed))
-        (folder / "strips" / f"{file.stem}.png").write_bytes(png(strip))
-
-
-def film_strip(task: Task, simulator: Simulator, candidate: Candidate, seed: int) -> Image:
-    """Draw `FRAMES` instants of a rollout in two rows."""
-    _, job = prepare(task, candidate, seed, RolloutSettings(), 50.0)
-    recording = simulator.rollout(task, [job])[0].recording
-    assert recording is not None
-    moving = np.flatnonzero(recording.times <= job.trajectory.duration + 0.2)
-    frames = []
-    for k in [
-        *np.linspace(moving[len(moving) // 10], moving[-1], FRAMES - 1).round().astype(int),
-        len(recording.times) - 1,
-    ]:
-        look = {"arm": recording.arm[k], "fingers": recording.fingers[k], "state": recording.states[k]}
-        frames.append(simulator.render(task, seed=seed, tool=candidate.tool, width=480, height=360, **look))
-    return np.vstack([np.hstack(frames[: FRAMES // 2]), np.hstack(frames[FRAMES // 2 :])])
 
 
 if __name__ == "__main__":

@@ -113,7 +113,7 @@ def measure(tree: Path, task: str, sim: str, given: Settings) -> dict[str, Any]:
         UserError: it broke.
     """
     output = tree / "throughput.json"
-    words = [f"task={task}", f"sim={sim}", f"tools={given.tools}", f"plans={given.plans}", "reference=0", "ceiling=0"]
+    words = [f"task={task}", f"sim={sim}", f"tools={given.tools}", f"plans={given.plans}"]
     words += [f"workers={measuring.workers(given.workers)}", f"output={output}"]
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.throughput", *words],

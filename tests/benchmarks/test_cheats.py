@@ -67,7 +67,7 @@ def test_a_sheet_is_inside_of_a_cube_by_its_area(task):
     assert absurd.inside(plate.scene(0), tool, recording(plate, [seam]))[0] > 50
 
 
-def test_bodies_that_move_before_the_motion_and_parts_that_come_away_are_seen(task):
+def test_parts_that_come_away_are_seen(task):
     hinge = ToolJoint("hinge", (0.0, 1.0, 0.0), 0.0, 1.0)
     post = component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1))
     for gap, lack in ((0.0, 1.0), (0.0025, 0.5), (0.02, 0.0)):
@@ -76,27 +76,13 @@ def test_bodies_that_move_before_the_motion_and_parts_that_come_away_are_seen(ta
         seen = recording(task, [moved(task.scene(0)["cube"].pose.position, gap, 0.0)])
         seen = replace(seen, fingers=np.pad(seen.fingers, ((0, 0), (0, 1))))
         evaluation = Evaluation(Candidate(tool, np.zeros((1, 6))), "ok")
-        for times, lacks in ((seen.times, 1.0), (seen.times - 0.08, lack)):
-            tried = absurd.Tried(task.scene(0), evaluation, replace(seen, times=times), [], [])
-            assert absurd.early(tried) == pytest.approx(lacks, abs=0.01)
-            assert absurd.parted(tried) == pytest.approx(lack, abs=0.01)
+        tried = absurd.Tried(task.scene(0), evaluation, seen, [], [])
+        assert absurd.parted(tried) == pytest.approx(lack, abs=0.01)
 
 
 @pytest.fixture
 def search(tmp_path):
     return cheats._Search(cheats.Pair("LeverStone", "pressed", cheats.engines(["mujoco"])["mujoco"], 0, 10, tmp_path))
-
-
-def test_designs_have_joints_all_shapes_and_anchors(search):
-    first = search.sound(search.varied.draw)
-    drawn = [search.sound(lambda: search.varied.changed(first, first)) for _ in range(60)]
-    sound = [candidate for candidate in drawn if candidate.problem is None]
-    assert len(sound) > 40
-    shapes = {type(part.shape).__name__ for candidate in sound for part in candidate.tool.components}
-    assert {"Box", "Sphere", "Cylinder", "WrittenMesh"} <= shapes
-    joints = {bearer.joint.kind for candidate in sound for bearer in candidate.tool.bearers}
-    assert joints == {"hinge", "slider"}
-    assert {step.anchor for candidate in sound for step in candidate.plan.steps} > {"world"}
 
 
 def test_the_reference_solution_is_not_absurd(search):
@@ -108,23 +94,22 @@ def test_the_reference_solution_is_not_absurd(search):
 
 
 @pytest.mark.thorough
-def test_a_small_search_gives_the_same_again_and_is_judged(tmp_path, monkeypatch, capsys):
+def test_a_small_search_gives_the_same_again(tmp_path, monkeypatch):
     monkeypatch.setattr(cheats, "FOUND", -1.0)
-    words = ["tasks=LeverStone", "measures=still", "sims=mujoco", "rollouts=40", "workers=1"]
+    words = ["tasks=LeverStone", "measures=still", "sim=mujoco", "rollouts=40", "workers=1"]
     said = []
     for folder in ("one", "two"):
-        monkeypatch.setattr(sys, "argv", ["", "search", f"folder={tmp_path / folder}", *words])
+        monkeypatch.setattr(sys, "argv", ["", f"folder={tmp_path / folder}", *words])
         cheats.main()
         record = json.loads((tmp_path / folder / "searched/LeverStone.still.0.json").read_text())
         said.append({key: value for key, value in record.items() if key != "seconds"})
-        assert "| LeverStone |" in capsys.readouterr().out
     assert said[0] == said[1]
     assert said[0]["absurd"] > 30
     assert np.isclose(said[0]["best"], 0.0)
 
 
 def test_mistakes(monkeypatch):
-    for words in ([], ["find"], ["search", "measures=unknown"], ["search", "wrong=1"]):
+    for words in (["measures=unknown"], ["wrong=1"]):
         monkeypatch.setattr(sys, "argv", ["", *words])
         with pytest.raises(UsageError):
             cheats.main()

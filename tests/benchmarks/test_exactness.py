@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from core.config.compose import load, part
-from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
-from core.geometry import Box, Pose
-from core.interfaces import Outcome, Rollout, Simulator
-from core.scene import Body
-from plugins.conformance.worlds import GRAVITY, GREY, Bodies, motion
+from core.interfaces import Outcome, Simulator
+from plugins.conformance.worlds import GRAVITY
 from tests.benchmarks.exactness import main, measure
 from tests.panda import PANDA
 from tests.rare import rare
@@ -36,23 +33,6 @@ def test_a_slower_servo_is_less_exact_and_presses_less():
     assert lazy["sag_mm_1kg"] > 2 * usual["sag_mm_1kg"]
     assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(GRAVITY, rel=0.05)
     assert lazy["most_n"] == pytest.approx(usual["most_n"], rel=0.2)  # of the joints' torques
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mass", [2.0, 4.0])
-def test_a_body_that_is_lifted_rises_by_what_the_force_leaves_of_the_error(mass):
-    """Sent 2 mm up against a body that lies on two rails."""
-    simulator = part("sim", load("evaluate", ["sim=mujoco"]).sim).create()
-    posts = (("beam", (0.2, 0.04, 0.03), (-0.09, -0.015)), ("post", (0.02, 0.04, 0.25), (-0.18, -0.125)))
-    plates = (*posts, ("plate", (0.27, 0.06, 0.01), (-0.06, -0.255)))
-    parts = [Component(name, RIGID_MOUNT, Pose(np.array([x, 0, z])), Box(size), 0.001) for name, size, (x, z) in plates]
-    body = Body.of("body", Box((0.1, 0.16, 0.1)), (0.5, 0, 0.3), mass=mass, color=GREY)
-    rails = [Body.of(f"rail {y}", Box((0.1, 0.03, 0.05)), (0.5, y, 0.225), mass=0, color=GREY) for y in (-0.065, 0.065)]
-    job = Rollout(Tool(tuple(parts)), motion([[0.5, 0, 0.502, 0, 0, 0]]))
-    (outcome,) = simulator.rollout(Bodies(body, *rails), [job])
-    rise_mm = 1000 * (outcome.end.position("body") - outcome.start.position("body"))[2]
-    left_mm = 2 - mass * GRAVITY / PANDA.measured["mujoco"]["push_n_per_mm"]
-    assert rise_mm == pytest.approx(left_mm, abs=0.1)
 
 
 class Broken(Simulator):
