@@ -49,8 +49,3 @@ def test_the_nearer_opening_counts():
 
 def test_outside_in_front_of_an_opening_is_out():
     assert reward((0.8, 0.15, 0.035), (1.24, -0.05, 0.035), (0.5, -0.3, 0.035)) == [1, 1, 1]
-
-
-@pytest.mark.parametrize("place", [(1.255, 0.165, LYING), (1.24, 0.15, 0.3), (1.5, 0.3, 0.035), (1.2, -0.6, -0.59)])
-def test_deeper_in_through_a_wall_or_off_the_table_earns_nothing(place):
-    assert reward(place) == [0]

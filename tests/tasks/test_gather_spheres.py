@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.scene import State
-from tasks.gather_spheres import CONTAINER, NAMES, RADIUS, REACH, WALL, WANTED_HEIGHT, GatherSpheres
+from tasks.gather_spheres import NAMES, RADIUS, WANTED_HEIGHT, GatherSpheres
 
 TASK = GatherSpheres()
 START = TASK.scene(0).state()
@@ -33,23 +33,7 @@ def test_each_sphere_counts_the_same_and_higher_than_wanted_is_no_better():
     assert rewards == pytest.approx(np.arange(1, 31) / 30)
 
 
-def test_spheres_anywhere_on_the_table_earn_nothing():
-    away = replace(START, positions=START.positions - np.array([0.3, 0.1, 0.0]))
-    assert TASK.reward(START, away) == 0.0
-
-
 def test_a_sphere_on_the_floor_does_not_change_the_others_reward():
     heights = np.full(len(NAMES), WANTED_HEIGHT)
     heights[0] = -0.6
     assert TASK.reward(START, raised(heights)) == pytest.approx(29 / 30)
-
-
-def test_layouts_keep_clear_of_each_other_and_the_walls():
-    for seed in range(200):
-        at = TASK.scene(seed).state().positions
-        apart = np.linalg.norm(at[:, None] - at[None], axis=-1) + np.eye(len(at))
-        assert apart.min() > 2 * RADIUS
-        inner = REACH - WALL / 2 - RADIUS
-        assert (np.abs(at[:, 1] - CONTAINER[1]) < inner).all()
-        assert (at[:, 0] - CONTAINER[0] < inner).all()
-        assert (at[:, 0] - CONTAINER[0] > RADIUS - REACH).all()

@@ -29,20 +29,6 @@ def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("where", "expected"),
-    [
-        pytest.param((1.4, 0.3, 0.925), 0.0, id="pushed away on the shelf"),
-        pytest.param((1.6, 0.0, 0.925), 0.0, id="flying behind the shelf"),
-        pytest.param((3.0, 0.0, 0.025), 0.2, id="flung off, but down from the board"),
-    ],
-)
-def test_a_cube_that_moved_the_wrong_way_earns_nothing_for_it(
-    where: tuple[float, float, float], expected: float
-) -> None:
-    assert rewards(np.array([where]))[0] == expected
-
-
-@pytest.mark.parametrize(
     ("where", "inside"),
     [
         pytest.param((0.65, 0.55, 0.04), True, id="in a corner of the bin"),

@@ -307,14 +307,3 @@ def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engin
     trials = [evaluate_batch(task, simulator(engine), [solution], seed, protocol)[0] for seed in seeds]
     assert not [trial.reason for trial in trials if trial.status != "ok"]
     assert np.mean([trial.reward for trial in trials]) >= 0.7
-
-
-@every_simulator
-@pytest.mark.parametrize("name", ["OneBook", "ScoreGoal"])
-def test_the_same_seed_gives_the_same_result(name, engine):
-    """In a simulator that has run other rollouts, and in a new one."""
-    ours = simulator(engine)
-    new = installed().create("sim", engine)
-    first, again = (evaluate_batch(task_of(name), sim, solutions(name), 1, RolloutSettings()) for sim in (ours, new))
-    for one, other in zip(first, again, strict=True):
-        assert (one.reward, one.moved_m) == (other.reward, other.moved_m)

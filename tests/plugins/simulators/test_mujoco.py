@@ -2,14 +2,12 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.design import Component, Tool
 from core.errors import NoPicture
-from core.geometry import Box, Cylinder, Pose, Sphere
+from core.geometry import Box, Cylinder, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout
 from core.plugins import installed
 from core.scene import Body, table
@@ -34,24 +32,14 @@ from plugins.conformance.worlds import (
 
 pytest.importorskip("mujoco")
 
-import mujoco as mj
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import compiled
 from tests.packages import without
-from tests.panda import FINGER_OPEN, HOME_JOINTS, PANDA
-
-ROOT = Path(__file__).parents[3]
+from tests.panda import FINGER_OPEN
 
 
 def mujoco(**settings):
     return installed().create("sim", "mujoco", settings)
-
-
-def model(*bodies, tool=BARE, time_step=0.0025, tracking_rate=50.0, slip_rate=100.0):
-    scene = Bodies(*bodies).scene(0)
-    inertias = {body.name: body.inertia() for body in scene.free}
-    return compiled(PANDA, scene, inertias, tool, time_step, tracking_rate, slip_rate)
 
 
 # --- playing ----------------------------------------------------------------------------------------------------
@@ -153,38 +141,6 @@ def test_a_lying_cylinder_does_not_roll_by_itself(radius, length, rpy):
     assert np.linalg.norm(there[:2] - [0.9, 0.3]) < 1e-4
 
 
-@pytest.mark.parametrize("radius", [0.015, 0.05])
-def test_a_cylinder_rolls_down_a_slope_as_far_as_an_ideal_one(radius):
-    angle = math.radians(0.5)
-    seconds = 1.5
-    below = (0.5, 0, -0.05 / math.cos(angle))
-    ground = Body.of("ground", Box((6, 3, 0.1)), below, mass=0, color=GREY, rpy=(0, angle, 0))
-    above = radius / math.cos(angle) - 0.1 * math.tan(angle)
-    can = Body.of("can", Cylinder(radius, 0.15), (0.6, 1.0, above), mass=0.2, color=GREY, rpy=(math.pi / 2, 0, 0))
-    there = end(wait(mujoco(), ground, can, seconds=seconds)).position("can")
-    assert there[0] - 0.6 == pytest.approx(2 / 3 * GRAVITY * math.sin(angle) * seconds**2 / 2, rel=0.01)
-
-
-def test_links_of_the_arm_do_not_touch_each_other_and_tools_touch_all_but_their_bearer():
-    for tool, bearer in ((stick(0.3), "panda_link7"), (HAND, "panda_link7")):
-        made = model(tool=tool)
-        geoms = [(made.body(made.geom_bodyid[i]).name, i) for i in range(made.ngeom)]
-        mounted = [i for name, i in geoms if "finger" in name or (name == bearer and made.geom_contype[i] == 4)]
-        assert len(mounted) == (8 if tool.gripper else 1)
-
-        def touch(i, k, made=made):
-            return bool(
-                made.geom_contype[i] & made.geom_conaffinity[k] or made.geom_contype[k] & made.geom_conaffinity[i]
-            )
-
-        for _, i in geoms:
-            for name, k in geoms:
-                if i not in mounted and k not in mounted:
-                    assert not touch(i, k)
-                elif i in mounted and name not in (bearer, made.body(made.geom_bodyid[i]).name):
-                    assert touch(i, k)
-
-
 def test_what_slides_fast_stays_on_the_ground():
     """Down a steep slope, at more than 1 m/s: its middle stays at its height, and friction is what it should be.
 
@@ -202,23 +158,6 @@ def test_what_slides_fast_stays_on_the_ground():
     assert speed == pytest.approx(0.8 * GRAVITY * (math.sin(0.6) - 0.5 * math.cos(0.6)), rel=0.05)
 
 
-def test_what_rolls_hardly_leaves_the_ground():
-    """At 0.5 m/s for a second: down at nine of ten steps at least, and slower by what its rolling friction says."""
-    arm_of_friction = 0.003
-    radius = 0.08
-    ball = Body.of("ball", Sphere(radius), (0.45, 0, radius), mass=1.0, color=GREY, rolling_friction=arm_of_friction)
-    made = model(table(), ball, slip_rate=200.0)
-    data = mj.MjData(made)
-    data.qvel[-6:] = [0, 0.5, 0, -0.5 / radius, 0, 0]
-    heights = []
-    for _ in range(400):
-        mj.mj_step(made, data)
-        heights.append(float(data.qpos[-5]) - radius)
-    assert np.mean(np.array(heights) > 0) < 0.1
-    slower = arm_of_friction / radius * GRAVITY / (1 + 2 / 5)
-    assert data.qvel[-5] == pytest.approx(0.5 - slower, rel=0.01)
-
-
 def test_what_friction_holds_does_not_creep():
     hill = slope(math.atan(0.45), 0.5)  # at 0.5 it would slide
     at = hill.pose.apply([0, 0, 0.05 + 0.02])
@@ -226,14 +165,6 @@ def test_what_friction_holds_does_not_creep():
     outcome = wait(mujoco(), hill, block, seconds=5.0, settle_s=0.5)
     crept = np.linalg.norm(end(outcome).position("block") - start(outcome).position("block"))
     assert crept < 5e-4
-
-
-@pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])
-def test_what_bounces_comes_back_as_high_as_it_should(restitution):
-    plate = replace(Body.of("plate", Box((1, 1, 0.1)), (3, 3, -0.05), mass=0, color=GREY), restitution=1.0)
-    ball = replace(Body.of("ball", Sphere(0.05), (3, 3, 0.55), mass=0.5, color=GREY), restitution=restitution)
-    speeds = film(wait(mujoco(), plate, ball, seconds=0.6, record_hz=400)).states.linear_velocity("ball")[:, 2]
-    assert speeds.max() / -speeds.min() == pytest.approx(restitution, abs=0.03)
 
 
 def test_a_ball_that_rolls_slowly_is_not_put_to_sleep():
@@ -255,27 +186,6 @@ def test_what_sleeps_wakes_when_it_is_touched():
 
 
 # --- the robot --------------------------------------------------------------------------------------------------
-
-
-def test_the_mounted_tool_adds_its_inertia():
-    heavy = Tool((Component("block", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
-    bare, loaded = (model(tool=tool).body("panda_link7") for tool in (BARE, heavy))
-    assert loaded.mass[0] == pytest.approx(bare.mass[0] + 2)
-    in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])
-    centre = (bare.mass[0] * bare.ipos + 2 * in_link) / loaded.mass[0]
-    np.testing.assert_allclose(loaded.ipos, centre, atol=1e-9)
-
-
-def test_a_joint_gives_no_more_than_its_torque_gravity_and_all():
-    made = model(tool=stick(0.3, mass=1.0))
-    data = mj.MjData(made)
-    data.qpos[:7] = HOME_JOINTS
-    data.ctrl[0:14:2] = HOME_JOINTS
-    mj.mj_forward(made, data)
-    assert (np.abs(data.qfrc_actuator) < 60).all()  # what holds it up
-    data.ctrl[0:14:2] = np.array(HOME_JOINTS) + 1.0
-    mj.mj_forward(made, data)
-    np.testing.assert_allclose(np.abs(data.qfrc_actuator), [87] * 4 + [12] * 3)
 
 
 def test_a_joint_whose_force_is_at_its_limit_does_not_shake():
@@ -330,13 +240,6 @@ def test_what_is_behind_glass_can_be_seen(own_renderer):
     assert glass > solid + 20
 
 
-@pytest.mark.parametrize("word", ["disable", "off", "0", "false"])
-def test_mujoco_gl_switches_its_own_renderer_off(word, monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", word)
-    with pytest.raises(NoPicture, match=rf"MuJoCo's own renderer is switched off \(MUJOCO_GL={word}\)"):
-        MuJoCoRenderer()
-
-
 def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
     done = without([], ["core", "render", "sim=mujoco"], tmp_path, MUJOCO_GL="nonsense")
     assert done.returncode == 1
@@ -357,16 +260,3 @@ def test_render_says_who_drew(tmp_path, own_renderer):
     done = without([], arguments, tmp_path, MUJOCO_GL="disable")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer is switched off")
-
-
-@pytest.mark.slow
-def test_without_mujoco_warp_the_rest_runs(tmp_path):
-    missing = without(["warp", "mujoco_warp"], ["core.run", "sim=mujoco_warp"], tmp_path)
-    assert missing.returncode == 1
-    assert (
-        missing.stderr
-        == "error: sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'\n"
-    )
-    done = without(["warp", "mujoco_warp"], ["core.plugins"], tmp_path)
-    assert "mujoco_warp" in done.stdout
-    assert "failed" not in done.stdout

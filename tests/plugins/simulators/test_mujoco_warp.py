@@ -3,36 +3,31 @@ sim=mujoco_warp sim.device=cpu`` runs them all, in some minutes), and what is it
 minute; later runs find them.
 """
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
-from core.geometry import Box, Pose
+from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
 from core.simulation.rollout import evaluate_batch
 from plugins.conformance import bodies, joints, output, robot, shapes
-from plugins.conformance.joints import hinge, hinged
 from plugins.conformance.output import bits
-from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
+from plugins.conformance.worlds import BARE, GREY, Bodies, cube, end, film, motion, start, stick, still
 
 pytest.importorskip("mujoco_warp")
 
-import mujoco as mj
 import warp
 
-from plugins.simulators.mujoco.batched import models, simulator
-from plugins.simulators.mujoco.world import Joints, compiled
+from plugins.simulators.mujoco.batched import simulator
 from tests.commands import python_m
-from tests.panda import FINGER_OPEN, PANDA
+from tests.panda import FINGER_OPEN
 
 ROOT = Path(__file__).parents[3]
 CHECKS = (
@@ -93,19 +88,6 @@ def test_the_same_film(warped):
     np.testing.assert_array_equal(film(ours).states.positions[-1], end(ours).positions)
 
 
-@pytest.mark.parametrize("tool", [BARE, HAND, stick(0.3, mass=1.0)], ids=["bare", "hand", "stick"])
-def test_unused_boxes_change_nothing(tool):
-    scene = Bodies(table(), cube(at=(0.6, 0, 0.05))).scene(0)
-    inertias = {body.name: body.inertia() for body in scene.free}
-    ours, theirs = (make(PANDA, scene, inertias, tool, 0.0025, 50.0, 100.0) for make in (models.model, compiled))
-    assert ours.ngeom > theirs.ngeom
-    for name in ("body_mass", "body_ipos", "body_inertia", "body_invweight0", "dof_invweight0", "actuator_biasprm"):
-        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-9, atol=1e-12, err_msg=name)
-    data = mj.MjData(ours)
-    mj.mj_forward(ours, data)
-    assert not {*data.contact.geom.ravel()} & {i for i in range(ours.ngeom) if abs(ours.geom_pos[i]).max() > 100}
-
-
 # --- many worlds ------------------------------------------------------------------------------------------------
 
 
@@ -128,25 +110,6 @@ def test_each_world_has_its_own_layout_and_tool_in_one_batch(warped):
     again = fresh.rollout(Layouts(), jobs[::-1])[::-1]
     assert len(fresh._batches) == 1
     assert [bits(outcome) for outcome in again] == [bits(outcome) for outcome in outcomes]
-
-
-def shared_of(scene, tool):
-    made = models.model(PANDA, scene, {}, tool, 0.0025, 50.0, 100.0)
-    return models.figures(made, scene, Joints.of(PANDA, tool, made)).shared
-
-
-def test_tools_with_other_joints_or_numbers_of_boxes_and_with_a_gripper_are_in_other_batches():
-    scene = Bodies(table()).scene(0)
-    jointed = [hinged(0.0, joint) for joint in (hinge(), hinge(), hinge(lower=-1.0), hinge(stiffness=0.1))]
-    assert len({shared_of(scene, tool) for tool in jointed}) == 2  # springs may differ
-    knobs = [
-        Component(f"knob{i}", "stick", Pose(np.array([0.0, 0.0, 0.01 * i])), Box((0.03, 0.03, 0.005))) for i in range(5)
-    ]
-    tools = [stick(0.1), stick(0.2), BARE, Tool((*stick(0.1).components, *knobs)), HAND]
-    shared = [shared_of(scene, tool) for tool in tools]
-    assert shared[0] == shared[1] == shared[2]
-    assert len({*shared}) == 3
-    assert [models.slots(tool) for tool in tools] == [4, 4, 4, 8, 4]
 
 
 def test_contacts_that_find_no_room_are_given_more(warped):
@@ -200,15 +163,6 @@ def test_a_world_that_explodes_is_an_error_and_hurts_no_other(breaks, capfd):
 
 
 # --- settings and devices ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("setting", "value"),
-    [("time_step", 0), ("time_step", 0.1), ("tracking_rate", math.nan), ("slip_rate", -1.0), ("worlds", 0)],
-)
-def test_numbers_that_make_no_sense(setting, value):
-    with pytest.raises(UserError, match=setting):
-        installed().create("sim", "mujoco_warp", {"device": "cpu", setting: value})
 
 
 def test_without_a_card_it_says_so():

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Component, Tool
 from core.errors import UsageError
-from core.geometry import Box, Cylinder, Pose, Sphere
+from core.geometry import Box, Cylinder
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Joint, table
@@ -26,9 +25,6 @@ from plugins.conformance.worlds import (
 )
 
 pytest.importorskip("sapien", exc_type=ImportError)
-
-from plugins.simulators.sapien.description import robot_links
-from tests.panda import PANDA
 
 
 def sapien(**settings):
@@ -64,28 +60,7 @@ def test_a_lying_cylinder_does_not_roll_by_itself(radius, length, rpy):
     assert np.linalg.norm(there[:2] - [0.9, 0.3]) < 1e-3
 
 
-def test_restitutions_are_told_apart():
-    plate = replace(Body.of("plate", Box((2, 1, 0.1)), (3, 3, -0.05), mass=0, color=GREY), restitution=1.0)
-    balls = [
-        replace(Body.of(f"b{e}", Sphere(0.05), (2.5 + e, 3, 0.55), mass=0.5, color=GREY), restitution=e)
-        for e in (0.0, 0.5, 0.9)
-    ]
-    heights = film(wait(sapien(), plate, *balls, seconds=0.65, record_hz=250)).states.positions[:, :, 2] - 0.05
-    risen = [float(h[int(np.argmax(h < 0.01)) :].max()) for h in heights.T]
-    np.testing.assert_allclose(risen, [0.0, 0.5 * 0.25, 0.5 * 0.81], atol=0.03)
-
-
 # --- the robot --------------------------------------------------------------------------------------------------
-
-
-def test_the_mounted_tool_adds_its_inertia():
-    heavy = Tool((Component("block", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
-    bare = robot_links(PANDA, BARE)[7].inertia
-    loaded = robot_links(PANDA, heavy)[7].inertia
-    assert loaded.mass == pytest.approx(bare.mass + 2)
-    in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])
-    centre = (bare.mass * bare.frame.position + 2 * in_link) / loaded.mass
-    np.testing.assert_allclose(loaded.frame.position, centre, atol=1e-9)
 
 
 # --- joints of the scene ----------------------------------------------------------------------------------------
