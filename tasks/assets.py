@@ -5,12 +5,27 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from core.scene import Box, Color, Geom, Mesh, Pose
+from core.scene import Box, Color, Cylinder, Geom, Mesh, Pose
 
 
 def board(size: tuple[float, float, float], position: tuple[float, float, float], color: Color) -> Geom:
     """An upright box with full side lengths, centred at a position in the body's frame."""
     return Geom(Box(size), Pose(np.array(position)), color)
+
+
+def raised(height: float) -> Pose:
+    """A pose so far up z, metres."""
+    return Pose(np.array([0.0, 0.0, height]))
+
+
+def disc(radius: float, height: float, middle: float, color: Color) -> Geom:
+    """An upright cylinder around z, whose middle is so far up."""
+    return Geom(Cylinder(radius, height), raised(middle), color)
+
+
+def hull(points: object) -> Mesh:
+    """The convex hull of points (P, 3)."""
+    return Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points)))
 
 
 def open_box(length: float, width: float, height: float, wall: float, color: Color) -> tuple[Geom, ...]:
@@ -47,7 +62,7 @@ def round_wall(
             for radius, height in ((low, bottom), (high, top))
             for angle in angles
         ]
-        parts.append(Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points))), color=color))
+        parts.append(Geom(hull(points), color=color))
     return tuple(parts)
 
 

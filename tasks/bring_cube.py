@@ -4,6 +4,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Goal, Scene, State, floor, table
 from core.values.layouts import around, within
+from tasks.rewards import progress
 
 SIDE = 0.07
 START = (1.0, 0.0, SIDE / 2)
@@ -58,5 +59,4 @@ class BringCube(Task):
         target = start.position("mark") + np.array([0.0, 0.0, SIDE / 2])
         left = np.abs(end.position("cube") - target).sum(axis=-1)
         whole = np.abs(start.position("cube") - target).sum(axis=-1)
-        reward: Array = np.clip(1 - left / whole, 0.0, 1.0)
-        return reward
+        return progress(left, whole)

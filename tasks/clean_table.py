@@ -4,6 +4,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
 from core.values.layouts import around, within
+from tasks.rewards import length, progress
 
 COUNT = 8
 SIDE = 0.03
@@ -97,8 +98,7 @@ class CleanTable(Task):
         rewards = []
         center = start.position("circle") + np.array([0.0, 0.0, SIDE / 2])
         for name in DUST:
-            left = np.linalg.norm(end.position(name) - center, axis=-1)
-            whole = np.linalg.norm(start.position(name) - center, axis=-1)
-            rewards.append(np.where(left <= INSIDE, 1.0, np.clip(1 - left / whole, 0.0, 1.0)))
-        reward: Array = np.mean(rewards, axis=0)
-        return reward
+            left = length(end.position(name) - center)
+            whole = length(start.position(name) - center)
+            rewards.append(np.where(left <= INSIDE, 1.0, progress(left, whole)))
+        return np.mean(rewards, axis=0)

@@ -4,6 +4,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Scene, State, floor, table
 from core.values.layouts import around, within
+from tasks.rewards import share
 
 SIDE = 0.07
 WALL = 0.01
@@ -123,4 +124,4 @@ class DislodgeCube(Task):
         ended = end.relative("cube", "pipe")
         ahead = 1 - (ended[..., 0] - NEAR) / (began[..., 0] - NEAR)
         aside = 1 - (ended[..., 1] - BRANCH_Y) / (began[..., 1] - BRANCH_Y)
-        return np.where(ended[..., 2] > 0, np.clip(np.maximum(ahead, aside), 0.0, 1.0), 0.0)
+        return np.where(ended[..., 2] > 0, share(np.maximum(ahead, aside)), 0.0)

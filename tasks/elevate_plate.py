@@ -7,7 +7,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
-from tasks.assets import revolved, round_wall
+from tasks.assets import raised, revolved, round_wall
+from tasks.rewards import progress
 
 # The plate stands on a foot; around the foot there is a gap of FOOT_HEIGHT between the plate and the table.
 FOOT_RADIUS = 0.055
@@ -50,9 +51,9 @@ def plate() -> Body:
     line = [(r, FOOT_HEIGHT + (r - RIM_INSIDE[0]) * slope) for r in (low, high)]
     line += [(r, z + up) for r, z in reversed(line)]
 
-    foot = Geom(Cylinder(FOOT_RADIUS, FOOT_HEIGHT), Pose(np.array([0.0, 0.0, FOOT_HEIGHT / 2])))
+    foot = Geom(Cylinder(FOOT_RADIUS, FOOT_HEIGHT), raised(FOOT_HEIGHT / 2))
     thickness = DISC_TOP - FOOT_HEIGHT
-    disc = Geom(Cylinder(DISC_RADIUS, thickness), Pose(np.array([0.0, 0.0, FOOT_HEIGHT + thickness / 2])))
+    disc = Geom(Cylinder(DISC_RADIUS, thickness), raised(FOOT_HEIGHT + thickness / 2))
     rim = round_wall(RIM_INSIDE, (DISC_RADIUS, RIM_RADIUS), FOOT_HEIGHT, RIM_TOP, CHINA)
     visuals = (revolved(china, CHINA), revolved(line, BLUE))
     return Body("plate", Pose(np.array(START)), MASS, visuals, (foot, disc, *rim))
@@ -95,5 +96,4 @@ class ElevatePlate(Task):
         """The fraction of the lift (sum of absolute differences to the goal above the start): 1 at the goal."""
         wanted = start.position("plate") + np.array([0.0, 0.0, LIFT])
         left = np.abs(end.position("plate") - wanted).sum(axis=-1)
-        reward: Array = np.clip(1 - left / LIFT, 0.0, 1.0)
-        return reward
+        return progress(left, LIFT)

@@ -2,8 +2,10 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
+from core.scene import Body, Camera, Color, Goal, Pose, Scene, Sphere, State, floor, table
 from core.values.layouts import around, within
+from tasks.assets import board
+from tasks.rewards import share
 
 RADIUS = 0.02
 MASS = 0.005
@@ -35,8 +37,8 @@ def container(pose: Pose) -> Body:
     length = 2 * REACH
     inside = 2 * REACH - WALL
     walls = (
-        *(Geom(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
-        Geom(Box((WALL, inside, WALL_HEIGHT)), Pose(np.array([REACH, 0.0, 0.0])), GLASS),
+        *(board((length, WALL, WALL_HEIGHT), (0.0, y, 0.0), GLASS) for y in (-REACH, REACH)),
+        board((WALL, inside, WALL_HEIGHT), (REACH, 0.0, 0.0), GLASS),
     )
     return Body("container", pose, 0.0, walls, walls, friction=0.1)
 
@@ -103,5 +105,4 @@ class GatherSpheres(Task):
         """The mean over the spheres: the fraction of the way from rest to the wanted height."""
         rest = np.stack([start.position(name)[..., 2] for name in NAMES], axis=-1)
         height = np.stack([end.position(name)[..., 2] for name in NAMES], axis=-1)
-        reward: Array = np.clip((height - rest) / (WANTED_HEIGHT - rest), 0.0, 1.0).mean(axis=-1)
-        return reward
+        return share((height - rest) / (WANTED_HEIGHT - rest)).mean(axis=-1)

@@ -5,6 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor
 from core.values.layouts import around, within
 from tasks.assets import board, open_box
+from tasks.rewards import progress
 
 SIDE = 0.05
 START = (1.2, 0.0)  # x, y
@@ -94,6 +95,6 @@ class HighObject(Task):
         center = start.position("bin") + np.array([0.0, 0.0, BIN_CENTER[2]])
         offset = np.abs(cube - center)
         inside = (offset < np.array([BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2])).all(axis=-1)
-        way = np.clip(1 - offset.sum(axis=-1) / np.abs(start.position("cube") - center).sum(axis=-1), 0.0, 1.0)
+        way = progress(offset.sum(axis=-1), np.abs(start.position("cube") - center).sum(axis=-1))
         near = np.minimum(way + 0.2 * (cube[..., 2] < start.position("shelf")[..., 2] + OFF_THE_SHELF), 1.0)
         return np.where(inside, 1.0, near)

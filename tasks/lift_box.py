@@ -4,6 +4,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
+from tasks.assets import board
+from tasks.rewards import progress
 
 WIDTH = 0.25  # outer width along x and y
 HEIGHT = 0.20  # height of the walls
@@ -23,7 +25,7 @@ def cardboard_box(pose: Pose, mass: float) -> Body:
     """A bottom, four walls and four flaps, all boards. The four sides are equal, rotated about z."""
     inside = WIDTH - 2 * WALL
     middle = HEIGHT / 2 - CENTER[2]
-    boards = [Geom(Box((inside, inside, WALL)), Pose(np.array([0.0, 0.0, WALL / 2 - CENTER[2]])), CARDBOARD)]
+    boards = [board((inside, inside, WALL), (0.0, 0.0, WALL / 2 - CENTER[2]), CARDBOARD)]
     for quarter in range(4):
         turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, quarter * np.pi / 2))
         wall = Pose(np.array([(WIDTH - WALL) / 2, 0.0, middle]))
@@ -73,5 +75,4 @@ class LiftBox(Task):
         wanted[..., 2] = WANTED_HEIGHT
         whole = np.abs(wanted - start.position("box")).sum(axis=-1)
         left = np.abs(wanted - end.position("box")).sum(axis=-1)
-        reward: Array = np.clip(1 - left / whole, 0.0, 1.0)
-        return reward
+        return progress(left, whole)

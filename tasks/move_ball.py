@@ -4,6 +4,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Goal, Scene, Sphere, State, floor, table
 from core.values.layouts import around, within
+from tasks.rewards import share, speed
 
 RADIUS = 0.08
 START = (0.6, 0.3, RADIUS)
@@ -60,6 +61,4 @@ class MoveBall(Task):
         target = start.position("mark") + np.array([0.0, 0.0, RADIUS])
         left = np.abs(end.position("ball") - target).sum(axis=-1)
         whole = np.abs(start.position("ball") - target).sum(axis=-1)
-        speed = np.linalg.norm(end.linear_velocity("ball"), axis=-1)
-        reward: Array = np.clip(1 - left / whole - speed, 0.0, 1.0)
-        return reward
+        return share(1 - left / whole - speed(end, "ball"))

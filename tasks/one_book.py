@@ -4,6 +4,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
+from tasks.assets import board
+from tasks.rewards import length, share
 
 # Along x, along y, and from one book to the next along y.
 LENGTH = 0.27
@@ -27,21 +29,17 @@ COVERS = (
 
 def book(number: int, row: Pose, height: float, density: float) -> Body:
     """Two boards and a spine (toward the robot) around a block of pages; the collision shape is one box."""
-    board = 0.002
+    thin = 0.002
     inset = 0.002
     cover = COVERS[number - 1]
     y = (number - 3) * PITCH
-    side = Box((LENGTH, board, height))
-    edge = (THICKNESS - board) / 2
+    side = Box((LENGTH, thin, height))
+    edge = (THICKNESS - thin) / 2
     visuals = (
         Geom(side, Pose.xyz_rpy((0.0, -edge, 0.0)), cover),
         Geom(side, Pose.xyz_rpy((0.0, edge, 0.0)), cover),
-        Geom(Box((board, THICKNESS, height)), Pose.xyz_rpy(((board - LENGTH) / 2, 0.0, 0.0)), cover),
-        Geom(
-            Box((LENGTH - inset, THICKNESS - 2 * board, height - 2 * inset)),
-            Pose.xyz_rpy((-inset / 2, 0.0, 0.0)),
-            PAGES,
-        ),
+        board((thin, THICKNESS, height), ((thin - LENGTH) / 2, 0.0, 0.0), cover),
+        board((LENGTH - inset, THICKNESS - 2 * thin, height - 2 * inset), (-inset / 2, 0.0, 0.0), PAGES),
     )
     whole = Box((LENGTH, THICKNESS, height))
     mass = density * whole.volume
@@ -52,8 +50,8 @@ def book(number: int, row: Pose, height: float, density: float) -> Body:
 def holder(name: str, row: Pose, side: float) -> Body:
     """A fixed bookend: an upright plate and a foot that points away from the books."""
     metal = (0.30, 0.32, 0.35, 1.0)
-    plate = Geom(Box((0.20, 0.008, 0.15)), Pose.xyz_rpy((0.0, 0.0, 0.075)), metal)
-    foot = Geom(Box((0.20, 0.08, 0.004)), Pose.xyz_rpy((0.0, side * 0.04, 0.002)), metal)
+    plate = board((0.20, 0.008, 0.15), (0.0, 0.0, 0.075), metal)
+    foot = board((0.20, 0.08, 0.004), (0.0, side * 0.04, 0.002), metal)
     return Body(name, row @ Pose.xyz_rpy((0.0, side * 0.105, 0.0)), 0.0, (plate, foot), (plate, foot))
 
 
@@ -99,9 +97,8 @@ class OneBook(Task):
     def reward(self, start: State, end: State) -> Array:
         """1 if the third book is out and the others have not moved; less for a shorter way or for moved neighbours."""
 
-        moved = {name: np.linalg.norm(end.position(name) - start.position(name), axis=-1) for name in end.names}
+        moved = {name: length(end.position(name) - start.position(name)) for name in end.names}
         pulled = moved["book_3"]
         kept = np.exp(-sum(moved[name] for name in OTHERS))
-        partial = np.clip(pulled / PULLED_OUT - (1 - kept), 0.0, 1.0)
-        reward: Array = np.where(pulled > PULLED_OUT, kept, partial)
-        return reward
+        partial = share(pulled / PULLED_OUT - (1 - kept))
+        return np.where(pulled > PULLED_OUT, kept, partial)

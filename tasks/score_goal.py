@@ -9,6 +9,7 @@ from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, State, floor
 from core.values.layouts import around, within
 from tasks.assets import board
+from tasks.rewards import share, split
 
 PUCK_RADIUS = 0.038
 PUCK_HEIGHT = 0.025
@@ -135,8 +136,8 @@ class ScoreGoal(Task):
 
     def reward(self, start: State, end: State) -> Array:
         """1 if the puck's centre is inside the goal, otherwise the fraction of its way to the goal's middle."""
-        x, y, z = np.moveaxis(end.position("puck") - start.position("goal"), -1, 0)
+        x, y, z = split(end.position("puck") - start.position("goal"))
         inside = (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
         began = start.position("puck") - start.position("goal")
         nearer = 1 - np.hypot(x, y) / np.hypot(began[..., 0], began[..., 1])
-        return np.where(inside, 1.0, np.clip(nearer, 0.0, 1.0))
+        return np.where(inside, 1.0, share(nearer))

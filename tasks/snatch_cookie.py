@@ -7,7 +7,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 from core.values.layouts import around, within
-from tasks.assets import revolved, round_wall
+from tasks.assets import disc, revolved, round_wall
+from tasks.rewards import share
 
 JAR = (0.58, 0.0)  # x, y of its middle
 # Thickness.
@@ -37,7 +38,7 @@ def jar() -> Body:
     """A glass jar with a neck, open on top."""
     heights = (BOTTOM, BODY_TOP, NECK_BOTTOM, MOUTH)
     inside = (BODY_RADIUS, BODY_RADIUS, NECK_RADIUS, NECK_RADIUS)
-    bottom = Geom(Cylinder(BODY_RADIUS + WALL, BOTTOM), Pose(np.array([0.0, 0.0, BOTTOM / 2])), GLASS)
+    bottom = disc(BODY_RADIUS + WALL, BOTTOM, BOTTOM / 2, GLASS)
     walls = tuple(
         piece
         for i in range(3)
@@ -124,4 +125,4 @@ class SnatchCookie(Task):
         highest = end.positions[..., 2].argmax(axis=-1)[..., None]
         now = np.take_along_axis(end.positions[..., 2], highest, axis=-1)[..., 0]
         rest = np.take_along_axis(start.positions[..., 2], highest, axis=-1)[..., 0]
-        return np.clip((now - rest) / (OUT_Z - rest), 0.0, 1.0)
+        return share((now - rest) / (OUT_Z - rest))

@@ -2,14 +2,13 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
+from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 from core.values.joints import rotate
 from core.values.layouts import around, within
-from tasks.assets import board, open_box, revolved, round_wall
+from tasks.assets import board, disc, hull, open_box, revolved, round_wall
 
 POT = (0.75, -0.2)  # x, y of its middle
 # Inside; the bottom is as thick as the wall.
@@ -53,7 +52,7 @@ BONE = (0.93, 0.90, 0.82, 1.0)
 @cache
 def pot() -> Body:
     """A round pot, open on top, with a handle on both sides; its frame is below, in the middle of the bottom."""
-    bottom = Geom(Cylinder(OUTSIDE, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
+    bottom = disc(OUTSIDE, POT_WALL, POT_WALL / 2, METAL)
     wall = round_wall((POT_RADIUS, POT_RADIUS), (OUTSIDE, OUTSIDE), POT_WALL, POT_HEIGHT, METAL, 20)
     shell = revolved(
         [
@@ -98,7 +97,7 @@ def leg(name: str, pose: Pose, mass: float) -> Body:
     visual = Geom(revolved(outline, ROAST).shape, along_x, ROAST)
     angles = (np.arange(FACETS) + 0.5) * 2 * np.pi / FACETS - np.pi / 2
     rings = [(x, r * np.cos(a), r * np.sin(a)) for r, x in zip(MEAT_RADIUS, MEAT_X, strict=True) for a in angles]
-    collision = Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(rings))))
+    collision = Geom(hull(rings))
     bone = Geom(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
     knob = Geom(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
     knobs = tuple(Geom(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
@@ -174,5 +173,4 @@ def inside_box(position: Array) -> Array:
     """Report whether points (..., 3), relative to the box, are between its walls and below its edge."""
     offset = np.abs(position - np.array([0.0, 0.0, BOX_HEIGHT / 2]))
     room = np.array([BOX_LENGTH / 2 - BOX_WALL, BOX_WIDTH / 2 - BOX_WALL, BOX_HEIGHT / 2])
-    inside: Array = (offset < room).all(axis=-1)
-    return inside
+    return (offset < room).all(axis=-1)

@@ -8,6 +8,7 @@ from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor, table
 from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
+from tasks.rewards import length, progress, share, speed
 
 # Inside the box.
 LENGTH = 0.18
@@ -116,9 +117,9 @@ class AroundCorner(Task):
             rotate(back, at - end.position("box"))
             for at in (end.position("cube"), start.position("cube"), end.position("mark"))
         )
-        left = np.maximum(np.linalg.norm((cube - mark)[..., :2], axis=-1) - TOLERANCE, 0.0)
+        left = np.maximum(length((cube - mark)[..., :2]) - TOLERANCE, 0.0)
         lies = np.abs(end.position("cube") - start.position("cube"))[..., 2] < RAISED
-        lies &= np.linalg.norm(end.linear_velocity("cube"), axis=-1) < STILL_M_S
-        beyond = 0.3 + 0.7 * np.clip(1 - left / NEAR, 0.0, 1.0) * lies
-        inside = 0.3 * np.clip((cube - begin)[..., 0] / (OUT - begin[..., 0]), 0.0, 1.0)
+        lies &= speed(end, "cube") < STILL_M_S
+        beyond = 0.3 + 0.7 * progress(left, NEAR) * lies
+        inside = 0.3 * share((cube - begin)[..., 0] / (OUT - begin[..., 0]))
         return np.where(cube[..., 0] > OUT, beyond, inside) * (cube[..., 2] > 0.0)

@@ -1,11 +1,12 @@
 import numpy as np
-import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Mesh, Pose, Scene, State, Trace, floor, table
+from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, table
 from core.values.joints import rotate
 from core.values.layouts import around, within
+from tasks.assets import board, hull, raised
+from tasks.rewards import length, progress, speed
 
 # Length, width and height, and the height of the lip at its tip.
 PEG = 0.1
@@ -28,10 +29,10 @@ RED = (0.80, 0.20, 0.17, 1.0)
 def post(name: str, pose: Pose, height: float, color: Color) -> tuple[Body, Body]:
     """A fixed post, and its peg toward -x; the peg's frame is at the middle of its upper face's root."""
     column = Geom(Cylinder(0.018, height + 0.03), Pose.xyz_rpy((0.018, 0.0, (height + 0.03) / 2)), WOOD)
-    foot = Geom(Box((0.12, 0.12, 0.012)), Pose.xyz_rpy((0.018, 0.0, 0.006)), WOOD)
-    bar = Geom(Box((PEG, PEG_WIDTH, PEG_WIDTH)), Pose.xyz_rpy((-PEG / 2, 0.0, -PEG_WIDTH / 2)), color)
-    lip = Geom(Box((0.006, PEG_WIDTH, LIP)), Pose.xyz_rpy((0.003 - PEG, 0.0, LIP / 2)), color)
-    peg = Body(f"peg_{name}", pose @ Pose.xyz_rpy((0.0, 0.0, height)), 0.0, (bar, lip), (bar, lip), 0.4)
+    foot = board((0.12, 0.12, 0.012), (0.018, 0.0, 0.006), WOOD)
+    bar = board((PEG, PEG_WIDTH, PEG_WIDTH), (-PEG / 2, 0.0, -PEG_WIDTH / 2), color)
+    lip = board((0.006, PEG_WIDTH, LIP), (0.003 - PEG, 0.0, LIP / 2), color)
+    peg = Body(f"peg_{name}", pose @ raised(height), 0.0, (bar, lip), (bar, lip), 0.4)
     return Body(f"post_{name}", pose, 0.0, (column, foot), (column, foot)), peg
 
 
@@ -44,7 +45,7 @@ def ring(pose: Pose, inner: float, mass: float) -> Body:
     for i in range(PIECES):
         corners = [(r * stretch, (i + k) * 2 * np.pi / PIECES) for r in (inner, outer) for k in (-0.5, 0.5)]
         points = [(x, r * np.sin(a), r * np.cos(a)) for x in (-half, half) for r, a in corners]
-        pieces.append(Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points))), color=RED))
+        pieces.append(Geom(hull(points), color=RED))
     return Body("ring", pose, mass, tuple(pieces), tuple(pieces), friction=0.4)
 
 
@@ -104,11 +105,11 @@ class HangRing(Task):
 
         along = rotate(end.quaternion("peg_b"), np.array([-1.0, 0.0, 0.0]))
         there = root + HANGS * along - [0.0, 0.0, np.mean(INNER)]
-        left, whole = (np.linalg.norm(at - there, axis=-1) for at in (middle, start.position("ring")))
+        left, whole = (length(at - there) for at in (middle, start.position("ring")))
         up = middle[..., 2] > np.minimum(root[..., 2], start.position("peg_a")[..., 2]) - 0.08
-        partial = 0.15 * np.clip(1 - left / whole, 0.0, 1.0) * up
+        partial = 0.15 * progress(left, whole) * up
 
-        swings = np.linalg.norm(end.linear_velocity("ring"), axis=-1) > SWINGS
+        swings = speed(end, "ring") > SWINGS
         hangs = np.where(trace.touching_at_end("ring", "robot") | swings, 0.6, 1.0)
         return np.where(around_it & up, hangs, partial) * ~trace.touched("ring", "arm")
 
@@ -122,4 +123,4 @@ class HangRing(Task):
         axis = rotate(state.quaternion("ring"), np.array([1.0, 0.0, 0.0]))
         slope = (along * axis).sum(axis=-1)
         reach = ((middle - root) * axis).sum(axis=-1) / np.where(np.abs(slope) < 0.1, np.inf, slope)
-        return reach, np.linalg.norm(root + reach[..., None] * along - middle, axis=-1), slope
+        return reach, length(root + reach[..., None] * along - middle), slope

@@ -1,12 +1,11 @@
 import numpy as np
-import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Geom, Goal, Mesh, Pose, Scene, State, floor, table
-from core.values.joints import rotate
+from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board
+from tasks.assets import board, hull, raised
+from tasks.rewards import length, progress, share, z_axis
 
 # Of the plug's stem: square section and height.
 SIDE = 0.028
@@ -57,7 +56,7 @@ def block(name: str, pose: Pose, hole: float, depth: float, chamfer: float, colo
             far = hole / 2 + chamfer
             outline = ((near, -depth), (far, -depth), (far, 0.0), (near, -slope))
             points = np.array([(x, y, z) for x, z in outline for y in (-far, far)])
-            parts.append(Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(points)), turn, DARK))
+            parts.append(Geom(hull(points), turn, DARK))
     return Body(name, pose, 0.0, tuple(parts), tuple(parts), friction=0.8)
 
 
@@ -98,24 +97,24 @@ class InsertPlug(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        stand = draw.pose("stand", (0.62, -0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("stand.height", 0.08)))
-        socket = draw.pose("socket", (0.62, 0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("socket.height", 0.08)))
+        stand = draw.pose("stand", (0.62, -0.2, 0.0)) @ raised(draw("stand.height", 0.08))
+        socket = draw.pose("socket", (0.62, 0.2, 0.0)) @ raised(draw("socket.height", 0.08))
         fixed = (
             block("stand", stand, SIDE + 0.006, DEPTH, 0.0, GREY),
             block("socket", socket, SIDE + 2 * draw("clearance", 0.003), DEPTH, CHAMFER, GREEN),
         )
-        stands = stand @ Pose.xyz_rpy((0.0, 0.0, -DEPTH))
+        stands = stand @ raised(-DEPTH)
         return Scene((floor(), table(), *fixed, plug(stands, draw("plug.mass", 0.6), draw("plug.friction", 0.55))))
 
     def reward(self, start: State, end: State) -> Array:
         """Up to 0.15 for the way to above the hole, the rest by depth in it; nothing for a plug that is not upright."""
         there = end.position("socket")
         plug = end.position("plug")
-        off = np.linalg.norm((plug - there)[..., :2], axis=-1)
-        whole = np.linalg.norm((start.position("plug") - there)[..., :2], axis=-1)
+        off = length((plug - there)[..., :2])
+        whole = length((start.position("plug") - there)[..., :2])
         depth = (there - plug)[..., 2]
-        upright = rotate(end.quaternion("plug"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.95
+        upright = z_axis(end, "plug")[..., 2] > 0.95
         inside = off < 0.007  # its end can't be at such a place in any other way, below the mouth
-        above = 0.15 * np.clip(1 - off / whole, 0.0, 1.0) * (depth < 0.001)
-        sunk = 0.15 + 0.85 * np.clip(depth / DEEP, 0.0, 1.0)
+        above = 0.15 * progress(off, whole) * (depth < 0.001)
+        sunk = 0.15 + 0.85 * share(depth / DEEP)
         return np.where(inside & (depth > 0), sunk, above) * upright

@@ -5,6 +5,8 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.joints import rotate
 from core.values.layouts import around, within
+from tasks.assets import board
+from tasks.rewards import length, speed
 
 # Of the stone.
 LENGTH = 0.28
@@ -25,7 +27,7 @@ STEEL = (0.25, 0.42, 0.62, 1.0)
 
 def fulcrum(pose: Pose) -> Body:
     """A fixed round bar across the way to the stone, on a foot; its frame is on the table below the bar."""
-    foot = Geom(Box((0.03, 0.2, BAR_TOP - BAR_RADIUS)), Pose.xyz_rpy((0.0, 0.0, (BAR_TOP - BAR_RADIUS) / 2)), STEEL)
+    foot = board((0.03, 0.2, BAR_TOP - BAR_RADIUS), (0.0, 0.0, (BAR_TOP - BAR_RADIUS) / 2), STEEL)
     lies = Pose.xyz_rpy((0.0, 0.0, BAR_TOP - BAR_RADIUS), (np.pi / 2, 0.0, 0.0))
     return Body("fulcrum", pose, 0.0, (foot, bar := Geom(Cylinder(BAR_RADIUS, 0.2), lies, STEEL)), (foot, bar))
 
@@ -96,9 +98,9 @@ class LeverStone(Task):
 
     def reward(self, start: State, end: State) -> Array:
         """The share of the way up; less above the range, where the stone slid, and in motion."""
-        raised = (edges(end, -1) - edges(start, -1))[..., 2].min(axis=-1)
-        slid = np.linalg.norm((edges(end, 1) - edges(start, 1))[..., :2], axis=-1).max(axis=-1)
-        speed = np.linalg.norm(end.linear_velocity("stone"), axis=-1)
-        up = np.interp(raised, (0.002, *RAISED, 2 * RAISED[1]), (0.0, 1.0, 1.0, 0.0))
-        reward: Array = up * np.interp(slid, (KEPT, 4 * KEPT), (1.0, 0.0)) * np.interp(speed, (0.02, 0.1), (1.0, 0.0))
-        return reward
+        rise = (edges(end, -1) - edges(start, -1))[..., 2].min(axis=-1)
+        slid = length((edges(end, 1) - edges(start, 1))[..., :2]).max(axis=-1)
+        up = np.interp(rise, (0.002, *RAISED, 2 * RAISED[1]), (0.0, 1.0, 1.0, 0.0))
+        return (
+            up * np.interp(slid, (KEPT, 4 * KEPT), (1.0, 0.0)) * np.interp(speed(end, "stone"), (0.02, 0.1), (1.0, 0.0))
+        )

@@ -5,9 +5,9 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
-from core.values.joints import rotate
 from core.values.layouts import around, within
-from tasks.assets import board, round_wall
+from tasks.assets import board, disc, round_wall
+from tasks.rewards import length, progress, speed, split, z_axis
 
 POT_RADIUS = 0.095
 POT_HEIGHT = 0.16
@@ -37,7 +37,7 @@ CLAY = (0.72, 0.42, 0.30, 1.0)
 @cache
 def vessel(radius: float, height: float, color: Color) -> tuple[Geom, ...]:
     """A round bottom and a wall; the frame is below, in the middle."""
-    bottom = Geom(Cylinder(radius + WALL, FLOOR), Pose.xyz_rpy((0.0, 0.0, FLOOR / 2)), color)
+    bottom = disc(radius + WALL, FLOOR, FLOOR / 2, color)
     outer = radius + WALL
     return bottom, *round_wall((radius, radius), (outer, outer), FLOOR, height, color, 20)
 
@@ -47,7 +47,7 @@ def cup() -> tuple[Geom, ...]:
     """The post that the ball stands on, with a ring on top; its frame is that of the pot."""
     top = FLOOR + CUP_HEIGHT
     ring = 0.004
-    post = Geom(Cylinder(CUP_RADIUS, CUP_HEIGHT - ring), Pose.xyz_rpy((0.0, 0.0, (FLOOR + top - ring) / 2)), TIN)
+    post = disc(CUP_RADIUS, CUP_HEIGHT - ring, (FLOOR + top - ring) / 2, TIN)
     return post, *round_wall((0.007, 0.007), (CUP_RADIUS, CUP_RADIUS), top - ring, top, TIN, 8)
 
 
@@ -132,22 +132,21 @@ class LidAndBall(Task):
         that was left in the bowl.
         """
         assert trace is not None
-        aside = np.linalg.norm((end.position("lid") - end.position("pot"))[..., :2], axis=-1)
-        flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
+        aside = length((end.position("lid") - end.position("pot"))[..., :2])
+        flat = z_axis(end, "lid")[..., 2] > 0.99
         down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
         falls = np.maximum(-trace.states.linear_velocity("lid")[..., 2], 0.0)
         sank = np.maximum(-np.diff(trace.states.position("lid")[..., 2], axis=-1), 0.0)
         # A lid that is let go may be faster between two instants, up to a free fall.
         alone = np.hypot(falls[..., :-1], np.sqrt(2 * 9.81 * sank)) * ~trace.contact("lid", "robot")[..., 1:]
         fell = np.maximum(falls.max(axis=-1), alone.max(axis=-1, initial=0.0))
-        lying = flat & down & (np.linalg.norm(end.linear_velocity("lid"), axis=-1) < STILL_M_S)
+        lying = flat & down & (speed(end, "lid") < STILL_M_S)
         off = np.interp(aside, ASIDE, (0.0, 1.0)) * lying * np.interp(fell, GENTLE, (1.0, 0.0))
-        left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))
-        out = np.linalg.norm((end.position("ball") - end.position("pot"))[..., :2], axis=-1) > POT_RADIUS + WALL
-        still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < STILL_M_S
-        x, y, z = np.moveaxis(end.relative("ball", "bowl"), -1, 0)
+        left, way = (length(state.position("ball") - state.position("bowl")) for state in (end, start))
+        out = length((end.position("ball") - end.position("pot"))[..., :2]) > POT_RADIUS + WALL
+        still = speed(end, "ball") < STILL_M_S
+        x, y, z = split(end.relative("ball", "bowl"))
         lies = (np.hypot(x, y) < BOWL_RADIUS) & (z < BOWL_HEIGHT) & ~trace.touching_at_end("ball", "robot")
-        near = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0)
+        near = progress(np.maximum(left - BOWL_RADIUS, 0.0), way)
         there = np.where(lies, 1.0, near / 3) * out * still
-        reward: Array = off * (0.25 + 0.75 * there)
-        return reward
+        return off * (0.25 + 0.75 * there)

@@ -3,9 +3,9 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Margin, Pose, Scene, State, Trace, floor, table
-from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
+from tasks.rewards import length, z_axis
 
 # Of the door, and the heights of its lower and upper edge.
 WIDTH = 0.21
@@ -135,11 +135,10 @@ class OpenLatch(Task):
         """The share of the angle; less for a glass that moved or tilts, and for a door in motion."""
         hinge = end.joint("hinge")
         still = np.interp(np.abs(hinge.speed), (0.1, 0.5), (1.0, 0.0))
-        moved = np.linalg.norm(end.position("glass") - start.position("glass"), axis=-1)
-        upright = rotate(end.quaternion("glass"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.98
+        moved = length(end.position("glass") - start.position("glass"))
+        upright = z_axis(end, "glass")[..., 2] > 0.98
         opened = np.interp(hinge.position, (0.08, OPEN), (0.0, 1.0))
-        reward: Array = opened * still * np.interp(moved, (0.01, 0.05), (1.0, 0.0)) * upright
-        return reward
+        return opened * still * np.interp(moved, (0.01, 0.05), (1.0, 0.0)) * upright
 
     def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
         moved = float(np.linalg.norm(end.position("glass") - start.position("glass")))

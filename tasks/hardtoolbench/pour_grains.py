@@ -4,9 +4,10 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from core.scene import Body, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board, revolved, round_wall
+from tasks.assets import board, disc, revolved, round_wall
+from tasks.rewards import speed, split
 
 # X and y of their middles.
 CRUCIBLE = (0.74, -0.18)
@@ -46,7 +47,7 @@ def ring(inner: float, outer: float, bottom: float, top: float, color: Color) ->
 @cache
 def crucible() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
     """What is drawn, and what collides; the frame is below, in the middle of the bottom."""
-    bottom = Geom(Cylinder(OUTSIDE, WALL), Pose(np.array([0.0, 0.0, WALL / 2])), IRON)
+    bottom = disc(OUTSIDE, WALL, WALL / 2, IRON)
     outside = [(OUTSIDE, 0.0), (OUTSIDE, COLLAR_LOW), (COLLAR, COLLAR_LOW), (COLLAR, COLLAR_TOP), (OUTSIDE, COLLAR_TOP)]
     outline = [(0.0, 0.0), *outside, (OUTSIDE, HEIGHT), (INSIDE, HEIGHT), (INSIDE, WALL), (0.0, WALL)]
     wall = ring(INSIDE, OUTSIDE, WALL, HEIGHT, IRON)
@@ -68,7 +69,7 @@ def stand(height: float) -> tuple[Geom, ...]:
 @cache
 def bowl() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
     outer = (BOWL_INSIDE + CHINA_WALL, BOWL_RADIUS + CHINA_WALL)
-    bottom = Geom(Cylinder(outer[0], CHINA_WALL), Pose(np.array([0.0, 0.0, CHINA_WALL / 2])), CHINA)
+    bottom = disc(outer[0], CHINA_WALL, CHINA_WALL / 2, CHINA)
     wall = round_wall((BOWL_INSIDE, BOWL_RADIUS), outer, CHINA_WALL, BOWL_HEIGHT, CHINA, 12)
     outside = [(0.0, 0.0), (outer[0], 0.0), (outer[1], BOWL_HEIGHT)]
     inside = [(BOWL_RADIUS, BOWL_HEIGHT)]
@@ -136,11 +137,10 @@ class PourGrains(Task):
         assert trace is not None
         inside = []
         for name in GRAINS:
-            x, y, z = np.moveaxis(end.relative(name, "bowl"), -1, 0)
-            slow = np.linalg.norm(end.linear_velocity(name), axis=-1) < STILL_M_S
-            across, along, up = np.moveaxis(end.relative(name, "crucible"), -1, 0)
+            x, y, z = split(end.relative(name, "bowl"))
+            slow = speed(end, name) < STILL_M_S
+            across, along, up = split(end.relative(name, "crucible"))
             # By the tool, or in the crucible, even if that rests on other grains.
             carried = trace.held(name)[..., -1] | ((np.hypot(across, along) < OUTSIDE) & (up > 0) & (up < HEIGHT))
             inside.append((np.hypot(x, y) < BOWL_RADIUS) & (z > 0) & (z < BOWL_HEIGHT) & slow & ~carried)
-        reward: Array = np.mean(inside, axis=0) * ~trace.touching_at_end("crucible", "bowl")
-        return reward
+        return np.mean(inside, axis=0) * ~trace.touching_at_end("crucible", "bowl")

@@ -4,7 +4,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, Trace, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board
+from tasks.assets import board, raised
+from tasks.rewards import share, speed, split
 
 PLACE = (0.68, 0.0)  # of the track's frame: x points across it and away from the robot, y back to where the carts start
 # Height of the track and half its width.
@@ -114,7 +115,7 @@ class StopCart(Task):
         carts = []
         for name, y in places.items():
             body = (Geom(Box((SIDE, SIDE, HEIGHT)), color=BLUE if name == "cart" else RED),)
-            stripe = Geom(Box((0.006, SIDE - 0.01, 0.001)), Pose(np.array([0.0, 0.0, HEIGHT / 2])))
+            stripe = Geom(Box((0.006, SIDE - 0.01, 0.001)), raised(HEIGHT / 2))
             pose = frame @ Pose.xyz_rpy((0.0, y, TOP + HEIGHT / 2))
             x, y, z = velocity
             carts.append(Body(name, pose, mass, (*body, stripe), body, friction=0.5, velocity=(x, y, z)))
@@ -124,12 +125,12 @@ class StopCart(Task):
         """1 for the blue cart at rest in the tray, at most a half for its way there; 0 if a red one is not let pass."""
         assert trace is not None
         aside = TRACK - SIDE / 2  # what lies in the bin may be so far from the middle
-        across, _, height = np.moveaxis(end.relative("cart", "track"), -1, 0)
+        across, _, height = split(end.relative("cart", "track"))
         inside = (across > TRAY[0]) & (across < TRAY[1]) & (height < TOP)
-        slow = np.linalg.norm(end.linear_velocity("cart"), axis=-1) < STILL_M_S
-        earned = np.where(inside & slow, 1.0, np.clip((across - aside) / (TRAY[0] - aside), 0.0, 1.0) / 2)
+        slow = speed(end, "cart") < STILL_M_S
+        earned = np.where(inside & slow, 1.0, share((across - aside) / (TRAY[0] - aside)) / 2)
         for name in ("red_before", "red_behind"):
-            aside, along, _ = np.moveaxis(end.relative(name, "track"), -1, 0)
+            aside, along, _ = split(end.relative(name, "track"))
             before = start.linear_velocity(name)
             now = end.linear_velocity(name)
             goes_on = (before * now).sum(axis=-1) > 0.8 * (before * before).sum(axis=-1)

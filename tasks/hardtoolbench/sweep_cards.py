@@ -4,7 +4,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Margin, Pose, Scene, State, Trace, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board, open_box, revolved
+from tasks.assets import board, open_box, raised, revolved
+from tasks.rewards import length, split
 
 # The middle of the board's near edge, on top; its x axis points from the robot.
 PLACE = (0.39, 0.0)
@@ -35,7 +36,7 @@ PAPER: tuple[Color, Color] = ((0.96, 0.95, 0.91, 1.0), (0.83, 0.25, 0.22, 1.0))
 def vase(pose: Pose) -> Body:
     """A slender vase; its frame is below, in the middle of its foot."""
     profile = [(0, 0), (0.02, 0), (VASE_RADIUS, 0.045), (0.011, 0.09), (0.016, VASE_HEIGHT), (0, VASE_HEIGHT)]
-    shape = Geom(Cylinder(VASE_RADIUS, VASE_HEIGHT), Pose.xyz_rpy((0.0, 0.0, VASE_HEIGHT / 2)))
+    shape = Geom(Cylinder(VASE_RADIUS, VASE_HEIGHT), raised(VASE_HEIGHT / 2))
     return Body("vase", pose, 0.2, (revolved(profile, CHINA, 40),), (shape,), friction=0.6)
 
 
@@ -95,7 +96,7 @@ class SweepCards(Task):
         friction = draw("cards.friction", 0.4)
         cards = []
         for number, (name, (x, y)) in enumerate(zip(CARDS, CELLS, strict=True)):
-            lies = draw.pose(name) @ Pose.xyz_rpy((0.0, 0.0, CARD[2] / 2))
+            lies = draw.pose(name) @ raised(CARD[2] / 2)
             pose = frame @ Pose.xyz_rpy((x, y, 0.0)) @ lies
             looks = (Geom(Box(CARD), color=PAPER[number % 2]),)
             cards.append(Body(name, pose, mass, looks, looks, friction))
@@ -116,9 +117,8 @@ class SweepCards(Task):
         in_time = trace.times <= BY_S
         inside = [self.inside(end, name) * self.inside(trace.states, name)[..., in_time].any(axis=-1) for name in CARDS]
         harmed = trace.touched("vase", "robot") | (trace.force_n("board", "robot") > PRESS_N)
-        shifted = np.linalg.norm(end.position("vase") - start.position("vase"), axis=-1) > 0.01
-        reward: Array = np.mean(inside, axis=0) * ~harmed * ~shifted
-        return reward
+        shifted = length(end.position("vase") - start.position("vase")) > 0.01
+        return np.mean(inside, axis=0) * ~harmed * ~shifted
 
     def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
         assert trace is not None
@@ -133,6 +133,5 @@ class SweepCards(Task):
     @staticmethod
     def inside(state: State, name: str) -> Array:
         """Whether a card's middle is within the tray, (...)."""
-        x, y, z = np.moveaxis(state.relative(name, "tray"), -1, 0)
-        found: Array = (np.abs(x) < TRAY[0] / 2) & (np.abs(y) < TRAY[1] / 2) & (z < TRAY[2])
-        return found
+        x, y, z = split(state.relative(name, "tray"))
+        return (np.abs(x) < TRAY[0] / 2) & (np.abs(y) < TRAY[1] / 2) & (z < TRAY[2])

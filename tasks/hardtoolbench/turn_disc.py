@@ -3,8 +3,9 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
-from core.values.joints import rotate
 from core.values.layouts import around, within
+from tasks.assets import raised
+from tasks.rewards import length, speed, z_axis
 
 RADIUS = 0.08
 TOP = 0.016  # of the board, above the table
@@ -30,14 +31,14 @@ def board(pose: Pose) -> Body:
     plank = Geom(
         Box((FAR_EDGE - NEAR_EDGE, WIDTH, TOP)), Pose.xyz_rpy(((FAR_EDGE + NEAR_EDGE) / 2, 0.0, TOP / 2)), WOOD
     )
-    strip = Geom(Box((STRIP, WIDTH, STRIP_HEIGHT)), Pose.xyz_rpy((0.0, 0.0, TOP + STRIP_HEIGHT / 2)), DARK)
+    strip = Geom(Box((STRIP, WIDTH, STRIP_HEIGHT)), raised(TOP + STRIP_HEIGHT / 2), DARK)
     return Body("board", pose, 0.0, (plank, strip), (plank, strip))
 
 
 def disc(pose: Pose, thickness: float, mass: float, friction: float) -> Body:
     """A stone disc, blue above and red below."""
     halves = (
-        Geom(Cylinder(RADIUS, thickness / 2), Pose.xyz_rpy((0.0, 0.0, side * thickness / 4)), color)
+        Geom(Cylinder(RADIUS, thickness / 2), raised(side * thickness / 4), color)
         for side, color in ((1, BLUE), (-1, RED))
     )
     return Body("disc", pose, mass, tuple(halves), (Geom(Cylinder(RADIUS, thickness)),), friction)
@@ -104,13 +105,11 @@ class TurnDisc(Task):
 
     def reward(self, start: State, end: State) -> Array:
         """0.1 for a disc on its rim or held, 1 for one that lies upside down; less away from the mark, or in motion."""
-        axis = rotate(end.quaternion("disc"), np.array([0.0, 0.0, 1.0]))
+        axis = z_axis(end, "disc")
         angle = np.degrees(np.arccos(np.clip(axis[..., 2], -1.0, 1.0)))
         turned = np.interp(angle, (20, 90, 180 - TILT), (0.0, 0.1, 1.0))
         lies = np.abs(end.position("disc") - start.position("disc"))[..., 2] < RAISED
         turned = np.where(lies, turned, np.minimum(turned, 0.1))
-        away = np.linalg.norm((end.position("disc") - end.position("mark"))[..., :2], axis=-1)
-        speed = np.linalg.norm(end.linear_velocity("disc"), axis=-1)
+        away = length((end.position("disc") - end.position("mark"))[..., :2])
         near = np.interp(away, (TOLERANCE, 0.05, 0.2), (1.0, 0.5, 0.1))
-        reward: Array = turned * near * np.interp(speed, (0.02, 0.1), (1.0, 0.0))
-        return reward
+        return turned * near * np.interp(speed(end, "disc"), (0.02, 0.1), (1.0, 0.0))

@@ -4,7 +4,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Joint, Pose, Scene, State, floor, goals_reward, table
 from core.values.layouts import around, within
-from tasks.assets import board
+from tasks.assets import board, raised
 
 # Inside:
 TUBE_WIDTH = 0.024
@@ -76,7 +76,7 @@ def drawer(pose: Pose, mass: float) -> Body:
 def roller(drawer: Pose) -> Body:
     """The handle, which turns freely, so that friction on top of it pulls nothing."""
     shape = Geom(Cylinder(BAR / 2, 0.1), Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi / 2, 0.0, 0.0)), BLUE)
-    return Body("roller", drawer @ Pose.xyz_rpy((0.0, 0.0, -BAR / 2)), 0.05, (shape,), (shape,))
+    return Body("roller", drawer @ raised(-BAR / 2), 0.05, (shape,), (shape,))
 
 
 class TwoStations(Task):
@@ -124,7 +124,7 @@ class TwoStations(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        mouth = draw.pose("tube", (0.56, 0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("tube.height", 0.18)))
+        mouth = draw.pose("tube", (0.56, 0.2, 0.0)) @ raised(draw("tube.height", 0.18))
         stands = draw.pose("cabinet", (0.54, -0.2, 0.0))
         depth = draw("button.depth", 0.075)
         mass = draw("drawer.mass", 0.5)

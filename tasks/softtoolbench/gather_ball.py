@@ -5,6 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Camera, Elastic, Filling, Goal, Pose, Scene, Soft, Sphere, State, Trace, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board
+from tasks.rewards import length, progress, speed
 
 # Length and height of the two walls, m.
 WALL = 0.22
@@ -80,9 +81,8 @@ class GatherBall(Task):
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Up to 0.15 by the way to the mark, 1 at rest on it; nothing for a ball that was squeezed."""
         assert trace is not None
-        left, whole = (np.linalg.norm(at.relative("ball", "mark")[..., :2], axis=-1) for at in (end, start))
-        still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < STILL
+        left, whole = (length(at.relative("ball", "mark")[..., :2]) for at in (end, start))
+        still = speed(end, "ball") < STILL
         there = (left < NEAR) & still & (end.position("ball")[..., 2] < 1.2 * RADIUS[1])
-        gone = np.clip(1 - np.maximum(left - NEAR, 0.0) / (whole - NEAR), 0.0, 1.0)
-        reward: Array = np.where(there, 1.0, 0.15 * gone) * (trace.force_n("ball", "robot") <= SQUEEZE_N)
-        return reward
+        gone = progress(np.maximum(left - NEAR, 0.0), whole - NEAR)
+        return np.where(there, 1.0, 0.15 * gone) * (trace.force_n("ball", "robot") <= SQUEEZE_N)

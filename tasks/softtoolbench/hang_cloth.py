@@ -4,7 +4,8 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cloth, Cylinder, Elastic, Geom, Goal, Pose, Scene, Soft, State, Trace, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board
+from tasks.assets import board, raised
+from tasks.rewards import length, progress, share, speed, split
 
 # Length and radius of the bar, m.
 BAR = 0.18
@@ -86,7 +87,7 @@ class HangCloth(Task):
                 table(),
                 rack(below),
                 Body("post", place, 0.0, (column, foot), (column, foot)),
-                Body("bar", place @ Pose.xyz_rpy((0.0, 0.0, height)), 0.0, (rod,), (rod,), friction=0.6),
+                Body("bar", place @ raised(height), 0.0, (rod,), (rod,), friction=0.6),
                 Soft.make("cloth", form, elastic, lies, color=LINEN),
             )
         )
@@ -95,16 +96,15 @@ class HangCloth(Task):
         """Up to 0.15 on the way to the bar, more by the share on its lesser side for a cloth that hangs there, let go
         and at rest; nothing for a cloth that hand or arm touched."""
         assert trace is not None
-        x, y, z = np.moveaxis(end.nodes("cloth", "bar"), -1, 0)
+        x, y, z = split(end.nodes("cloth", "bar"))
         over = (x < 0) & (x > -BAR - 0.02) & (z < 0.01)
         sides = [(over & (side * y > 0) & (z < -2 * RADIUS)).mean(axis=-1) for side in (-1, 1)]
-        share = np.clip(np.minimum(*sides) / SHARE, 0.0, 1.0)
+        hung = share(np.minimum(*sides) / SHARE)
         there = end.position("bar") - [0.0, 0.0, 0.05]
-        left, whole = (np.linalg.norm(at.position("cloth") - there, axis=-1) for at in (end, start))
-        partial = 0.15 * np.clip(1 - left / whole, 0.0, 1.0)
+        left, whole = (length(at.position("cloth") - there) for at in (end, start))
+        partial = 0.15 * progress(left, whole)
         hangs = trace.touching_at_end("cloth", "bar")
         for other in ("robot", "table", "rack", "post"):
             hangs = hangs & ~trace.touching_at_end("cloth", other)
-        hangs = hangs & (np.linalg.norm(end.linear_velocity("cloth"), axis=-1) < STILL)
-        reward: Array = np.where(hangs, np.maximum(share, partial), partial) * ~trace.touched("cloth", "arm")
-        return reward
+        hangs = hangs & (speed(end, "cloth") < STILL)
+        return np.where(hangs, np.maximum(hung, partial), partial) * ~trace.touched("cloth", "arm")

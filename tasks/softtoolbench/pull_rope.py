@@ -5,6 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Camera, Elastic, Geom, Goal, Pose, Rope, Scene, Soft, State, Trace, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board, round_wall
+from tasks.rewards import length, progress
 
 # Radius of the eye, length of the rest, and thickness, m.
 EYE = 0.03
@@ -93,9 +94,8 @@ class PullRope(Task):
         share = x[..., :-1] / np.where(x[..., :-1] == beyond, 1.0, x[..., :-1] - beyond)
         at = last[..., :-1, 1:] + share[..., None] * (last[..., 1:, 1:] - last[..., :-1, 1:])
         crosses = (x[..., :-1] > 0) != (beyond > 0)
-        inside = np.linalg.norm(at, axis=-1) < OPENING
+        inside = length(at) < OPENING
         threaded = ((crosses & inside).sum(axis=-1) == 1) & ~(crosses & ~inside).any(axis=-1) & (x[..., 0] > 0)
         behind, before = (nodes[..., -IN_EYE:, 0].max(axis=-1) for nodes in (last, first))
-        near = 0.09 * np.clip(1 - np.maximum(behind, 0.0) / before, 0.0, 1.0)
-        reward: Array = np.where(threaded, np.clip(0.1 - 0.9 * behind / THROUGH, near, 1.0), near)
-        return reward
+        near = 0.09 * progress(np.maximum(behind, 0.0), before)
+        return np.where(threaded, np.clip(0.1 - 0.9 * behind / THROUGH, near, 1.0), near)

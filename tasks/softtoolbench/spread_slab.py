@@ -2,8 +2,10 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Box, Camera, Elastic, Filling, Goal, Margin, Pose, Scene, Soft, State, Trace, floor, table
+from core.scene import Box, Camera, Elastic, Filling, Goal, Margin, Scene, Soft, State, Trace, floor, table
 from core.values.layouts import around, within
+from tasks.assets import raised
+from tasks.rewards import share
 
 # Of its height at most, of the area that it covers at least.
 FLAT = 0.7
@@ -54,7 +56,7 @@ class SpreadSlab(Task):
         form = Filling(Box((side, side, height)), (4, 4, 2))
         friction = draw("slab.friction", 0.4)
         elastic = Elastic(draw("slab.density", 400), draw("slab.young", 1.8e3), 0.45, 0.05, friction)
-        lies = draw.pose("slab", (0.5, 0.0, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, height / 2 + form.thickness / 2))
+        lies = draw.pose("slab", (0.5, 0.0, 0.0)) @ raised(height / 2 + form.thickness / 2)
         return Scene((floor(), table(), Soft.make("slab", form, elastic, lies, color=DOUGH)))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
@@ -64,9 +66,8 @@ class SpreadSlab(Task):
         held = trace.states.each(lambda array: array[..., trace.times >= trace.times[-1] - HOLD_S, :, :])
         flat, wide = (part.min(axis=-1) for part in self.shares(start, held))
         harmed = (trace.force_n("slab", "robot") > PRESS_N) | trace.touched("slab", "arm")
-        share = np.clip(np.minimum(flat, wide), 0.0, 1.0)
-        reward: Array = np.maximum(0.1 * share, (share - 0.6) / 0.4) * ~harmed
-        return reward
+        done = share(np.minimum(flat, wide))
+        return np.maximum(0.1 * done, (done - 0.6) / 0.4) * ~harmed
 
     def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
         assert trace is not None
