@@ -14,27 +14,22 @@ from scipy.spatial import ConvexHull
 from core.design import Evaluation, Tool
 from core.geometry import Array, Box, Shape
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
-from core.scene import Body, Scene, State
+from core.scene import Scene, State
 from core.solids.tracks import Track, body_tracks, robot_tracks
 from tests.panda import PANDA
 
 # From here on a tool, a motion or an end counts as absurd.
 PARTED_M = 0.005
-
 HOME_RAD = 0.02
-
 PRESSED_N = 60.0
 FAST_M_S = 0.2
 GHOST_M = 0.008
 TIP_M_S = 6.0
 INSIDE_CM2 = 1.0
-AIR_M = 0.02
+# Of what is commanded, and of what is looked at.
 COMMANDED_HZ = 25.0
 LOOKED_HZ = 50.0
-_TOUCH_M = 0.002
 EATEN_M = 0.003
-_AT_REST_M_S = 0.1
-_LIFTED_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -68,11 +63,6 @@ def cut(tried: Tried) -> float:
     states = State(seen.states.names, *(array[::every] for array in seen.states.arrays))
     seen = Recording(seen.times[::every], seen.arm[::every], seen.fingers[::every], states)
     return _lack(inside(tried.scene, tried.evaluation.candidate.tool, seen)[0], INSIDE_CM2)
-
-
-def floating(tried: Tried) -> float:
-    """How far the end is from a body that hangs in the air (`hanging`)."""
-    return _lack(hanging(tried.scene, tried.evaluation.candidate.tool, tried.recording)[0], AIR_M)
 
 
 def parted(tried: Tried) -> float:
@@ -200,56 +190,6 @@ def _faces(shape: Shape) -> Array:
     return faces
 
 
-def hanging(scene: Scene, tool: Tool | None, recording: Recording) -> tuple[float, str]:
-    """How far, metres, a lifted body at rest reaches beyond all that supports it at the end; and its name.
-
-    What supports it are the boxes around the places where something below touches it. A body held from two sides is
-    not counted. A lifted body that nothing touches hangs by a metre.
-    """
-    assert tool is not None
-    states = recording.states
-    tracks = body_tracks(scene, PANDA, recording)
-    solids = [*robot_tracks(PANDA, tool, recording), *tracks]
-    worst = 0.0, ""
-    for body in scene.free:
-        first = states[0].position(body.name)
-        last = states[-1].position(body.name)
-        still = np.linalg.norm(states[-1].linear_velocity(body.name)) < _AT_REST_M_S
-        if not still or last[2] < first[2] + _LIFTED_M or last[2] < -0.2:
-            continue
-        middle = states[-1].pose(body.name).apply(_center(body))[:2]
-        own = [t for t in tracks if t.owner == body.name]
-        others = [t for t in solids if t.owner != body.name]
-        low = np.full(2, np.inf)
-        high = np.full(2, -np.inf)
-        normals = []
-        for one in own:
-            for other in others:
-                touch = np.maximum(one.low[-1], other.low[-1]), np.minimum(one.high[-1], other.high[-1])
-                if (touch[0] > touch[1] + _TOUCH_M).any():
-                    continue
-                result = coal.DistanceResult()
-                k = len(recording.times) - 1
-                here = one.at(k, 0.0)[0]
-                there = other.at(k, 0.0)[0]
-                gap = coal.distance(other.geometry, there, one.geometry, here, coal.DistanceRequest(), result)
-                if gap > _TOUCH_M:
-                    continue
-                normals.append(result.normal)
-                if result.normal[2] > 0.2:
-                    low = np.minimum(low, touch[0][:2])
-                    high = np.maximum(high, touch[1][:2])
-        if any(a @ b < -0.5 for i, a in enumerate(normals) for b in normals[:i]):
-            continue
-        beyond = np.maximum(np.maximum(low - middle, middle - high), 0.0)
-        worst = max(worst, (min(float(np.linalg.norm(beyond)), 1.0), body.name))
-    return worst
-
-
-def _center(body: Body) -> Array:
-    return body.inertia().frame.position
-
-
 # --- trying -----------------------------------------------------------------------------------------------------
 
 
@@ -292,7 +232,6 @@ MEASURES: dict[str, Callable[[Tried], float]] = {
     "parted": parted,
     "pressed": pressed,
     "moving": moving,
-    "float": floating,
     "ghost": ghost,
     "fling": fling,
     "inside": cut,

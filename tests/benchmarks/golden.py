@@ -8,6 +8,7 @@ differ by task and engine; if one differs or is missing, it ends with an error.
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from collections import Counter
@@ -15,7 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from core.config.compose import engines
-from core.designs.reading import load_designs, read_designs
+from core.design import Candidate
+from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.evaluate import record as entry
@@ -32,9 +34,12 @@ USAGE = (
 )
 
 
+PLANS = 4  # of a tool
+
+
 @dataclass
 class Settings:
-    """``like``: the folder whose designs are used; the default is new ones, evolved in the first of ``sims``."""
+    """``like``: the folder whose designs are used; the default is new ones."""
 
     folder: str = "golden"
     like: str | None = None
@@ -62,18 +67,33 @@ def record(given: Settings) -> None:
     names = measuring.tasks(given.tasks)
     sims = engines(given.sims)
     folder = Path(given.folder)
-    designer = next(iter(sims.values())).name
-    workers = measuring.workers(given.workers)
     if given.like is not None:
         if not (source := Path(given.like) / "designs").is_dir():
             raise UserError(f"like={given.like}: there is no folder {source}")
         shutil.copytree(source, folder / "designs", dirs_exist_ok=True)
-    with measuring.executor(workers) as executor:
+    with measuring.executor(measuring.workers(given.workers)) as executor:
         for name in names:
-            designs = measuring.designs(name, given.designs, designer, given.seed, workers, folder)
+            candidates = designs(name, given.designs, given.seed, folder / "designs" / f"{name}.json")
             for shown, sim in sims.items():
-                measuring.rewards(designs, sim, shown, executor, folder)
+                measuring.rewards(name, candidates, sim, given.seed, executor, folder / "rewards" / f"{name}.json")
                 solve(name, sim, executor, folder / "solutions" / f"{name}.{shown}.json")
+
+
+def designs(task: str, count: int, seed: int, file: Path) -> list[Candidate]:
+    """Read the designs of a task from a file, which is written if it is not there.
+
+    Raises:
+        UserError: the file has those of another seed.
+    """
+    form = installed().create("tool", "urdf")
+    if not file.exists():
+        made = measuring.designs(task, math.ceil(count / PLANS), min(count, PLANS), seed)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        measuring.save(file, {"task": task, "seed": seed, "strategies": [dump_design(c, form) for c in made]})
+    document = load_designs(file)
+    if document["seed"] != seed:
+        raise UserError(f"{file} has other designs, of seed={document['seed']}; choose another folder=...")
+    return read_designs(document, form, SpawnRules(installed().create("task", task), seed))
 
 
 def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:

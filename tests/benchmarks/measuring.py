@@ -1,22 +1,17 @@
-"""Shared by the measurements: the designs, and their rewards in an engine.
-
-All results are kept in a folder, so that an interrupted measurement can go on: ``designs/TASK.json`` is a designs file,
-``rewards/TASK.json`` has a record per engine.
-"""
+"""Shared by the measurements: their command lines, designs, and rewards in an engine."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
-import tempfile
 import typing
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
@@ -24,23 +19,19 @@ from rich.progress import track
 
 from core.config.compose import load, part
 from core.design import Candidate
-from core.designs.reading import dump_design, load_designs, read_designs
+from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Executor, RolloutSettings
 from core.plugins import installed
+from core.prompt import compose
 from core.search.evolution import evaluate_all
-from core.search.orchestration import INTERRUPTED, run
 from core.simulation.rollout import Evaluator, PluginPart
-from core.store.reader import stored_evaluations
 
 T = TypeVar("T")
 
 SOLUTIONS = Path(__file__).parents[1] / "tasks" / "solutions"
-N_TOOL = 5
-N_ACTION = 3
-N_ITERATION = 2
-SPARE = 1.2  # designs more than needed in a generation, since some may be rejected
+SPARE = 1.25  # tools more than needed, since some may be rejected
 
 console = Console(stderr=True)
 
@@ -102,112 +93,50 @@ def executor(workers: int) -> Executor:
 # --- designs ----------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Designs:
-    """A task's candidates of the embedded designer: half are its first samples, half are offspring."""
-
-    task: str
-    seed: int
-    candidates: tuple[Candidate, ...]
-
-
-def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Path) -> Designs:
-    """Return about ``count`` designs of a short run in the engine ``by``, taken evenly from all that it tried.
-
-    The run's elites are its best, however little they earn; the choice does not depend on rewards. Designs of such a
-    run that the folder already has are used as they are.
+def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
+    """Return ``plans`` motions for each of ``tools`` tools, from the embedded designer's first answer.
 
     Raises:
-        UserError: the folder has another run's designs.
+        UserError: too few of them keep the rules.
     """
-    file = folder / "designs" / f"{task}.json"
-    origin = {"task": task, "by": by, "seed": seed}
-    if not file.exists():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        save(file, origin | {"count": count} | _designed(task, count, by, seed, workers))
-    document = typing.cast(dict[str, Any], load_designs(file))
-    stored = {key: document[key] for key in origin}
-    if stored != origin:
-        raise UserError(f"{file} has other designs, {stored}; choose another folder=...")
-    plugins = installed()
-    spawn = SpawnRules(plugins.create("task", task), seed)
-    return Designs(task, seed, tuple(read_designs(document, plugins.create("tool", "urdf"), spawn)))
-
-
-def population(count: int) -> dict[str, int]:
-    """Return the run's budget for ``count`` designs."""
-    half = math.ceil(count / 2)
-    n_tool = min(N_TOOL, half)
-    n_action = min(N_ACTION, half)
-    return {"n_agent": math.ceil(SPARE * half / (n_tool * n_action)), "n_tool": n_tool, "n_action": n_action}
-
-
-def _designed(task: str, count: int, by: str, seed: int, workers: int) -> dict[str, Any]:
-    words = [f"task={task}", f"sim={by}", f"seed={seed}", "film=false", "listener=[]", "vlm=offline", "tool=urdf"]
-    words += [f"budget.{key}={value}" for key, value in population(count).items()]
-    words += [f"budget.n_iteration={N_ITERATION}", "budget.reward_save=0", f"executor.workers={workers}"]
-    plugins = installed()
-    representation = plugins.create("tool", "urdf")
-    with tempfile.TemporaryDirectory() as folder:
-        if run(load("config", words), Path(folder) / "run").stopped == INTERRUPTED:
-            raise KeyboardInterrupt  # half of a run is not kept as the whole
-        spawn = SpawnRules(plugins.create("task", task), seed)
-        tried = [e.candidate for e in stored_evaluations(Path(folder) / "run", representation, spawn)]
-    first = [c for c in tried if c.generation == 0]
-    later = [c for c in tried if c.parents]
-    chosen = evenly(first, math.ceil(count / 2)) + evenly(later, count // 2)
-    strategies: dict[tuple[int, int, int], dict[str, Any]] = {}
-    for candidate in chosen:
-        design = dump_design(candidate, representation)
-        plans = strategies.setdefault(candidate.key[:3], design | {"action_sets": []})["action_sets"]
-        plans += design["action_sets"]
-    return {"ids": [c.id for c in chosen], "strategies": list(strategies.values())}
-
-
-def evenly(items: Sequence[T], count: int) -> list[T]:
-    """Pick ``count`` items at equal distances, in their order; all if there are fewer."""
-    indices = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
-    return [items[i] for i in indices]
+    n_tool = math.ceil(SPARE * tools)
+    words = [f"task={task}", "vlm=offline", "tool=urdf", f"seed={seed}"]
+    budget = {"n_agent": 1, "n_tool": n_tool, "n_action": plans, "n_iteration": 0}
+    cfg = load("prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())])
+    (reply,) = part("vlm", cfg.vlm).create().complete([compose(cfg)])
+    spawn = SpawnRules(installed().create("task", task), seed)
+    representation = part("tool", cfg.tool).create()
+    read = read_designs(parse_reply(reply.text), representation, spawn, most=(n_tool, plans))
+    groups = itertools.groupby((c for c in read if c.problem is None), key=lambda c: c.strategy)
+    whole = [group for group in (list(group) for _, group in groups) if len(group) == plans]
+    if len(whole) < tools:
+        raise UserError(f"{task}: {len(whole)} tools of {n_tool} keep the rules; ask for fewer than tools={tools}")
+    return [candidate for group in whole[:tools] for candidate in group]
 
 
 # --- rewards ----------------------------------------------------------------------------------------------------
 
 
-def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder: Path) -> dict[str, Any]:
-    """Return a record of each design in an engine: ``rewards``, ``reasons`` of those that broke (their reward is
-    0), and the engine's settings.
-
-    Raises:
-        UserError: the folder has a record of other designs.
+def rewards(
+    task: str, candidates: Sequence[Candidate], sim: PluginPart, seed: int, executor: Executor, file: Path
+) -> None:
+    """Add a record of each design in an engine to a file: ``rewards``, ``reasons`` of those that broke (their reward is
+    0), and the engine's settings; unless the file has it.
     """
-    file = folder / "rewards" / f"{of.task}.json"
     records: list[dict[str, Any]] = json.loads(file.read_text()) if file.exists() else []
     engine = {"name": sim.name, **dict(sim.settings)}
-    plans = [candidate.plan.poses.tolist() for candidate in of.candidates]
-    for record in records:
-        if record["engine"] == engine:
-            if len(record["rewards"]) != len(plans):
-                raise UserError(f"{file} has rewards of {len(record['rewards'])} designs; choose another folder=...")
-            return record
-    evaluator = Evaluator(PluginPart("task", of.task), sim, of.seed, RolloutSettings())
-    evaluations = list(
-        track(
-            evaluate_all(of.candidates, evaluator, executor),
-            f"{of.task} in {shown}",
-            total=len(of.candidates),
-            console=console,
-            disable=not console.is_terminal,
-        )
-    )
-    evaluations.sort(key=lambda e: e.candidate.key)
+    if any(record["engine"] == engine for record in records):
+        return
+    tried = evaluate_all(candidates, Evaluator(PluginPart("task", task), sim, seed, RolloutSettings()), executor)
+    shown = track(tried, f"{task} in {sim.name}", len(candidates), console=console, disable=not console.is_terminal)
+    evaluations = sorted(shown, key=lambda evaluation: evaluation.candidate.key)
     record = {
         "engine": engine,
-        "rewards": [e.reward for e in evaluations],
+        "rewards": [evaluation.reward for evaluation in evaluations],
         "reasons": {e.candidate.id: e.reason for e in evaluations if e.status != "ok"},
     }
     file.parent.mkdir(parents=True, exist_ok=True)
     save(file, [*records, record])
-    return record
 
 
 # --- files ------------------------------------------------------------------------------------------------------

@@ -41,19 +41,6 @@ def task():
     return installed().create("task", "BringCube")
 
 
-def test_a_body_hangs_where_nothing_is_below_its_middle(task):
-    scene = task.scene(0)
-    tool = Tool((component("board", (0.3, 0.1, 0.02), (0.0, 0.0, -0.01)),))
-    top = moved(task.home.position, 0.0, 0.035)  # the board's upper side, and half a cube
-    for x, beyond in ((0.05, 0.0), (0.17, 0.02), (0.6, 1.0)):
-        found, name = absurd.hanging(scene, tool, recording(task, [moved(top, x, 0.0)]))
-        assert found == pytest.approx(beyond, abs=1e-3)
-        assert name == ("cube" if beyond else "")
-    falling = recording(task, [moved(top, 0.6, 0.0)])
-    falling.states.linear_velocities[-1, 0, 2] = -1.0
-    assert absurd.hanging(scene, tool, falling)[0] == 0
-
-
 def test_a_sheet_is_inside_of_a_cube_by_its_area(task):
     scene = task.scene(0)
     tool = Tool((component("sheet", (0.2, 0.2, 0.001), (0.0, 0.0, -0.05)),))

@@ -1,4 +1,4 @@
-"""The command lines of the measurements, and how many designs they take."""
+"""The command lines of the measurements."""
 
 from dataclasses import dataclass, field
 
@@ -6,18 +6,6 @@ import pytest
 
 from core.errors import UsageError
 from tests.benchmarks import measuring
-
-
-@pytest.mark.parametrize("count", [1, 2, 5, 24, 100, 400])
-def test_a_generation_has_enough_designs(count):
-    budget = measuring.population(count)
-    assert budget["n_agent"] * budget["n_tool"] * budget["n_action"] >= count / 2
-
-
-def test_evenly():
-    assert measuring.evenly(list(range(10)), 4) == [0, 3, 6, 9]
-    assert measuring.evenly([1, 2], 4) == [1, 2]
-    assert measuring.evenly([], 4) == []
 
 
 @dataclass

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import itertools
-import math
 import os
 import sys
 import tempfile
@@ -27,12 +25,8 @@ from rich.progress import track
 import core.simulation.rollout
 from core.config.compose import load, node, part
 from core.design import Candidate, Evaluation
-from core.designs.reading import parse_reply, read_designs
-from core.designs.rules import SpawnRules
-from core.errors import UsageError, UserError, choices
+from core.errors import UsageError, choices
 from core.interfaces import Executor, RolloutSettings
-from core.plugins import installed
-from core.prompt import compose
 from core.search.evolution import Trials
 from core.simulation.rollout import Evaluator, PluginPart
 from core.support.cli import arguments, command
@@ -43,7 +37,6 @@ USAGE = (
     "[plans=N] [seed=N] [executor=NAME] [output=FILE.json]"
 )
 
-SPARE = 1.25  # tools more than needed, since some may be rejected
 STEPS = {  # where each engine's own steps are called: nothing of ours is in there
     "pybullet": ["pybullet:stepSimulation"],
     "sapien": ["sapien.physx:PhysxCpuSystem.step"],
@@ -81,7 +74,7 @@ def main() -> None:
     sim = part("sim", cfg.sim)
     steps_of(sim.name)
     evaluator = Evaluator(PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
-    candidates = designs(task, given.tools, given.plans, given.seed)
+    candidates = measuring.designs(task, given.tools, given.plans, given.seed)
 
     with part("executor", cfg.executor).create() as executor:
         figures = population(candidates, evaluator, executor, workers)
@@ -89,27 +82,6 @@ def main() -> None:
     found = {"task": task, "sim": {"name": sim.name, **dict(sim.settings)}, "executor": given.executor} | figures
     measuring.save(Path(given.output), found)
     sys.stdout.write(summary(found) + f"{given.output}\n")
-
-
-def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
-    """Return ``plans`` motions for each of ``tools`` tools, from the embedded designer's first answer.
-
-    Raises:
-        UserError: too few of them keep the rules.
-    """
-    n_tool = math.ceil(SPARE * tools)
-    words = [f"task={task}", "vlm=offline", "tool=urdf", f"seed={seed}"]
-    budget = {"n_agent": 1, "n_tool": n_tool, "n_action": plans, "n_iteration": 0}
-    cfg = load("prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())])
-    (reply,) = part("vlm", cfg.vlm).create().complete([compose(cfg)])
-    spawn = SpawnRules(installed().create("task", task), seed)
-    representation = part("tool", cfg.tool).create()
-    read = read_designs(parse_reply(reply.text), representation, spawn, most=(n_tool, plans))
-    groups = itertools.groupby((c for c in read if c.problem is None), key=lambda c: c.strategy)
-    whole = [group for group in (list(group) for _, group in groups) if len(group) == plans]
-    if len(whole) < tools:
-        raise UserError(f"{task}: {len(whole)} tools of {n_tool} keep the rules; ask for fewer than tools={tools}")
-    return [candidate for group in whole[:tools] for candidate in group]
 
 
 def population(

@@ -70,15 +70,6 @@ def test_a_plan_moves_with_the_scene(yaw, x, y, how):
     assert (turned.inv() * Rotation.from_euler("xyz", after[3:])).magnitude() < 1e-7
 
 
-@pytest.mark.parametrize("axes", ["world", "anchor"])
-def test_a_share_goes_over_to_the_other_anchor(axes):
-    """At a share of 0.25 a waypoint follows a quarter of what the second anchor moves."""
-    step = {"anchor": "cube", "toward": "goal", "share": 0.25, "offset": [0.1, 0, 0.3], "axes": axes}
-    turn = CUBE.rpy[2] if axes == "anchor" else -np.pi / 2
-    place = np.array([0.6, 0.0, 0.315]) + 0.1 * np.array([np.cos(turn), np.sin(turn), 0.0])
-    np.testing.assert_allclose(first(step), [*place, 0, 0, turn], atol=1e-12)
-
-
 ANCHORS = [
     Anchor(),
     Anchor("cube"),

@@ -15,7 +15,7 @@ from core.errors import UsageError, UserError
 from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator, PluginPart
-from tests.benchmarks.throughput import designs
+from tests.benchmarks.measuring import designs
 from tests.plugins.executors.test_local import double, misfortune
 from tests.processes import all_gone, family
 
