@@ -30,6 +30,7 @@ from core.interfaces import Executor, RolloutSettings
 from core.search.evolution import Trials
 from core.simulation.rollout import Evaluator, PluginPart
 from core.support.cli import arguments, command
+from plugins.simulators import fresh
 from tests.benchmarks import measuring
 
 USAGE = (
@@ -186,8 +187,8 @@ def _started(evaluator: Evaluator) -> Clock:
         simulator = core.simulation.rollout._simulator(evaluator.sim)
         clock.around(type(task), "reward", "reward")
         clock.around(type(simulator), "rollout", "simulator")
-        module = sys.modules[type(simulator).__module__]
-        player = module if hasattr(module, "play") else module.World  # type: ignore[attr-defined]
+        own = sys.modules[type(simulator).__module__]
+        player = fresh if isinstance(simulator, fresh.FreshWorlds) else own.World  # type: ignore[attr-defined]
         clock.around(player, "play", "playing")
         _clocks.append(clock)
     return _clocks[0]

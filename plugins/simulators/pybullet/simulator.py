@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
 from core.design import Tool
 from core.errors import check_positive
-from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task, View
-from core.robot.trajectory import at_home
-from core.simulation.playback import play
+from core.interfaces import Image, Robot, Rollout, Task, View
 from core.support.scratch import intact, temporary_folder
+from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.world import PreparedScene, Settings, World, robot_file
@@ -20,7 +17,7 @@ from plugins.simulators.rigid import only_rigid
 from plugins.simulators.steps import Speed, step_length
 
 
-class PyBulletSimulator(Simulator):
+class PyBulletSimulator(FreshWorlds):
     """Play each job in a fresh world, so that no rollout affects the next.
 
     Args:
@@ -32,7 +29,8 @@ class PyBulletSimulator(Simulator):
             much, a struck body leaves a fifth faster than it was struck.
     """
 
-    feels = True
+    title = "PyBullet"
+    refusal = pybullet.error
 
     def __init__(
         self,
@@ -47,40 +45,16 @@ class PyBulletSimulator(Simulator):
         if speed == "fast":
             self.usual = PyBulletSimulator(time_step, "accurate", solver_iterations, tracking_rate, separation_rate)
         self._client = Client()
-        self._begin()
+        self.forget()
 
-    def _begin(self) -> None:
-        """Make a folder for files, of which none is known yet."""
+    def forget(self) -> None:
         self._folder = temporary_folder()
         self._renderer: PyBulletRenderer | None = None
         # Those of the last job, since consecutive jobs mostly share them; the world is fresh each time.
         self._scene: tuple[Task, int, PreparedScene] | None = None
         self._robot: tuple[Robot, Tool, Path] | None = None
 
-    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        return [self._one(task, job) for job in jobs]
-
-    def _one(self, task: Task, job: Rollout) -> Outcome:
-        try:
-            world = self._world(task, job)
-            outcome = play(world, job)
-        except pybullet.error as error:
-            return Outcome(None, None, error=f"PyBullet: {error}")
-        if world.forces and (taken := outcome.recording):
-            return replace(outcome, recording=world.forces.measured(taken))
-        return outcome
-
-    def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
-        return self._world(task, Rollout(tool, at_home(task), seed))
-
-    def _world(self, task: Task, job: Rollout) -> World:
-        try:
-            return self._built(task, job)
-        except FileNotFoundError:  # something cleans the temporary folder
-            self._begin()
-            return self._built(task, job)
-
-    def _built(self, task: Task, job: Rollout) -> World:
+    def build(self, task: Task, job: Rollout) -> World:
         folder = Path(self._folder.name)
         if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
             self._scene = task, job.seed, PreparedScene(only_rigid(task.scene(job.seed), task.name, "pybullet"), folder)
@@ -97,7 +71,7 @@ class PyBulletSimulator(Simulator):
         try:
             return self._drawn(task, **view)
         except FileNotFoundError:
-            self._begin()
+            self.forget()
             return self._drawn(task, **view)
 
     def _drawn(self, task: Task, **view: Unpack[View]) -> Image:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from core.design import Tool
 from core.errors import check_positive
-from core.interfaces import Outcome, Robot, Rollout, Task
-from core.robot.trajectory import at_home
-from core.simulation.playback import play
+from core.interfaces import Rollout, Task
 from core.support.scratch import intact, temporary_folder
+from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.sapien.bodies import Weighed
@@ -19,7 +15,7 @@ from plugins.simulators.sapien.world import Settings, World
 from plugins.simulators.steps import Speed, step_length
 
 
-class SapienSimulator(DrawingSimulator):
+class SapienSimulator(FreshWorlds, DrawingSimulator):
     """Play each job in a fresh PhysX scene, so that no rollout affects the next.
 
     Args:
@@ -29,7 +25,8 @@ class SapienSimulator(DrawingSimulator):
         tracking_rate: how fast a joint converges to its target, 1/s.
     """
 
-    feels = True
+    title = "SAPIEN"
+    refusal = RuntimeError  # of PhysX
 
     def __init__(
         self,
@@ -45,33 +42,13 @@ class SapienSimulator(DrawingSimulator):
         self._folder = temporary_folder()
         self._placed: tuple[Task, int, Weighed] | None = None  # of the last job: consecutive ones mostly share it
 
-    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        return [self._one(task, job) for job in jobs]
+    def forget(self) -> None:
+        self._folder = temporary_folder()
 
-    def _one(self, task: Task, job: Rollout) -> Outcome:
-        try:
-            world = self._world(task, job)
-            outcome = play(world, job)
-        except RuntimeError as error:  # what PhysX refuses
-            return Outcome(None, None, error=f"SAPIEN: {error}")
-        if world.forces and (taken := outcome.recording):
-            return replace(outcome, recording=world.forces.measured(taken))
-        return outcome
-
-    def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
-        return self._world(task, Rollout(tool, at_home(task), seed))
-
-    def _world(self, task: Task, job: Rollout) -> World:
+    def build(self, task: Task, job: Rollout) -> World:
         if self._placed is None or self._placed[0] is not task or self._placed[1] != job.seed:
             self._placed = (task, job.seed, Weighed(only_rigid(task.scene(job.seed), task.name, "sapien")))
-        try:
-            return self._built(task.robot, self._placed[2], job)
-        except FileNotFoundError:  # something cleans the temporary folder
-            self._folder = temporary_folder()
-            return self._built(task.robot, self._placed[2], job)
-
-    def _built(self, robot: Robot, weighed: Weighed, job: Rollout) -> World:
         folder = Path(self._folder.name)
         with intact(folder):
             forces = job.forces and job.record_hz > 0
-            return World(folder, weighed, robot, job.tool, job.trajectory, self._settings, forces)
+            return World(folder, self._placed[2], task.robot, job.tool, job.trajectory, self._settings, forces)
