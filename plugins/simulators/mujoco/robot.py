@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, Tool
+from core.design import Tool
 from core.geometry import Array
 from core.robot.description import assemble, joint_name
 from core.values.robots import Robot
+from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
@@ -36,7 +37,7 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     urdf = assemble(robot, tool, fused=True, visuals=False, mesh_path=asset)
     spec = mujoco.MjSpec.from_string(urdf, assets=assets)
     spec.compiler.degree = False
-    bearers = robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount
+    near = bearers(robot, tool)
     used = Counter(mount for mount, _ in tool.placed().values())
     for number, mount in enumerate(tool.mounts, start=1):
         away = [0.0, 0.0, 1000.0 * number]
@@ -46,12 +47,9 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     spec.fuse_static()
     colliders = []
     for geom, link in links:
-        role = Role.TOOL if link in tool.borne_on else Role.BEARER if link in bearers else Role.ARM
-        friction = tool.friction if link in tool.borne_on else robot.friction
-        if robot.gripper is not None and link in GRIPPER_MOUNTS:
-            friction = robot.gripper.friction
+        role = Role.TOOL if link in tool.borne_on else Role.BEARER if link in near else Role.ARM
         owner = "tool" if role is Role.TOOL else link
-        colliders.append(Collider(geom, owner, geom.parent.name, role, Surface(friction)))
+        colliders.append(Collider(geom, owner, geom.parent.name, role, Surface(friction_of(robot, tool, link))))
     for bearer in tool.bearers:
         body = spec.body(bearer.name)
         spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)

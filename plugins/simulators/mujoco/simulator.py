@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
+from functools import lru_cache
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
@@ -35,7 +35,7 @@ class MuJoCoSimulator(DrawingSimulator):
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
         self._rates = time_step, tracking_rate, slip_rate
-        self._worlds: OrderedDict[tuple[Task, int, Tool], World] = OrderedDict()
+        self._world = lru_cache(maxsize=_KEPT)(self._build)
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._world(task, job.seed, job.tool).play(job) for job in jobs]
@@ -43,14 +43,6 @@ class MuJoCoSimulator(DrawingSimulator):
     def world(self, task: Task, tool: Tool, seed: int = 0) -> Stepped:
         return self._world(task, seed, tool).stepped(at_home(task))
 
-    def _world(self, task: Task, seed: int, tool: Tool) -> World:
-        key = (task, seed, tool)
-        if key not in self._worlds:
-            scene, inertias = weighed(task, seed)
-            self._worlds[key] = World(
-                task.robot, scene, tool, compiled(task.robot, scene, inertias, tool, *self._rates)
-            )
-            if len(self._worlds) > _KEPT:
-                self._worlds.popitem(last=False)
-        self._worlds.move_to_end(key)
-        return self._worlds[key]
+    def _build(self, task: Task, seed: int, tool: Tool) -> World:
+        scene, inertias = weighed(task, seed)
+        return World(task.robot, scene, tool, compiled(task.robot, scene, inertias, tool, *self._rates))

@@ -13,15 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
+from core.design import Tool, ToolJoint
 from core.errors import UsageError
-from core.geometry import Array, Pose
+from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.description import assembled, beyond, joint_name, write
 from core.scene import Inertia, Scene, State
 from core.values.descriptions import RobotLink
 from core.values.robots import Robot
 from plugins.simulators.forces import Thing
+from plugins.simulators.links import bearers, friction_of, principal
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -165,10 +166,7 @@ class World:
         self._held = (robot, tool)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
-            friction = tool.friction if name in tool.borne_on else robot.friction
-            if grip is not None and name in GRIPPER_MOUNTS:
-                friction = grip.friction
-            client.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction))
+            client.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction_of(robot, tool, name)))
         for name, inertia in driven_links(robot).items():
             moments = inertia.moments.tolist()
             client.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments)
@@ -185,12 +183,12 @@ class World:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
         own = {*tool.borne_on}
         joined = [{bearer.name, bearer.parent} for bearer in tool.bearers]
-        bearers = set(robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount)
+        near = {*bearers(robot, tool)}
         base = self.client.getBodyInfo(self.robot)[0].decode()
         everything = {base: -1, **links}
         for one, other in combinations(everything, 2):
             pair = {one, other}
-            at_flange = pair & bearers and pair & {*tool.mounts}
+            at_flange = pair & near and pair & {*tool.mounts}
             touch = bool(pair & own) and not at_flange and pair not in joined
             self.client.setCollisionFilterPair(self.robot, self.robot, everything[one], everything[other], int(touch))
 
@@ -338,9 +336,7 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
     for name, motor in zip(robot.arm_joints, robot.motor_inertia, strict=True):
         joint = arm.named[name]
         mass, center, tensor = arm.links[joint.child].inertial.placed()
-        moments, axes = np.linalg.eigh(tensor + motor * np.outer(joint.axis, joint.axis))
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
-        inertias[joint.child] = Inertia(mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
+        inertias[joint.child] = principal(mass, center, tensor + motor * np.outer(joint.axis, joint.axis))
     return inertias
 
 

@@ -16,6 +16,7 @@ from core.robot.description import assembled, merged
 from core.scene import Inertia
 from core.values.descriptions import RobotJoint, Weight
 from core.values.robots import Robot
+from plugins.simulators.links import principal
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,4 @@ def _along_x(joint: RobotJoint, parent: Pose) -> AxisJoint:
 def _inertia(weights: Sequence[Weight]) -> Inertia:
     if not weights:  # a base that stands for the ground
         return Inertia(1.0, Pose(), np.ones(3))
-    mass, center, whole = merged(weights)
-    moments, axes = np.linalg.eigh(whole)
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return Inertia(mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
+    return principal(*merged(weights))

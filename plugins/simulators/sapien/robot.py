@@ -9,11 +9,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
+from core.design import Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.description import joint_name
 from core.values.robots import Robot
+from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import ArticulationLink, AxisJoint, PlacedShape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien
@@ -36,14 +37,8 @@ _HELD = 1e6  # of the spring and the damper that hold a joint of the tool
 _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 
 
-def surface_of(arm: Robot, part: str, tool: Tool) -> Surface:
-    if arm.gripper is not None and part in GRIPPER_MOUNTS:
-        return Surface(arm.gripper.friction)
-    return Surface(tool.friction if part in tool.borne_on else arm.friction)
-
-
 def surfaces_of(arm: Robot, tool: Tool) -> set[Surface]:
-    return {surface_of(arm, shape.part, tool) for link in robot_links(arm, tool) for shape in link.collisions}
+    return {Surface(friction_of(arm, tool, shape.part)) for link in robot_links(arm, tool) for shape in link.collisions}
 
 
 class ArticulatedArm:
@@ -176,7 +171,7 @@ def _attach(component: Any, part: PlacedShape, arm: Robot, tool: Tool, surfaces:
         place(collider, shape, part.pose)
         return collider
 
-    for shape in surfaces.copies(surface_of(arm, part.part, tool), make, apart=_apart(part.part, arm, tool)):
+    for shape in surfaces.copies(Surface(friction_of(arm, tool, part.part)), make, apart=_apart(part.part, arm, tool)):
         component.attach(shape)
 
 
@@ -186,9 +181,9 @@ def _apart(part: str, arm: Robot, tool: Tool) -> int:
     The arm's links overlap by construction, and a tool overlaps the link that bears it.
     """
     bits = 0 if part in tool.borne_on else 1
-    bearers = arm.gripper.near_mount if tool.gripper and arm.gripper else arm.near_mount
+    near = bearers(arm, tool)
     for number, mount in enumerate(tool.mounts, start=1):
-        if part == mount or part in bearers:
+        if part == mount or part in near:
             bits |= 1 << number
     for number, bearer in enumerate(tool.bearers, start=len(tool.mounts) + 1):
         if part in (bearer.name, bearer.parent):
