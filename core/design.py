@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -79,14 +79,6 @@ class Candidate:
         return replace(self, problem=self.problem or plan) if isinstance(plan, str) else replace(self, plan=plan)
 
 
-class Foreseen(NamedTuple):
-    """What a plan shows before it is played: a sentence with a length in it."""
-
-    what: str  # before the length
-    mm: float
-    how: str  # after it
-
-
 @dataclass(frozen=True)
 class Trial:
     """One trial of a candidate: a rollout in one engine and one scene.
@@ -104,7 +96,6 @@ class Trial:
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
         motion_s: the time of the motion, s; None: nothing was played to its end.
         goals: where several goals count, how far each was fulfilled, 0..1, by name.
-        foreseen: what its plan shows (`core.simulation.foresight`); empty: nothing, or it was solved or not observed.
         task: its name, where a candidate has several; else empty.
         tried_as: the id of the candidate whose trial it was, where another one has the same plan for the task.
     """
@@ -121,7 +112,6 @@ class Trial:
     margins: tuple[Margin, ...] = ()
     motion_s: float | None = None
     goals: tuple[tuple[str, float], ...] = ()
-    foreseen: tuple[Foreseen, ...] = ()
     task: str = ""
     tried_as: str = ""
 
@@ -142,7 +132,6 @@ class Evaluation:
         warnings: what else is to be said of it.
         trials: in their order.
         combined: whether a fitness made it of ``trials``; else it is that of the only one.
-        same_as: the id of the near-duplicate that was tried in its place.
         figures: further numbers of a fitness, by name.
         final: its trials as a finalist: of each the engine, its number there, and the reward.
     """
@@ -159,7 +148,6 @@ class Evaluation:
     warnings: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = ()
     combined: bool = False
-    same_as: str | None = None
     figures: Mapping[str, float] = field(default_factory=dict)
     final: tuple[tuple[str, int, float], ...] = ()
 
@@ -204,12 +192,12 @@ class Evaluation:
     @property
     def rollouts(self) -> int:
         """The number of its rollouts."""
-        return count_rollouts(self.status, self.trials, self.same_as)
+        return count_rollouts(self.status, self.trials)
 
 
-def count_rollouts(status: str, trials: Sequence[Trial], same_as: str | None) -> int:
+def count_rollouts(status: str, trials: Sequence[Trial]) -> int:
     """Count the rollouts of an `Evaluation`; none of what was not tried."""
-    if same_as is not None or status == "rejected":
+    if status == "rejected":
         return 0
     return sum(trial.status != "rejected" and not trial.tried_as for trial in trials) if trials else 1
 

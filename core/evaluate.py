@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.design import Candidate, Evaluation
-from core.designs.feedback import combined_figures, describe, foreseen_lines
+from core.designs.feedback import combined_figures, describe
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
@@ -25,7 +25,7 @@ from core.search.evolution import evaluate_all
 from core.simulation.rollout import check
 from core.simulation.together import make_fitness
 from core.support.cli import arguments, command, print_table, say, write_bytes
-from core.support.text import clean
+from core.support.text import by_reason, clean
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
@@ -54,13 +54,21 @@ def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) 
 
 
 def check_all(cfg: DictConfig) -> Iterator[str]:
-    """Yield what the plans in ``cfg.designs`` show before they are played, a line for each; see `evaluate`."""
-    task, settings = task_part(cfg).create(), node(cfg.rollout, RolloutSettings)
+    """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each; see `evaluate`."""
+    task = task_part(cfg).create()
+    settings = node(cfg.rollout, RolloutSettings)
     seeds = range(cfg.seed, cfg.seed + cfg.fitness.get("layouts", 1))
-    for one in read_designs(load_designs(Path(cfg.designs)), tool_part(cfg).create(), SpawnRules(task, cfg.seed)):
-        trials = [check(part, one.of(part.name), seed, settings) for part in task.parts for seed in seeds]
-        found = [*dict.fromkeys(trial.reason for trial in trials if trial.reason), *foreseen_lines(trials)]
-        yield f"strategy {one.strategy} plan {one.action}: {clean('; '.join(found), 2000) or 'nothing found'}"
+    document = load_designs(Path(cfg.designs))
+    for candidate in read_designs(document, tool_part(cfg).create(), SpawnRules(task, cfg.seed)):
+        found = [
+            (f"layout {seed}", problem)
+            for part in task.parts
+            for seed in seeds
+            for problem in check(part, candidate.of(part.name), seed, settings)
+        ]
+        lines = by_reason(found) if len(seeds) > 1 else dict.fromkeys(problem for _, problem in found)
+        said = clean("; ".join(lines), 2000) or "nothing found"
+        yield f"strategy {candidate.strategy} plan {candidate.action}: {said}"
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, PromptSe
 from core.design import TIE, Evaluation, Tool
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
-from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS, NEAR_M, PATH_M, PATH_RAD
+from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
 from core.designs.sight import Sight
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
@@ -211,7 +211,6 @@ class PromptComposer:
             "observed": any(elite.observation is not None for elite in brief.elites),
             "critiques": critiques_text(brief),
             "candidates": generation_lines(last, self.settings.generation_characters, sight),
-            "near": (NEAR_M, PATH_M, PATH_RAD) if any(e.same_as is not None for e in last) else None,
             "detailed": any(combined_figures(elite, brief.task) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),

@@ -21,7 +21,8 @@ _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.00
 _BODIES, _CONTACTS, _LAYOUTS = 2, 6, 3
 _REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
 _REASONS = 3  # of candidates without a line of their own
-_OUTCOMES, _DRAWN, _FORESEEN = 6, 8, 3  # kinds of trials, drawn numbers of a layout, and what plans show
+_OUTCOMES = 6  # kinds of trials
+_DRAWN = 8  # numbers of a layout
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
@@ -116,10 +117,6 @@ def combined_figures(evaluation: Evaluation, task: Task, sight: Sight | None = N
         figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
         if poor := poor_layouts(evaluation, task, drawn=sight is None):
             figures["poor_layouts"] = poor
-    if planned := foreseen_lines(evaluation.trials, sight):
-        figures["planned"] = planned
-    if evaluation.same_as is not None:
-        figures["same_as"] = evaluation.same_as
     return figures | dict(evaluation.figures)
 
 
@@ -187,8 +184,6 @@ def describe(evaluation: Evaluation, sight: Sight | None = None) -> str:
         moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
         ways = {name: "" if sight else f" {way:.3f} m" for name, way in moved if way > _MOVED_M}
         return "; ".join([*parts, *(f"{name} moved{way}" for name, way in ways.items())])
-    if evaluation.same_as is not None:
-        parts[0] += f" (not tried, as it hardly differs from {evaluation.same_as})"
     if evaluation.combined and evaluation.shown is not None:
         shown = f"{_where(evaluation.shown)}{_said(_margin(evaluation.shown), sight)}"
         parts[0] += f" ({'; '.join(trial_lines(evaluation, sight))}); in {shown}:"
@@ -208,8 +203,7 @@ def describe(evaluation: Evaluation, sight: Sight | None = None) -> str:
     if missed and sight is None and seen.result in ("never touched", "unreachable", "stuck"):
         nearest = min(missed, key=lambda name: missed[name])
         parts.append(f"nearest to {nearest} {1000 * missed[nearest]:.0f} mm")
-    planned = (f"planned: {line}" for line in foreseen_lines(evaluation.trials, sight))
-    return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen), *planned)))
+    return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight | None = None) -> list[str]:
@@ -223,19 +217,6 @@ def trial_lines(evaluation: Evaluation, sight: Sight | None = None) -> list[str]
         for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0])
     ]
     return lines[:_OUTCOMES] + ([f"{len(lines) - _OUTCOMES} others"] if len(lines) > _OUTCOMES else [])
-
-
-def foreseen_lines(trials: Sequence[Trial], sight: Sight | None = None) -> list[str]:
-    """Say what plans show before they are played (`Trial.foreseen`), and in how many layouts."""
-    found: dict[tuple[str, str], dict[int, float]] = {}
-    for trial in trials:
-        for what, mm, how in trial.foreseen:
-            found.setdefault((what, how), {})[trial.layout] = mm
-    layouts = len({trial.layout for trial in trials})
-    return [
-        _said(f"{what} {max(mm.values()):.0f} mm {how}" + f" in {len(mm)} of {layouts} layouts" * (layouts > 1), sight)
-        for (what, how), mm in sorted(found.items(), key=lambda item: -len(item[1]))[:_FORESEEN]
-    ]
 
 
 def _wheres(trials: Sequence[Trial], among: Sequence[Trial]) -> str:

@@ -53,7 +53,6 @@ MAX_POSES = 2_000_000  # that are computed for a candidate, at most: of its way,
 KNOT_POSES = 1000  # what inverse kinematics at a knot of the way costs
 MAX_KNOTS = MAX_POSES // KNOT_POSES
 MAX_ANGLE_RAD = 100.0
-NEAR_M, PATH_M, PATH_RAD = 0.001, 0.01, 0.05  # between tools' corners and plans' waypoints; what is nearer isn't tried
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is

@@ -83,8 +83,8 @@ EVOLUTION = Kind(
     "evolution_strategies",
     EvolutionStrategy,
     provided=("designer", "budget"),
-    own_keys=("refine", "near_duplicates"),
-    defaults={"refine": 0, "near_duplicates": False},
+    own_keys=("refine",),
+    defaults={"refine": 0},
     checked="factory",
 )
 FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("evaluator",), checked="factory")

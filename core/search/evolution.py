@@ -20,7 +20,6 @@ from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import CHUNK, Budget, EvolutionStrategy, Executor, Robot
 from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
-from core.search.duplicates import NearDuplicates
 from core.simulation.together import Together
 from core.support.text import shorten
 from core.support.threads import run_in_thread
@@ -40,18 +39,16 @@ def evolve(
     events: pluggy.PluginManager,
     known: Known | None = None,
     robot: Robot | None = None,
-    *,
-    near_duplicates: bool = False,
 ) -> Result:
     """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
 
     ``evaluate`` is called in the executor's workers with candidates of one tool. If it has a ``batch`` above 1, it is
     called with all candidates that have arrived. Candidates whose evaluation is ``known`` are not evaluated. Tools must
-    suit ``robot``, by default the default one. Near-duplicates are tried only with ``near_duplicates``. A limit
-    that the strategy runs into, or an interrupt, ends the loop early (`Result.stopped`).
+    suit ``robot``, by default the default one. A limit that the strategy runs into, or an interrupt, ends the loop
+    early (`Result.stopped`).
     """
     began = time.monotonic()
-    trials = Trials(evaluate, executor, known, None if near_duplicates else NearDuplicates())
+    trials = Trials(evaluate, executor, known)
     candidates = _UntilLimit(strategy, robot or installed().default_robot)
     arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
@@ -147,10 +144,9 @@ def evaluate_all(candidates: Iterable[Candidate], evaluate: Evaluate, executor: 
 class Trials:
     """Evaluates candidates in an executor's workers.
 
-    Of candidates with the same `Candidate.content` one is tried, and all get its evaluation; with ``near`` so do
-    near-duplicates. Where a chunk fails, its candidates are tried again in smaller chunks, at last one by one. A
-    candidate whose evaluation is ``known`` is not tried. Neither is one that the machine is at fault for: a UserError
-    says so.
+    Of candidates with the same `Candidate.content` one is tried, and all get its evaluation. Where a chunk
+    fails, its candidates are tried again in smaller chunks, at last one by one. A candidate whose evaluation is
+    ``known`` is not tried. Neither is one that the machine is at fault for: a UserError says so.
     """
 
     def __init__(
@@ -158,21 +154,17 @@ class Trials:
         evaluate: Evaluate,
         executor: Executor,
         known: Known | None = None,
-        near: NearDuplicates | None = None,
     ) -> None:
         self._evaluate = evaluate
         self._batch = int(getattr(evaluate, "batch", 1))
         self._executor = executor
         self._known = known or (lambda _: None)
-        self._near = near
         self._lock = threading.Lock()  # executors may read chunks in a thread of their own
         self._earned: dict[str, Evaluation] = {}
         self._waiting: dict[str, list[Candidate]] = {}  # for the one of the same content that is being tried
 
     def __call__(self, candidates: Iterable[Candidate]) -> Iterator[Evaluation]:
         """Yield the evaluations of all candidates as they finish."""
-        if self._near is not None:
-            self._near.next_generation()
         settled: deque[Evaluation] = deque()
         broken: list[list[Candidate]] = []
         untried = self._untried(candidates, settled)
@@ -206,27 +198,24 @@ class Trials:
     def _untried(self, candidates: Iterable[Candidate], settled: deque[Evaluation]) -> Iterator[Candidate]:
         """Yield the candidates to try; evaluations of the others go to ``settled`` at once, or come from `_results`."""
         for candidate in candidates:
-            first = self._near.first(candidate) if self._near is not None else None
-            content = (first or candidate).content
             known = self._known(candidate)
             if known is not None:
-                if first is None:
-                    with self._lock:
-                        self._earned.setdefault(content, known)
+                with self._lock:
+                    self._earned.setdefault(candidate.content, known)
                 settled.append(known)
                 continue
             if candidate.problem is not None:
                 settled.append(Evaluation(candidate, "rejected", reason=candidate.problem))
                 continue
             with self._lock:
-                earned = self._earned.get(content)
-                waiting = self._waiting.get(content)
+                earned = self._earned.get(candidate.content)
+                waiting = self._waiting.get(candidate.content)
                 if earned is not None:
-                    settled.append(_shared(earned, candidate))
+                    settled.append(replace(earned, candidate=candidate))
                 elif waiting is not None:
                     waiting.append(candidate)
                 else:
-                    self._waiting[content] = []
+                    self._waiting[candidate.content] = []
             if earned is None and waiting is None:
                 yield candidate
 
@@ -237,16 +226,7 @@ class Trials:
                 self._earned[candidate.content] = earned
                 waiting = self._waiting.pop(candidate.content)
             yield earned
-            yield from (_shared(earned, other) for other in waiting)
-
-
-def _shared(earned: Evaluation, candidate: Candidate) -> Evaluation:
-    """Give a candidate's evaluation to an equal one, or to a near-duplicate, of which it then says so."""
-    tried = earned.candidate
-    if tried.content == candidate.content:
-        return replace(earned, candidate=candidate)
-    warnings = (*earned.warnings, f"not tried: it hardly differs from {tried.id}, whose evaluation it gets")
-    return replace(earned, candidate=candidate, warnings=warnings, same_as=tried.id)
+            yield from (replace(earned, candidate=other) for other in waiting)
 
 
 def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:

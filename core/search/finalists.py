@@ -85,7 +85,7 @@ def try_unseen(
 def finalists(result: Result, most: int = MOST) -> list[Evaluation]:
     """Return those within the tie of the highest reward that were tried, the best first, of equal designs one."""
     highest = max((e.reward for e in result.ranking), default=0.0)
-    tried = (e for e in reversed(result.ranking) if e.reward >= highest - result.tie and e.same_as is None)
+    tried = (e for e in reversed(result.ranking) if e.reward >= highest - result.tie)
     alike = {e.candidate.content: e for e in tried}
     return [*reversed(alike.values())][:most] if highest > 0 else []
 

@@ -67,7 +67,6 @@ class _Search:
     fitness: Fitness
     executor: Executor
     events: pluggy.PluginManager
-    near_duplicates: bool
     guards: list[Guard]
 
 
@@ -89,9 +88,6 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
         events.register(designer, "designer")
     if (refine := config["evolution"].get("refine", 0)) != 0:
         strategy = installed().extension("refinement")(strategy, designer, refine)
-    twice = config["evolution"].get("near_duplicates", False)
-    if type(twice) is not bool:
-        raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")
     listeners = config["listener"].items()
     made = {name: installed().create("listener", name, options or {}) for name, options in listeners}
     guards = [add_listener(events, listener, name) for name, listener in {**made, "vlm": vlm}.items()]
@@ -101,7 +97,7 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
         parts["task"] = task.name  # a file's own, so that two scenes are two tasks
     settings = designer.prompts.rollout
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, sim, settings)
-    return _Search(this, designer, strategy, fitness, executor, events, twice, guards)
+    return _Search(this, designer, strategy, fitness, executor, events, guards)
 
 
 def make_asking(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> tuple[ModelDesigner, Fitness]:
@@ -197,7 +193,6 @@ def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
             events,
             store.past.evaluation,
             this.task.robot,
-            near_duplicates=search.near_duplicates,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
             winner, finals = choose(result, search.fitness, search.executor, events)

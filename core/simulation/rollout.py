@@ -19,7 +19,6 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
-from core.simulation.foresight import foresee
 from core.simulation.guards import PlannedGuards
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
@@ -29,6 +28,7 @@ from core.support.text import shorten
 from core.task import margins_of, reward_of, shares_of
 from core.values.states import TRACE_HZ
 
+MISSED_M, MISSED_RAD = 0.02, 0.1  # what the arm misses a waypoint by, at least, to be out of reach
 _WARNINGS = 10  # findings of a rollout that are listed
 
 Observe = Callable[[Task, Scene, Motion, Outcome, float, Contacts], Observation]
@@ -180,13 +180,21 @@ def evaluate_batch(
     return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]
 
 
-def check(task: Task, candidate: Candidate, seed: int, settings: RolloutSettings) -> Trial:
-    """Say what is wrong with a candidate in one layout: why it would be rejected, or what its plan shows."""
-    scene = task.scene(seed)
-    step = _Batch(task, scene, seed, settings, feels=True).planned(candidate)
-    if isinstance(step, Evaluation):
-        return Trial(layout=seed, status=step.status, reason=step.reason)
-    return Trial(layout=seed, foreseen=tuple(foresee(task, scene, step.motion, step.job)))
+def check(task: Task, candidate: Candidate, seed: int, settings: RolloutSettings) -> list[str]:
+    """Say what is wrong with a candidate in one layout, without playing it.
+
+    That is why it would be rejected, or else which waypoints the arm misses or is late at, and where it meets itself.
+    """
+    planned = _Batch(task, task.scene(seed), seed, settings, feels=True).planned(candidate)
+    if isinstance(planned, Evaluation):
+        return [planned.reason]
+    motion = planned.motion
+    out_of_reach = [
+        f"the arm misses the way to waypoint {k + 1} by {1000 * metres:.0f} mm, {radians:.2f} rad"
+        for k, (metres, radians) in enumerate(motion.misses.tolist())
+        if metres > MISSED_M or radians > MISSED_RAD
+    ]
+    return [*out_of_reach, *motion.slowdowns(), *planned.warnings]
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,9 +337,8 @@ class _Batch:
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
         observe: Observe = installed().extension("observer")
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
-        found = () if seen.result == "solved" else foresee(self.task, self.scene, attempt.motion, attempt.job)
         outcome = f"{seen.result} {seen.what}".strip()
-        return Trial(touch_m=seen.touch_m, outcome=outcome, observation=seen, foreseen=tuple(found))
+        return Trial(touch_m=seen.touch_m, outcome=outcome, observation=seen)
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:

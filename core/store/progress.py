@@ -57,7 +57,7 @@ class StoredProgress:
         }
         self.candidates = set(self._evaluations)
         details = {name: load_details(row["details"]) for name, row in self._evaluations.items()}
-        tried = {name for name, of in details.items() if of.same_as is None and not any(t.tried_as for t in of.trials)}
+        tried = {name for name, of in details.items() if not any(t.tried_as for t in of.trials)}
         rows = [row for name, row in self._evaluations.items() if name in tried]
         self._by_content = {row["content"]: row for row in rows if row["content"] is not None}
 

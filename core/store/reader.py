@@ -74,7 +74,7 @@ class StoredEvaluation:
     @property
     def rollouts(self) -> int:
         """The number of its rollouts."""
-        return count_rollouts(self.status, self.details.trials, self.details.same_as)
+        return count_rollouts(self.status, self.details.trials)
 
     def of(self, candidate: Candidate) -> Evaluation:
         """Return it as the evaluation with status ``ok`` of a candidate that was read again."""

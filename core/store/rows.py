@@ -184,7 +184,6 @@ class Details:
 
     trials: tuple[Trial, ...] = ()
     combined: bool = False
-    same_as: Id | None = None
     figures: dict[str, Number] = field(default_factory=dict)
     final: tuple[tuple[str, Count, Reward], ...] = ()
 

@@ -73,8 +73,6 @@ class ProgressListener:
         for status in ("rejected", "failed"):
             if generation.count(status):
                 counts += f", {generation.count(status)} {status}"
-        alike = sum(bool(evaluation.same_as) for evaluation in generation.evaluations)
-        counts += f", {alike} not tried, as they hardly differ from others" if alike else ""
         self._print(f"generation {generation.index}  {rewards}  ({counts})")
 
     @hookimpl

@@ -46,6 +46,4 @@ def test_rollouts_of_equal_candidates_count_once():
     trials = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2))
     one, same, other = (replace(evaluation(n, 0.7), trials=trials) for n in range(3))
     other = replace(other, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
-    near = replace(evaluation(4, 0.7), trials=trials, same_as="g0-a0-s0-p0")
-    near = replace(near, candidate=Candidate(Tool(), np.full((1, 6), 1.001), 0, 4))
-    assert Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0).rollouts == 4
+    assert Result((Generation(0, (one, same)), Generation(1, (other,))), 1.0).rollouts == 4

@@ -10,9 +10,7 @@ from core.config.schemas import PromptSettings
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
 from core.designs.feedback import (
-    combined_figures,
     elite_feedback,
-    foreseen_lines,
     generation_lines,
     last_generation,
     most_instructive,
@@ -83,11 +81,6 @@ def test_an_elite_has_its_least_margins_with_their_limits():
     assert "margins" not in elite_feedback(Trial("mujoco", observation=SEEN), SEEN)
 
 
-def test_what_was_not_tried_names_what_it_hardly_differs_from():
-    (line,) = lines(tried(same_as="g0-a1-s0-p0"))
-    assert line.startswith("- g0-a0-s0-p0: 0.500 (not tried, as it hardly differs from g0-a1-s0-p0) missed; cube by")
-
-
 def test_a_line_says_what_happened():
     (line,) = lines(tried())
     assert line == (
@@ -137,20 +130,6 @@ def test_of_several_goals_that_count_each_has_its_share_and_no_number_of_a_body(
     assert "of the goals door 99 %, cube (goal 1) 0 %; cube in the picture" in generation_lines(
         (tried(trials=(trial,)),), 1000, sight
     )
-
-
-def test_what_plans_show_is_said_with_the_number_of_layouts():
-    way, turn = "on the way to waypoint 1 low_r meets crucible", "on the way to waypoint 2 the lowest point dips"
-    foreseen = [((way, 3.2, "deep"),), ((way, 12.4, "deep"), (turn, 4.0, "below both ends, near table")), ()]
-    trials = tuple(Trial("mujoco", n, observation=SEEN, foreseen=of) for n, of in enumerate(foreseen))
-    wanted = [f"{way} 12 mm deep in 2 of 3 layouts", f"{turn} 4 mm below both ends, near table in 1 of 3 layouts"]
-    assert foreseen_lines(trials) == wanted
-    evaluation = tried(trials=trials, combined=True)
-    assert combined_figures(evaluation, make_brief().task)["planned"] == wanted
-    assert lines(evaluation)[0].endswith("; ".join(f"planned: {line}" for line in wanted))
-    both = replace(trials[1], engine="sapien")
-    assert foreseen_lines([trials[1], both])[0] == f"{way} 12 mm deep"  # there is one layout
-    assert "12" not in foreseen_lines(trials, Sight(("crucible",), Camera()))[0]
 
 
 def test_equal_ones_share_a_line():

@@ -81,7 +81,7 @@ def run(generations, evaluate=earn, executor=None, known=None, tie=TIE, **budget
     events.register(diary)
     limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
     spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
-    found = evolve(strategy, evaluate, executor or Inline(), spent, events, known, near_duplicates=True)
+    found = evolve(strategy, evaluate, executor or Inline(), spent, events, known)
     return found, strategy, diary.entries
 
 
@@ -382,7 +382,7 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
     events = event_hub()
     events.register(Impatient(strategy))
-    result = evolve(strategy, interrupted, Inline(), Budget(1, 1, 1, 2, 5, 0.5), events, near_duplicates=True)
+    result = evolve(strategy, interrupted, Inline(), Budget(1, 1, 1, 2, 5, 0.5), events)
     assert result.stopped == INTERRUPTED
     arrived = {"while one is tried": 2, "while one is reported": 1, "while a generation ends": 4}[when]
     assert [len(generation.evaluations) for generation in result.generations] == [4, arrived]

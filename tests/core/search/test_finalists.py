@@ -89,9 +89,6 @@ def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
     assert winner(first, second, worse)[0] == 1
     assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [0, 1]
     assert finalists(result((0.0, 0.5, ""), (0.0, 0.6, ""))) == []
-    tried, other = result(first, second).generations[0].evaluations
-    near = Result((Generation(0, (tried, replace(other, same_as=tried.candidate.id))),), 1.0)
-    assert finalists(near) == [tried]  # a reward that its own rollout earned
     assert winner((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")) == (0, {})
 
 
@@ -133,7 +130,7 @@ def test_listeners_hear_of_each_trial_and_what_was_tried_is_not_tried_again():
 
 WORDS = ["task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=1", "fitness.unseen=0"]
 WORDS += ["fitness.final=2", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=3", "budget.n_iteration=0"]
-WORDS += ["evolution.tie=1", "evolution.near_duplicates=true", "film=false", "listener=[]", "prompt.picture=false"]
+WORDS += ["evolution.tie=1", "film=false", "listener=[]", "prompt.picture=false"]
 
 
 @pytest.mark.slow
