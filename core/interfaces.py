@@ -11,7 +11,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar, Unpack
 
@@ -54,11 +53,6 @@ class Simulator(ABC):
     feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
     softens: ClassVar[bool] = False  # it has soft bodies (`core.scene.Soft`)
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
-
-    @cached_property
-    def usual(self) -> Simulator:
-        """The engine with usual steps, where this one takes longer ones: it plays what is shown, and what failed."""
-        return self
 
     @abstractmethod
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:

@@ -62,7 +62,7 @@ def filmed(
 ) -> tuple[Recording, Callable[[int], Image]]:
     """Play a candidate: a recording, and a function that draws one of its samples."""
     _, job = prepare(task, candidate, seed, settings, record_hz=FILM_HZ)
-    outcome = simulator.usual.rollout(task, [job])[0]
+    outcome = simulator.rollout(task, [job])[0]
     if (recording := outcome.recording) is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 

@@ -172,12 +172,8 @@ def evaluate_batch(
     for attempt, outcome in zip(attempts, outcomes, strict=True):
         attempt.outcome = outcome
         batch.follow(attempt)
-    judged = dict(zip(map(id, attempts), batch.judged(attempts), strict=True))
-    again = [attempt for attempt in attempts if judged[id(attempt)].reason]  # it failed, or earns nothing for a passage
-    if again and simulator.usual is not simulator:
-        better = evaluate_batch(task, simulator.usual, [a.candidate for a in again], seed, settings)
-        judged |= dict(zip(map(id, again), better, strict=True))
-    return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]
+    judged = iter(batch.judged(attempts))
+    return [next(judged) if isinstance(step, _Attempt) else step for step in steps]
 
 
 def check(task: Task, candidate: Candidate, seed: int, settings: RolloutSettings) -> list[str]:

@@ -231,7 +231,7 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
     if run.simulator is None:
         raise ValueError("the run has no simulator to play it with")
     motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
-    outcome = run.simulator.usual.rollout(run.task, [replace(job, forces=run.task.reads_trace)])[0]
+    outcome = run.simulator.rollout(run.task, [replace(job, forces=run.task.reads_trace)])[0]
     motion, recording, start = played(motion, job), outcome.recording, outcome.start
     if recording is None or start is None:
         raise ValueError(outcome.error or "no recording came back")

@@ -167,7 +167,7 @@ def play(
     """
     hold = max(settings.hold_s, task.hold_s)
     job = Rollout(tool, motion.trajectory, seed, settings.settle_s, hold, RECORD_HZ, forces=True)
-    (outcome,) = simulator.usual.rollout(task, [job])
+    (outcome,) = simulator.rollout(task, [job])
     if outcome.error is not None or outcome.start is None or outcome.end is None or outcome.recording is None:
         raise Unplayable(f"the exported motion can't be played: {outcome.error or 'the engine returned no recording'}")
     start, end = (scene.complete(State.stack([state])) for state in (outcome.start, outcome.end))

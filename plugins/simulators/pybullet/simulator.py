@@ -14,7 +14,7 @@ from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.world import PreparedScene, Settings, World, robot_file
 from plugins.simulators.rigid import only_rigid
-from plugins.simulators.steps import Speed, step_length
+from plugins.simulators.steps import check_time_step
 
 
 class PyBulletSimulator(FreshWorlds):
@@ -22,7 +22,6 @@ class PyBulletSimulator(FreshWorlds):
 
     Args:
         time_step: seconds.
-        speed: with ``fast`` steps are twice as long; what passes through something is played again with usual ones.
         solver_iterations: of the contact solver, per step.
         tracking_rate: how fast a joint converges to its target, 1/s, independent of the time step.
         separation_rate: how fast overlapping bodies are pushed apart, 1/s. With PyBullet's own default, five times as
@@ -35,15 +34,13 @@ class PyBulletSimulator(FreshWorlds):
     def __init__(
         self,
         time_step: float = 0.002,
-        speed: Speed = "accurate",
         solver_iterations: int = 50,
         tracking_rate: float = 50.0,
         separation_rate: float = 25.0,
     ) -> None:
-        self._settings = Settings(step_length(time_step, speed), solver_iterations, tracking_rate, separation_rate)
+        self._settings = Settings(time_step, solver_iterations, tracking_rate, separation_rate)
         check_positive("sim.", **self._settings._asdict())
-        if speed == "fast":
-            self.usual = PyBulletSimulator(time_step, "accurate", solver_iterations, tracking_rate, separation_rate)
+        check_time_step(time_step)
         self._client = Client()
         self.forget()
 

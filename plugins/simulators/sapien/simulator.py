@@ -12,7 +12,7 @@ from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
-from plugins.simulators.steps import Speed, step_length
+from plugins.simulators.steps import check_time_step
 
 
 class SapienSimulator(FreshWorlds, DrawingSimulator):
@@ -20,7 +20,6 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
 
     Args:
         time_step: seconds.
-        speed: with ``fast`` steps are twice as long; what passes through something is played again with usual ones.
         solver_iterations: position iterations of the contact solver, per step.
         tracking_rate: how fast a joint converges to its target, 1/s.
     """
@@ -31,14 +30,12 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
     def __init__(
         self,
         time_step: float = 0.005,
-        speed: Speed = "accurate",
         solver_iterations: int = 10,
         tracking_rate: float = 50.0,
     ) -> None:
-        self._settings = Settings(step_length(time_step, speed), solver_iterations, tracking_rate)
+        self._settings = Settings(time_step, solver_iterations, tracking_rate)
         check_positive("sim.", **self._settings._asdict())
-        if speed == "fast":
-            self.usual = SapienSimulator(time_step, "accurate", solver_iterations, tracking_rate)
+        check_time_step(time_step)
         self._folder = temporary_folder()
         self._placed: tuple[Task, int, Weighed] | None = None  # of the last job: consecutive ones mostly share it
 

@@ -50,25 +50,6 @@ def test_a_rollout_without_states_has_failed():
     assert (evaluation.status, evaluation.reason) == ("failed", "the simulator returned no state")
 
 
-class Counting(Faulty):
-    def __init__(self, broken, usual=None):
-        super().__init__()
-        self.broken, self.usual, self.played = broken, usual or self, 0
-
-    def one(self, task, job):
-        self.played += 1
-        return Outcome(None, None, error="a long step") if self.played <= self.broken else super().one(task, job)
-
-
-def test_what_breaks_at_long_steps_is_played_again_with_usual_ones():
-    usual = Counting(broken=0)
-    fast = Counting(broken=1, usual=usual)
-    again, sound = evaluated(candidate(0), candidate(1), simulator=fast)
-    assert (fast.played, usual.played) == (2, 1)
-    assert [again.reward, sound.reward] == [each.reward for each in evaluated(candidate(0), candidate(1))]
-    assert again.status == sound.status == "ok"
-
-
 class Generous(Slide):
     def reward(self, start, end):
         return 2 + super().reward(start, end)

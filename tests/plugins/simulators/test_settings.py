@@ -11,7 +11,6 @@ from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, floor, table
-from plugins.conformance.output import bits
 from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, move, stick, still
 from tests.engines import every_simulator, simulator
 from tests.packages import without
@@ -43,19 +42,6 @@ def test_numbers_that_make_no_sense(engine):
     for setting, value in (("tracking_rate", 0), (SETTINGS[engine], 0), (SETTINGS[engine], -1)):
         with pytest.raises(UserError, match=setting):
             made(engine, **{setting: value})
-
-
-@pytest.mark.parametrize(("engine", "time_step"), [("pybullet", 0.004), ("sapien", 0.01)])
-def test_fast_steps_are_twice_as_long(engine, time_step):
-    def played(**settings):
-        plan = [[0.6, 0.2, 0.15, 0, 0.3, 0], [0.6, -0.2, 0.15, 0, 0, 0.5]]
-        bodies = (table(), cube(at=(0.6, 0, 0.05)))
-        return bits(move(made(engine, **settings), plan, *bodies, tool=stick(0.25), record_hz=25))
-
-    assert played(speed="fast") == played(time_step=time_step) != played()
-    made(engine, speed="fast", time_step=0.01)
-    with pytest.raises(UserError, match=r"time_step must be at most 0.01 s, got 0.011: contacts would break"):
-        made(engine, speed="fast", time_step=0.011)
 
 
 @pytest.mark.parametrize(
