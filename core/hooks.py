@@ -99,7 +99,7 @@ class Parts(Protocol):
 
 
 class Configs(Protocol):
-    """What a plugin may bring beside parts. Of strips, observers and refinements the first that is offered counts."""
+    """What a plugin may bring beside parts."""
 
     @hookspec
     def levels(self) -> Factories:
@@ -110,20 +110,8 @@ class Configs(Protocol):
         """Compute what templates of prompts show under a name: a `core.designs.composer.PromptValue`."""
 
     @hookspec
-    def strips(self) -> Factories:
-        """Draw a film strip of a rollout for prompts: a `core.search.prompt_pictures.Strip`."""
-
-    @hookspec
     def exports(self) -> Factories:
         """Write the best design of a run as files: a `core.search.orchestration.Export`."""
-
-    @hookspec
-    def observers(self) -> Factories:
-        """Observe a rollout, for ``rollout.observe``: see `core.simulation.rollout.Observe`."""
-
-    @hookspec
-    def refinements(self) -> Factories:
-        """Make a strategy of ``strategy``, ``designer`` and the number of rollouts, for ``evolution.refine``."""
 
     @hookspec
     def config_path(self) -> str:

@@ -40,11 +40,11 @@ from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import save_film
 from core.simulation.rollout import evaluate_batch
+from core.simulation.strip import draw_strip
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
 from plugins.fitness.layouts import UNSEEN, describe_ranges
 from plugins.vlms.told import facts
-from plugins.vlms.told.strip import draw_strip
 from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing

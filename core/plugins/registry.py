@@ -64,14 +64,13 @@ class Plugins(Discovery):
             return lambda command=offer.factory: command
         return _imported(offer, offer.factory)
 
-    def extension(self, kind: str, name: str | None = None, where: str = "") -> Any:
-        """Import what is offered by a hook of `core.hooks.Configs`, such as a ``level``; without a name the first.
+    def extension(self, kind: str, name: str, where: str = "") -> Any:
+        """Import what is offered by a hook of `core.hooks.Configs`, such as a ``level``.
 
         Raises:
             UserError: there is none, named in a setting ``where``, or it can't be imported.
         """
         offers = {other: offer for (own, other), offer in self.extensions.items() if own == kind}
-        name = next(iter(offers), "") if name is None else name
         if name not in offers:
             raise UsageError(f"{choices(kind, name, offers, where)}{self._missing()}")
         return _imported(offers[name], offers[name].factory)  # type: ignore[arg-type]

@@ -42,6 +42,7 @@ from core.robot.trajectory import Motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
 from core.search.finalists import choose, try_unseen
+from core.search.refinement import Refinement
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.together import Together, make_fitness
 from core.store.database import writing
@@ -87,7 +88,7 @@ def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Searc
     if strategy.learns:
         events.register(designer, "designer")
     if (refine := config["evolution"].get("refine", 0)) != 0:
-        strategy = installed().extension("refinement")(strategy, designer, refine)
+        strategy = Refinement(strategy, designer, refine)
     listeners = config["listener"].items()
     made = {name: installed().create("listener", name, options or {}) for name, options in listeners}
     guards = [add_listener(events, listener, name) for name, listener in {**made, "vlm": vlm}.items()]

@@ -6,16 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import Evaluation, Tool
 from core.designs.composer import PromptComposer
 from core.errors import RAISED, NoPicture, UserError
-from core.interfaces import Image, Observation, Picture, RolloutSettings, Simulator, Task
-from core.plugins import installed
+from core.interfaces import Picture, RolloutSettings, Simulator, Task
 from core.simulation.pictures import SIZE, png, report_missing
+from core.simulation.strip import draw_strip
 from core.simulation.together import weakest
-
-Strip = Callable[[Task, Simulator, Candidate, int, RolloutSettings, Observation | None], Image]
-"""Plays a candidate in the layout of a seed, and draws what happens; the last is what was observed of that rollout."""
 
 
 def pictures_by_task(
@@ -49,8 +46,7 @@ def strips(
         layout = seed if shown is None else shown.layout
         seen = None if evaluation.combined else evaluation.observation  # else of another engine or perturbed
         try:
-            draw: Strip = installed().extension("strip")
-            strip = draw(where, simulator(), candidate, layout, rollout, seen)
+            strip = draw_strip(where, simulator(), candidate, layout, rollout, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except RAISED as error:  # else a picture that fails costs the picture, never the run

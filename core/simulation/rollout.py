@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -13,13 +13,14 @@ from core.designs.planning import resolve
 from core.designs.rules import check_work
 from core.errors import RAISED, UserError
 from core.geometry import Array
-from core.interfaces import Observation, Outcome, Rollout, RolloutSettings, Simulator, Task
+from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import PluginPart, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
 from core.simulation.guards import PlannedGuards
+from core.simulation.observing import MISSED_M, MISSED_RAD, observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite, sample_hz, thinnest
@@ -28,11 +29,7 @@ from core.support.text import shorten
 from core.task import margins_of, reward_of, shares_of
 from core.values.states import TRACE_HZ
 
-MISSED_M, MISSED_RAD = 0.02, 0.1  # what the arm misses a waypoint by, at least, to be out of reach
 _WARNINGS = 10  # findings of a rollout that are listed
-
-Observe = Callable[[Task, Scene, Motion, Outcome, float, Contacts], Observation]
-"""Observes a rollout that came to its end with a reward; the contacts are those of its recording."""
 
 
 @dataclass(frozen=True)
@@ -331,7 +328,6 @@ class _Batch:
         if not self.settings.observe or attempt.contacts is None or attempt.outcome is None:
             return Trial()
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
-        observe: Observe = installed().extension("observer")
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
         outcome = f"{seen.result} {seen.what}".strip()
         return Trial(touch_m=seen.touch_m, outcome=outcome, observation=seen)

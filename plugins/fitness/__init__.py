@@ -11,8 +11,3 @@ def fitness_functions() -> Factories:
         "lean": "plugins.fitness.lean:Lean",
         "robust": "plugins.fitness.robust:Robust",
     }
-
-
-@hookimpl
-def observers() -> Factories:
-    return {"goals": "plugins.fitness.observing:observe"}

@@ -6,18 +6,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal
 
 from core.design import TIE, Candidate, Evaluation, best_first, best_tools
-from core.hooks import Factories, hookimpl
+from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 
 
 @hookimpl
 def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
     return {"vlmgineer": VLMgineer}
-
-
-@hookimpl
-def refinements() -> Factories:
-    return {"evolution_strategy": "plugins.strategies.refinement:Refinement"}
 
 
 def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE) -> list[Evaluation]:

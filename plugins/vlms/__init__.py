@@ -30,11 +30,6 @@ def prompt_values() -> Mapping[str, str]:
 
 
 @hookimpl
-def strips() -> Mapping[str, str]:
-    return {"moments": "plugins.vlms.told.strip:draw_strip"}
-
-
-@hookimpl
 def levels() -> Mapping[str, str]:
     names = {"source": "Source", "words": "Words", "pictures": "Pictures", "photos": "Photos"}
     return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

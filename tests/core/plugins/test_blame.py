@@ -17,7 +17,7 @@ def test_the_plugin_deepest_in_the_traceback_is_named(found):
     assert describe_failure(caught.value, plugins) == "sim 'a' of dist-a raised ArithmeticError: the solver gave up"
     with pytest.raises(ValueError, match="invalid literal") as caught:
         int("ours")
-    plugins.extensions = {("observer", "c"): plugins.offers.pop(("sim", "a"))}
+    plugins.extensions = {("level", "c"): plugins.offers.pop(("sim", "a"))}
     with pytest.raises(ArithmeticError) as broken:
         Faulty().break_down("raise")
     assert culprit(broken.value, plugins).distribution == "dist-a"

@@ -197,14 +197,12 @@ def test_configs_that_are_not_there_are_told(found, path, reason):
 
 
 def test_what_is_offered_beside_parts_is_found_by_its_hook(found):
-    found.register(Offering(levels={"mute": Engine}, exports={"notes": "json:dumps"}), "first", "one")
+    found.register(Offering(levels={"mute": Engine}, prompt_values={"notes": "json:dumps"}), "first", "one")
     found.register(Offering(levels={"mute": Task, "deaf": 7}), "second", "two")
-    assert found.extension("level", "mute", "prompt.told") is found.extension("level") is Engine
-    assert found.extensions_of("export") == {"notes": json.dumps}
+    assert found.extension("level", "mute", "prompt.told") is Engine
+    assert found.extensions_of("prompt_value") == {"notes": json.dumps}
     taken, wrong = found.failures
     assert taken.reason == "level 'mute' is taken by first of one"
     assert wrong.reason == "level 'deaf' is 7; it must be callable, or a text 'module:attribute'"
     with pytest.raises(UsageError, match=r"no level 'loud' in prompt\.told; possible: mute; plugin 'second' failed"):
         found.extension("level", "loud", "prompt.told")
-    with pytest.raises(UsageError, match="no observer ''; possible: none"):
-        found.extension("observer")

@@ -32,7 +32,7 @@ def test_what_is_switched_off_is_not_imported_and_is_reported(tmp_path):
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     listed = [line.split()[:2] for line in done.stdout.splitlines()[1:-1]]
-    own = [*(["fitness", name] for name in ("layouts", "lean", "nominal", "robust")), ["observer", "goals"]]
+    own = [*(["fitness", name] for name in ("layouts", "lean", "nominal", "robust"))]
     assert sorted(listed) == sorted([*own, *(["command", name] for name in COMMANDS)])
     assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=fitness: other plugins are not loaded"
 

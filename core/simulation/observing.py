@@ -29,11 +29,11 @@ from core.goals import DONE, KEPT_M, progress
 from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
-from core.simulation.rollout import MISSED_M, MISSED_RAD
 from core.solids.contacts import Contacts, Flags, make_trace
 from core.values.observations import Class, Moved, Offset, Point
 from core.values.states import Trace
 
+MISSED_M, MISSED_RAD = 0.02, 0.1
 STUCK_RAD = 0.05  # reference solutions lag by less than 0.012
 UNYIELDING_M, UNYIELDING_S = 0.005, 0.2  # what moves by no more than this in that time does not yield
 LIFTED_M, FALLEN_M = 0.02, 0.02

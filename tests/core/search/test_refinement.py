@@ -11,7 +11,7 @@ from core.errors import UsageError
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
 from core.search.orchestration import Experiment, resume
-from plugins.strategies.refinement import Refinement
+from core.search.refinement import Refinement
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)
 GOAL = np.array([0.3, -0.1, 0.2, 0.0, 0.0, 0.0])
