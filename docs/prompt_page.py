@@ -34,7 +34,7 @@ EARLIER = {
     "plans for a given tool": 8010,
     "plans for the bare gripper": 9329,
 }
-TOLD = ("source", "words", "pictures", "photos")
+TOLD = ("source", "words", "pictures")
 LEVELS = [f"| task | {' | '.join(f'`{told}`' for told in TOLD)} |", "|---|" + "---|" * len(TOLD)]
 CRITIQUE = "a critique of one candidate, `prompt.critic`"
 

@@ -31,5 +31,5 @@ def prompt_values() -> Mapping[str, str]:
 
 @hookimpl
 def levels() -> Mapping[str, str]:
-    names = {"source": "Source", "words": "Words", "pictures": "Pictures", "photos": "Photos"}
+    names = {"source": "Source", "words": "Words", "pictures": "Pictures"}
     return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

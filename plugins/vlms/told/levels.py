@@ -65,10 +65,3 @@ class Pictures(Told):
 
     def draw(self, task: Task, seed: int, render: Callable[..., Image]) -> tuple[Picture, ...]:
         return calibrated_pictures(task, seed, render)
-
-
-class Photos(Pictures):
-    """The same with two perspective pictures, as photographs: no axes, no grid."""
-
-    def draw(self, task: Task, seed: int, render: Callable[..., Image]) -> tuple[Picture, ...]:
-        return calibrated_pictures(task, seed, render, photos=True)

@@ -1,4 +1,4 @@
-"""Draw a scene for a designer that is told no number: calibrated pictures, or photographs from two places."""
+"""Draw a scene for a designer that is told no number: calibrated pictures."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ _PARALLEL = {
 }
 
 
-def calibrated_pictures(
-    task: Task, seed: int, render: Callable[..., Image], *, photos: bool = False
-) -> tuple[Picture, ...]:
-    """Draw the scene at the start: as ``photos`` from the task's camera and from the side, else from the task's
-    camera, closer, and in parallel views with axes and a grid in metres. For ``render`` see `core.task.Level.draw`.
+def calibrated_pictures(task: Task, seed: int, render: Callable[..., Image]) -> tuple[Picture, ...]:
+    """Draw the scene at the start: from the task's camera, closer, and in parallel views with axes and grid in metres.
+
+    For ``render`` see `core.task.Level.draw`.
 
     Raises:
         NoPicture: nothing here can draw.
@@ -47,20 +46,15 @@ def calibrated_pictures(
     bodies = list(task.scene(seed).bodies)
     low, high = _shown(bodies)
     moving = [body for body in bodies if body.mass] or bodies
-    cameras = {"scene": task.camera}
-    about = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
-    if photos:
-        cameras["tripod"] = _turned(task.camera, about)
-    else:
-        cameras["close"] = _closer(task.camera, *_extent(moving))
-        cameras |= {name: _parallel(name, low, high) for name in _PARALLEL}
+    cameras = {"scene": task.camera, "close": _closer(task.camera, *_extent(moving))}
+    cameras |= {name: _parallel(name, low, high) for name in _PARALLEL}
     made = []
     for name, camera in cameras.items():
         picture = Pillow.fromarray(render(camera=camera, width=SIZE[0], height=SIZE[1]))
         if camera.height_m is not None:
             _draw_edges(picture, camera, [body for body in bodies if _size(body) < _LARGE_M])
             draw_grid(picture, camera, *_PARALLEL[name][1:])
-        _label(picture, camera, bodies, axes=not photos)
+        _label(picture, camera, bodies)
         made.append(Picture(png(np.asarray(picture)), name, f"{name}: {_described(camera, name)}"))
     return tuple(made)
 
@@ -121,16 +115,6 @@ def _closer(camera: Camera, low: Array, high: Array) -> Camera:
     return replace(camera, target=tuple(middle.tolist()), fov_deg=float(np.degrees(2 * np.arctan(half / away))) * 1.15)
 
 
-def _turned(camera: Camera, middle: Array) -> Camera:
-    """Go 75 degrees around a point (3,), with the camera's height."""
-    away = np.asarray(camera.position) - middle
-    angle = np.radians(75.0)
-    x = np.cos(angle) * away[0] - np.sin(angle) * away[1]
-    y = np.sin(angle) * away[0] + np.cos(angle) * away[1]
-    x, y, z = (middle + np.array([x, y, away[2]])).tolist()
-    return replace(camera, position=(x, y, z), target=tuple(middle.tolist()))
-
-
 def draw_grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> None:
     """Draw lines and scales in metres over a parallel view."""
     assert camera.height_m is not None
@@ -172,7 +156,7 @@ def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> No
     picture.paste(ink, mask=Pillow.fromarray(_OPAQUE * edges.astype(np.uint8)))
 
 
-def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body], *, axes: bool) -> None:
+def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> None:
     """Mark the origin of each body's frame, its axes x and y, and write its name where no other name is."""
     pen = ImageDraw.Draw(picture)
     alike: dict[str, list[str]] = {}
@@ -186,7 +170,7 @@ def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body], *, axes: b
         x, y = camera.project(body.pose.position, *SIZE).tolist()
         if not (0 <= x < SIZE[0] and 0 <= y < SIZE[1]):
             continue
-        for axis, color in ((0, _RED), (1, _GREEN)) if axes else ():
+        for axis, color in ((0, _RED), (1, _GREEN)):
             end = camera.project((body.pose @ Pose(_AXIS_M * np.eye(3)[axis])).position, *SIZE)
             pen.line([(x, y), (float(end[0]), float(end[1]))], fill=color, width=2)
         pen.line([(x - 5, y), (x + 5, y)], fill=_INK, width=1)
