@@ -1,8 +1,6 @@
 """The lowest mean reward over perturbed scenes and engines; the engines are PyBullet with different settings."""
 
-import json
 import pickle
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +13,7 @@ from core.config.compose import engines, load, part
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
-from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.search.orchestration import run
-from core.simulation.rollout import Evaluator
 from plugins.fitness.robustness import PerturbationRange, perturbed
 from tests.plugins.fitness.test_robustness import COARSE, EVALUATOR, TASK
 
@@ -107,20 +102,3 @@ def test_robust_tries_every_change_in_every_engine():
     rewards = np.array(list(evaluations[0].by_engine.values()))
     assert len(np.unique(rewards)) == 4
     assert rewards.min() > 0.9
-
-
-@pytest.mark.thorough
-def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
-    words = ["task=BringCube", "film=false", "listener=[]", "executor.workers=1", "sim.solver_iterations=30"]
-    words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"]
-    words += ["fitness=robust", "fitness.sims=[pybullet]", "fitness.seeds=[4]"]
-    result = run(load("config", words), tmp_path / "run")
-    evaluations = [e for g in result.generations for e in g.evaluations]
-    sim = part("sim", load("evaluate", ["sim.solver_iterations=30"]).sim)
-    evaluator = perturbed(Evaluator(TASK, sim, 0, RolloutSettings()), PerturbationRange(), 4)
-    again = evaluator([e.candidate for e in evaluations])
-    assert [e.reward for e in evaluations] == [e.reward for e in again]
-    with sqlite3.connect(tmp_path / "run" / "run.sqlite") as database:
-        rows = dict(database.execute("SELECT candidate, details FROM evaluations").fetchall())
-    for evaluation in evaluations:
-        assert json.loads(rows[evaluation.candidate.id])["trials"][0]["reward"] == evaluation.reward

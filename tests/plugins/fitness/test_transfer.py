@@ -88,15 +88,6 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
     assert results[0]["designs"][0]["engines"]["pybullet"]["nominal"] == plain["reward"]
 
 
-def test_no_spread_no_difference():
-    words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
-    (design,) = transfer(settings([*words, *(f"perturbation.{k}=0" for k in ("position", "yaw", "mass", "friction"))]))[
-        "designs"
-    ]
-    figures = design["engines"]["pybullet"]
-    assert figures["rewards"] == [figures["nominal"]]
-
-
 # --- several robots ---------------------------------------------------------------------------------------------
 
 

@@ -230,11 +230,6 @@ def test_it_opens_arranged(recorded):
     assert "sim_time" in recording.blueprint
 
 
-def test_it_is_small(recorded):
-    _, file = recorded
-    assert file.stat().st_size < 5_000_000
-
-
 # --- failures ---------------------------------------------------------------------------------------------------
 
 

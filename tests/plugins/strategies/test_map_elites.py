@@ -1,6 +1,5 @@
 """MAP-Elites: elites of different kinds are shown."""
 
-import csv
 import json
 
 import numpy as np
@@ -11,7 +10,7 @@ from core.design import Candidate, Evaluation, best_first
 from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
-from core.search.orchestration import Experiment, resume, run
+from core.search.orchestration import resume, run
 from tests import toys
 from tests.core.run_folders import hook
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture
@@ -97,21 +96,3 @@ def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F
         resume(folder, ["executor.fails_at=null"])
         assert_same_run(folder, tmp_path / "whole")
     assert len(toy.lines("tried")) == 4 * tried
-
-
-@pytest.mark.thorough
-def test_a_run_in_an_engine_is_the_same_with_one_worker_and_with_two(tmp_path):
-    words = ["task=BringCube", "sim=mujoco", "evolution=map_elites", "listener=[]", "film=false"]
-    words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
-    words += ["evolution.refine=12", "evolution.measures=[extent,touch]"]
-    for workers in (1, 2):
-        Experiment(*words, f"executor.workers={workers}").run(tmp_path / str(workers))
-    assert_same_run(tmp_path / "1", tmp_path / "2")
-    rows = list(csv.DictReader((tmp_path / "1/archive/archive.csv").open()))
-    touches = np.array([float(row["touch_m"]) for row in rows])
-    assert len(rows) > 1
-    assert (touches < 1).any()
-    cells = [int(row["cell_touch"]) for row in rows if row["cell_touch"]]
-    assert cells == [24 if not touch < 1 else int(25 * touch) for touch in touches][: len(cells)]
-    generations = json.loads((tmp_path / "1/result.json").read_text())["generations"]
-    assert [g["n_candidates"] for g in generations][:2] == [2, 2]
