@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from core.design import DesignError
-from core.geometry import Array, Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
+from core.geometry import Array, Compound, Mesh, Pose, Shape
 from core.support.text import shorten
 from plugins.tools.components import (
     DIGITS,
@@ -19,6 +19,7 @@ from plugins.tools.components import (
     read_numbers,
     rounded,
 )
+from plugins.tools.solids.making import PRIMITIVES, node_of
 
 FIELD = "tool_components"
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}
@@ -31,11 +32,12 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         raise DesignError(f"{where}: shape must be one of {', '.join(_SIZES)}, not {shorten(str(name))}")
     check_keys({key: None for key in _KEYS if key in item}, ("shape", *_SIZES[name]), f"{where}, a {name},")
     if name == "box":
-        x, y, z = (_positive(side, f"{where}: size") for side in read_numbers(item.get("size"), 3, f"{where}: size"))
-        return Box((x, y, z)), Pose()
-    sizes = [_positive(read_number(item.get(size), f"{where}: {size}"), f"{where}: {size}") for size in _SIZES[name]]
-    kinds: dict[str, Callable[..., Shape]] = {"cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere}
-    return kinds[name](*sizes), Pose()
+        sides = read_numbers(item.get("size"), 3, f"{where}: size")
+        sizes = [_positive(side, f"{where}: size") for side in sides]
+    else:
+        given = {size: read_number(item.get(size), f"{where}: {size}") for size in _SIZES[name]}
+        sizes = [_positive(value, f"{where}: {size}") for size, value in given.items()]
+    return PRIMITIVES[name](*sizes), Pose()
 
 
 def _positive(value: float, where: str) -> float:
@@ -64,12 +66,9 @@ class BoxTools(ComponentTools):
         return [_read_shape]
 
     def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
-        match shape:
-            case Box(size):
-                return {"shape": "box", "size": rounded(size)}
-            case Cylinder(radius, length) | Capsule(radius, length):
-                radius, length = rounded((radius, length))
-                return {"shape": type(shape).__name__.lower(), "radius": radius, "length": length}
-            case Sphere(radius):
-                return {"shape": "sphere", "radius": rounded([radius])[0]}
-        raise DesignError(f"{where} is a mesh, which tool=boxes can't write; use tool=solids")
+        if isinstance(shape, Mesh | Compound):
+            raise DesignError(f"{where} is a mesh, which tool=boxes can't write; use tool=solids")
+        node = node_of(shape)
+        sizes = rounded(node.sizes)
+        given = {"size": sizes} if node.kind == "box" else dict(zip(_SIZES[node.kind], sizes, strict=True))
+        return {"shape": node.kind, **given}

@@ -28,7 +28,7 @@ _TOUCH = 0.01  # mm
 _TOLERANCES = (Tolerance(0.95, 0.95), Tolerance(0.85, 0.4), Tolerance(0.45, 0.2))
 _SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)
 _SAMPLES = 400
-_PRIMITIVES: dict[str, Callable[..., Shape]] = {
+PRIMITIVES: dict[str, Callable[..., Shape]] = {
     "box": lambda *sides: Box(sides),
     "sphere": Sphere,
     "cylinder": Cylinder,
@@ -59,7 +59,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
             the words "its solid".
     """
     pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
-    if make := _PRIMITIVES.get(tree.kind):
+    if make := PRIMITIVES.get(tree.kind):
         return make(*tree.sizes), pose
     try:
         solid = surface(tree)
