@@ -18,6 +18,11 @@ def raised(height: float) -> Pose:
     return Pose(np.array([0.0, 0.0, height]))
 
 
+def turned(yaw: float) -> Pose:
+    """A pose turned about z, radians."""
+    return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+
+
 def disc(radius: float, height: float, middle: float, color: Color) -> Geom:
     """An upright cylinder around z, whose middle is so far up."""
     return Geom(Cylinder(radius, height), raised(middle), color)

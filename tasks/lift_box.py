@@ -4,7 +4,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board
+from tasks.assets import board, turned
 from tasks.rewards import progress
 
 WIDTH = 0.25  # outer width along x and y
@@ -27,7 +27,7 @@ def cardboard_box(pose: Pose, mass: float) -> Body:
     middle = HEIGHT / 2 - CENTER[2]
     boards = [board((inside, inside, WALL), (0.0, 0.0, WALL / 2 - CENTER[2]), CARDBOARD)]
     for quarter in range(4):
-        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, quarter * np.pi / 2))
+        turn = turned(quarter * np.pi / 2)
         wall = Pose(np.array([(WIDTH - WALL) / 2, 0.0, middle]))
         flap = Pose.xyz_rpy((WIDTH / 2 - WALL, 0.0, HEIGHT - CENTER[2] - WALL), (0.0, -SLANT, 0.0))
         lengthwise = WIDTH if quarter % 2 else inside

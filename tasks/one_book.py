@@ -5,7 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board
-from tasks.rewards import length, share
+from tasks.rewards import moved, share
 
 # Along x, along y, and from one book to the next along y.
 LENGTH = 0.27
@@ -97,8 +97,8 @@ class OneBook(Task):
     def reward(self, start: State, end: State) -> Array:
         """1 if the third book is out and the others have not moved; less for a shorter way or for moved neighbours."""
 
-        moved = {name: length(end.position(name) - start.position(name)) for name in end.names}
-        pulled = moved["book_3"]
-        kept = np.exp(-sum(moved[name] for name in OTHERS))
+        ways = {name: moved(start, end, name) for name in end.names}
+        pulled = ways["book_3"]
+        kept = np.exp(-sum(ways[name] for name in OTHERS))
         partial = share(pulled / PULLED_OUT - (1 - kept))
         return np.where(pulled > PULLED_OUT, kept, partial)

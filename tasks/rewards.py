@@ -20,6 +20,16 @@ def speed(state: State, name: str) -> Array:
     return length(state.linear_velocity(name))
 
 
+def moved(start: State, end: State, name: str) -> Array:
+    """Return how far a body moved, metres."""
+    return length(end.position(name) - start.position(name))
+
+
+def apart(state: State, one: str, other: str) -> Array:
+    """Return how far apart two bodies are as seen from above, metres."""
+    return length((state.position(one) - state.position(other))[..., :2])
+
+
 def z_axis(state: State, name: str) -> Array:
     """Return where a body's z axis points in the world, (..., 3)."""
     return rotate(state.quaternion(name), np.array([0.0, 0.0, 1.0]))

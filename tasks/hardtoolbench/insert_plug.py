@@ -4,7 +4,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board, hull, raised
+from tasks.assets import board, hull, raised, turned
 from tasks.rewards import length, progress, share, z_axis
 
 # Of the plug's stem: square section and height.
@@ -47,7 +47,7 @@ def block(name: str, pose: Pose, hole: float, depth: float, chamfer: float, colo
     wall = (OUTER - hole) / 2 - chamfer
     parts = [board((OUTER, OUTER, height - depth), (0.0, 0.0, -(depth + height) / 2), color)]
     for side in range(4):
-        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, side * np.pi / 2))
+        turn = turned(side * np.pi / 2)
         length = OUTER if side % 2 else hole + 2 * chamfer
         place = turn @ Pose.xyz_rpy(((OUTER - wall) / 2, 0.0, -depth / 2))
         parts.append(Geom(Box((wall, length, depth)), place, color))

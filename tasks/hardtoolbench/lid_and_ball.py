@@ -7,7 +7,7 @@ from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board, disc, round_wall
-from tasks.rewards import length, progress, speed, split, z_axis
+from tasks.rewards import apart, length, progress, speed, split, z_axis
 
 POT_RADIUS = 0.095
 POT_HEIGHT = 0.16
@@ -132,7 +132,7 @@ class LidAndBall(Task):
         that was left in the bowl.
         """
         assert trace is not None
-        aside = length((end.position("lid") - end.position("pot"))[..., :2])
+        aside = apart(end, "lid", "pot")
         flat = z_axis(end, "lid")[..., 2] > 0.99
         down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
         falls = np.maximum(-trace.states.linear_velocity("lid")[..., 2], 0.0)
@@ -143,7 +143,7 @@ class LidAndBall(Task):
         lying = flat & down & (speed(end, "lid") < STILL_M_S)
         off = np.interp(aside, ASIDE, (0.0, 1.0)) * lying * np.interp(fell, GENTLE, (1.0, 0.0))
         left, way = (length(state.position("ball") - state.position("bowl")) for state in (end, start))
-        out = length((end.position("ball") - end.position("pot"))[..., :2]) > POT_RADIUS + WALL
+        out = apart(end, "ball", "pot") > POT_RADIUS + WALL
         still = speed(end, "ball") < STILL_M_S
         x, y, z = split(end.relative("ball", "bowl"))
         lies = (np.hypot(x, y) < BOWL_RADIUS) & (z < BOWL_HEIGHT) & ~trace.touching_at_end("ball", "robot")

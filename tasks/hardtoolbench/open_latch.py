@@ -5,7 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Margin, Pose, Scene, State, Trace, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board
-from tasks.rewards import length, z_axis
+from tasks.rewards import moved, z_axis
 
 # Of the door, and the heights of its lower and upper edge.
 WIDTH = 0.21
@@ -135,12 +135,12 @@ class OpenLatch(Task):
         """The share of the angle; less for a glass that moved or tilts, and for a door in motion."""
         hinge = end.joint("hinge")
         still = np.interp(np.abs(hinge.speed), (0.1, 0.5), (1.0, 0.0))
-        moved = length(end.position("glass") - start.position("glass"))
+        shift = moved(start, end, "glass")
         upright = z_axis(end, "glass")[..., 2] > 0.98
         opened = np.interp(hinge.position, (0.08, OPEN), (0.0, 1.0))
-        return opened * still * np.interp(moved, (0.01, 0.05), (1.0, 0.0)) * upright
+        return opened * still * np.interp(shift, (0.01, 0.05), (1.0, 0.0)) * upright
 
     def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
-        moved = float(np.linalg.norm(end.position("glass") - start.position("glass")))
+        shift = float(moved(start, end, "glass"))
         opened = float(end.joint("hinge").position)
-        return [Margin.at_most("glass moved", moved, 0.01, "m"), Margin.at_least("door", opened, OPEN, "rad", BEYOND)]
+        return [Margin.at_most("glass moved", shift, 0.01, "m"), Margin.at_least("door", opened, OPEN, "rad", BEYOND)]

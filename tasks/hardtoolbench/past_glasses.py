@@ -5,7 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, goals_reward, table
 from core.values.layouts import around, within
 from tasks.assets import board, revolved
-from tasks.rewards import length, share
+from tasks.rewards import moved, share
 
 FRONT = (0.67, 0.0)  # x, y of the middle of the cupboard's front edge; its x axis points inward
 # Inside; the roof's lower face is at the clear height.
@@ -118,7 +118,7 @@ class PastGlasses(Task):
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """The share of the tin's way to the mark; nothing once the robot touches a glass, less if the tin moves one."""
-        shifts = [length(end.position(name) - start.position(name)) for name in GLASSES]
+        shifts = [moved(start, end, name) for name in GLASSES]
         left = share((SHOVED_M - np.max(shifts, axis=0)) / (SHOVED_M - NUDGED_M))
         upright = np.abs(end.position("tin")[..., 2] - TIN_HEIGHT / 2) < 0.005
         return goals_reward(self, start, end, trace) * left * upright

@@ -5,7 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Margin, Pose, Scene, State, Trace, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board, open_box, raised, revolved
-from tasks.rewards import length, split
+from tasks.rewards import moved, split
 
 # The middle of the board's near edge, on top; its x axis points from the robot.
 PLACE = (0.39, 0.0)
@@ -117,7 +117,7 @@ class SweepCards(Task):
         in_time = trace.times <= BY_S
         inside = [self.inside(end, name) * self.inside(trace.states, name)[..., in_time].any(axis=-1) for name in CARDS]
         harmed = trace.touched("vase", "robot") | (trace.force_n("board", "robot") > PRESS_N)
-        shifted = length(end.position("vase") - start.position("vase")) > 0.01
+        shifted = moved(start, end, "vase") > 0.01
         return np.mean(inside, axis=0) * ~harmed * ~shifted
 
     def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:

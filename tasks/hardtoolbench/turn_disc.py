@@ -5,7 +5,7 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.assets import raised
-from tasks.rewards import length, speed, z_axis
+from tasks.rewards import apart, speed, z_axis
 
 RADIUS = 0.08
 TOP = 0.016  # of the board, above the table
@@ -110,6 +110,6 @@ class TurnDisc(Task):
         turned = np.interp(angle, (20, 90, 180 - TILT), (0.0, 0.1, 1.0))
         lies = np.abs(end.position("disc") - start.position("disc"))[..., 2] < RAISED
         turned = np.where(lies, turned, np.minimum(turned, 0.1))
-        away = length((end.position("disc") - end.position("mark"))[..., :2])
+        away = apart(end, "disc", "mark")
         near = np.interp(away, (TOLERANCE, 0.05, 0.2), (1.0, 0.5, 0.1))
         return turned * near * np.interp(speed(end, "disc"), (0.02, 0.1), (1.0, 0.0))

@@ -4,7 +4,7 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Elastic, Filling, Goal, Pose, Scene, Soft, Sphere, State, Trace, floor, table
 from core.values.layouts import around, within
-from tasks.assets import board
+from tasks.assets import board, turned
 from tasks.rewards import length, progress, speed
 
 # Length and height of the two walls, m.
@@ -58,7 +58,7 @@ class GatherBall(Task):
     def scene(self, seed: int) -> Scene:
         """The corner's frame is turned by an eighth, so that its diagonal points away from the robot."""
         draw = self.draw(seed)
-        corner = draw.pose("corner", (0.7, 0.0, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, -np.pi / 4))
+        corner = draw.pose("corner", (0.7, 0.0, 0.0)) @ turned(-np.pi / 4)
         walls = (
             board((0.012, WALL + 0.012, HIGH), (0.006, 0.006 - WALL / 2, HIGH / 2), WOOD),
             board((WALL, 0.012, HIGH), (-WALL / 2, 0.006, HIGH / 2), WOOD),
