@@ -1,25 +1,19 @@
-"""Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
-``prompts``, ``levels``, ``ranges``, ``strips``, ``tempo``, ``table``.
+"""Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``strips``,
+``tempo``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
-``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
-sizes and the whole prompt of ``docs/prompts.md``. Levels: its table of ``prompt.told``.
-Ranges: the tables of what varies, of all sets of tasks. Strips: a picture for each task of
-HardToolBench and SoftToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a throw, for
-``docs/designs.md``. Table (takes hours): the
-rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
-``docs/tasks.md``.
+``docs/example.ipynb`` and keeps the outputs of its cells. Strips: a picture for each task of HardToolBench and
+SoftToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a throw, for
+``docs/plans.md``.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
-import json
 import re
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,24 +21,19 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from core.config.compose import load
 from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.interfaces import Perception, RolloutSettings, Waypoints
+from core.interfaces import Perception, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
-from core.search.orchestration import run
 from core.simulation.pictures import save_film
-from core.simulation.rollout import evaluate_batch
 from core.simulation.strip import draw_strip
-from docs import prompt_page
 from docs.diagrams import DRAWINGS
-from plugins.fitness.layouts import UNSEEN, describe_ranges
-from plugins.vlms.told import facts
+from plugins.fitness.layouts import UNSEEN
 from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing
@@ -56,8 +45,6 @@ SOLUTIONS = DOCS.parent / "tests" / "tasks" / "solutions"
 FILM_SIZE = (320, 240)
 SHEET_COLUMNS = 3
 AWAY = (5.0, 5.0)  # x and y, far from the arm, where a body is drawn alone
-ENOUGH = 0.99
-BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 
 
 def reference(name: str) -> Candidate:
@@ -155,13 +142,6 @@ def collision_shapes(body: Body) -> tuple[Geom, ...]:
     )
 
 
-def fill(file: Path, text: str, what: str = "table") -> None:
-    """Write what is made by a command into its page."""
-    begin, end = BEGIN.replace("table", what), END.replace("table", what)
-    before, after = (file.read_text(encoding="utf-8").split(mark)[side] for side, mark in ((0, begin), (1, end)))
-    file.write_text(f"{before}{begin}\n{text}{end}{after}", encoding="utf-8")
-
-
 def notebook(file: Path) -> None:
     """Run a notebook in an empty folder and write it back with its outputs."""
     import nbclient
@@ -175,38 +155,6 @@ def notebook(file: Path) -> None:
         for output in cell.get("outputs", []):
             output.get("data", {}).pop("image/jpeg", None)  # Pillow offers it beside the PNG
     nbformat.write(document, file)
-
-
-def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
-    """Compute the best reward so far after each generation, in a run that stops when it reaches `ENOUGH`."""
-    words = [f"task={name}", f"seed={seed}", "film=false", "listener=[]", f"budget.stop_reward={ENOUGH}", *overrides]
-    with tempfile.TemporaryDirectory() as folder:
-        result = run(load("config", words), Path(folder))
-    bests = [g.best_reward or 0.0 for g in result.generations]
-    return np.maximum.accumulate(bests).tolist()
-
-
-def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]:
-    """Measure one task. A run of eight generations begins as the run of four with its seed: one gives both."""
-    plugins = installed()
-    task, simulator = plugins.create("task", name), plugins.create("sim", "pybullet")
-    still = Candidate(Tool(), Waypoints(np.array([[*task.home.position, *task.home.rpy]])))
-    nothing = evaluate_batch(task, simulator, [still], 0, RolloutSettings())[0].reward
-    began = time.monotonic()
-    solved = evaluate_batch(task, simulator, [reference(name)], 0, RolloutSettings())[0].reward
-    took = time.monotonic() - began
-    runs = [best_by_generation(name, seed, "budget.n_iteration=7") for seed in seeds]
-    gripper = [best_by_generation(name, seed, "tool=none", "budget.n_action=20") for seed in gripper_seeds]
-    return {
-        "task": name,
-        "nothing": nothing,
-        "reference": solved,
-        "first": [bests[0] for bests in runs],
-        "designer": [bests[:4][-1] for bests in runs],
-        "twice": [bests[-1] for bests in runs],
-        "gripper": [bests[-1] for bests in gripper],
-        "seconds": took,
-    }
 
 
 def tempo(file: Path) -> None:
@@ -245,77 +193,16 @@ def strips(names: list[str]) -> None:
         print(name, flush=True)
 
 
-def ranges(plugin: str) -> str:
-    """Write what the variations of each task draw, as a table."""
-    rows = ["", "| task | `near` | `wide` |", "|---|---|---|"]
-    for name in tasks_of(plugin):
-        of = installed().create("task", name).variations
-        rows.append(f"| {name} | {' | '.join(describe_ranges(of[variation]) for variation in ('near', 'wide'))} |")
-    return "\n".join(rows) + "\n\n"
-
-
-def table(names: list[str], seeds: list[int], gripper_seeds: list[int], output: Path) -> None:
-    """Measure the rows that ``output``, a JSON file, lacks, and write all of them into the page."""
-    rows = json.loads(output.read_text()) if output.exists() else []
-    for name in names:
-        if name not in {r["task"] for r in rows}:
-            rows.append(row(name, seeds, gripper_seeds))
-            print(json.dumps(rows[-1]), flush=True)
-            output.write_text(json.dumps(rows, indent=1) + "\n")
-    page = DOCS / "tasks.md"
-    text = page.read_text()
-    before, after = text[: text.index(BEGIN)], text[text.index(END) :]
-    page.write_text(f"{before}{BEGIN}\n{markdown(sorted(rows, key=lambda r: r['task']))}{after}")
-
-
-def markdown(rows: list[dict[str, Any]]) -> str:
-    """Format the rows as a table, with several runs as mean (smallest to largest)."""
-
-    def runs(values: list[float]) -> str:
-        return (
-            f"{np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})" if len(values) > 1 else f"{values[0]:.3f}"
-        )
-
-    lines = [
-        "| task | nothing | reference | first sampling | quick | twice | bare gripper | s per rollout |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for r in rows:
-        means = " | ".join(runs(r[key]) for key in ("first", "designer", "twice", "gripper"))
-        lines.append(f"| {r['task']} | {r['nothing']:.3f} | {r['reference']:.3f} | {means} | {r['seconds']:.2f} |")
-    means = " | ".join(
-        f"{np.mean([np.mean(r[key]) for r in rows]):.3f}" for key in ("first", "designer", "twice", "gripper")
-    )
-    lines.append(f"| **mean** | | | {means} | |")
-    return "\n".join(lines) + "\n"
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "what",
-        choices=[
-            "pictures",
-            "scene",
-            "diagrams",
-            "notebook",
-            "arm",
-            "prompts",
-            "levels",
-            "ranges",
-            "strips",
-            "tempo",
-            "table",
-        ],
+        choices=["pictures", "scene", "diagrams", "notebook", "strips", "tempo"],
     )
     parser.add_argument("--tasks", nargs="*")
-    parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
-    parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
-    parser.add_argument("--output", type=Path, default=Path("table.json"))
     given = parser.parse_args()
-    tasks = given.tasks or tasks_of("robotoolbench")
     if given.what == "pictures":
-        pictures(tasks)
+        pictures(given.tasks or tasks_of("robotoolbench"))
     elif given.what == "strips":
         strips(given.tasks or [*tasks_of("hardtoolbench"), *tasks_of("softtoolbench")])
     elif given.what == "scene":
@@ -323,23 +210,10 @@ def main() -> None:
     elif given.what == "diagrams":
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
-    elif given.what == "arm":
-        fill(DOCS / "arm.md", f"\n{facts.sheet(installed().default_robot)}")
-    elif given.what == "prompts":
-        fill(DOCS / "prompts.md", prompt_page.contents())
     elif given.what == "tempo":
         tempo(DOCS / "images" / "tempo.png")
-    elif given.what == "levels":
-        names = [*tasks_of("robotoolbench"), *tasks_of("hardtoolbench")]
-        fill(DOCS / "prompts.md", "\n".join(["", *prompt_page.LEVELS, *prompt_page.levels(names)]) + "\n\n", "levels")
-    elif given.what == "ranges":
-        fill(DOCS / "layouts.md", ranges("robotoolbench"))
-        fill(DOCS / "hardtoolbench.md", ranges("hardtoolbench"))
-        fill(DOCS / "softtoolbench.md", ranges("softtoolbench"))
-    elif given.what == "notebook":
-        notebook(DOCS / "example.ipynb")
     else:
-        table(tasks, given.seeds, given.gripper_seeds, given.output)
+        notebook(DOCS / "example.ipynb")
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from core.geometry import Cylinder, Mesh, Sphere
 from core.interfaces import Seen
 from core.plugins import Plugins, installed
 from core.scene import Body, Box, Camera, Geom, Goal, Joint, Pose, Scene, State
-from docs import build, prompt_page
+from docs import build
 from docs.diagrams import DRAWINGS
 from plugins.conformance.suites import examine
 from plugins.new.packages import write as write_package
@@ -151,16 +151,17 @@ def test_each_kind_of_block_is_looked_at():
     known = {"sh", "console"}
     rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
     assert {name: found for name, found in rest.items() if found} == {
-        "designs.md": {"json": 7},
+        "designs.md": {"json": 4},
         "paper.md": {"bibtex": 2},
+        "plans.md": {"json": 3},
         "plugins.md": {"python": 2, "toml": 1},
-        "prompts.md": {"json": 1, "python": 3},
         "layouts.md": {"json": 1},
         "python.md": {"python": 2},
         "scene_files.md": {"yaml": 5},
+        "scene_types.md": {"py": 1},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 1, "yaml": 1},
-        "writing_a_scene.md": {"python": 5, "py": 5},  # the last are parts of a class
+        "writing_a_scene.md": {"python": 5, "py": 4},  # the last are parts of a class
     }
 
 
@@ -192,7 +193,7 @@ def text(cell) -> str:
 
 
 def test_relative_links_lead_somewhere():
-    for page in PAGES:
+    for page in [*PAGES, *(ROOT / "docs/decisions").glob("*.md")]:
         for target in re.findall(r"\]\(((?!https?:)[^)#]+)\)", page.read_text()):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
@@ -215,33 +216,11 @@ def test_example_plugin_works(tmp_path, monkeypatch, capsys):
         plugins.create("listener", "shout", {"marc": "?"})
 
 
-def test_the_prompt_in_the_docs_is_what_is_sent():
-    text = (ROOT / "docs/prompts.md").read_text()
-    assert text.partition("<!-- table -->\n")[2].startswith(prompt_page.contents()), "python docs/build.py prompts"
-    sizes = {use: tokens for use, _, tokens in re.findall(r"^\| (.+) \| ([\d,]+) \| ([\d,]+) \|$", text, re.MULTILINE)}
-    assert int(sizes["first sampling"].replace(",", "")) <= 6500
-
-
-def test_the_sizes_of_what_is_told_less_are_those_of_the_prompts():
-    text = (ROOT / "docs/prompts.md").read_text().partition("<!-- levels -->")[2]
-    for row in prompt_page.levels(["OneBook", "PastGlasses"]):
-        assert row in text, "python docs/build.py levels"
-    assert len(re.findall(r"^\| \w+ \| [\d,]+ \+ 1 \| [\d,]+ \+ 1 \| [\d,]+ \+ 5 \|$", text, re.M)) == 24
-
-
 def test_each_test_that_the_page_of_attacks_names_is_there():
     named = re.findall(r"`([\w/]+\.py)::(\w+)`", (ROOT / "docs/attacks.md").read_text())
-    assert len(named) > 30
+    assert len(named) > 15
     for file, name in named:
         assert f"def {name}(" in (ROOT / file).read_text(), f"{file}::{name}"
-
-
-@pytest.mark.parametrize(
-    ("page", "plugin"), [("layouts", "robotoolbench"), *[(page, page) for page in ("hardtoolbench", "softtoolbench")]]
-)
-def test_the_ranges_in_the_docs_are_those_of_the_tasks(page, plugin):
-    text = (ROOT / f"docs/{page}.md").read_text()
-    assert text.partition("<!-- table -->\n")[2].startswith(build.ranges(plugin)), "python docs/build.py ranges"
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -315,7 +294,8 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
 
 
 def test_example_designs_are_read():
-    design, boxes, joint, solid, plan, guarded, finding = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
+    design, boxes, joint, solid = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
+    plan, guarded, finding = map(json.loads, blocks(ROOT / "docs/plans.md", "json"))
     assert design["strategies"][0]["action_sets"]
     seen = Seen({"cube": Pose(np.array([0.6, 0.0, 0.0])), "goal": Pose(np.array([0.6, -0.2, 0.0]))})
     waypoints = installed().create("action", "anchored").parse(plan, gripper=False).resolve(seen)
@@ -388,9 +368,9 @@ def test_the_scene_files_of_the_page_are_tasks(tmp_path):
 
 @pytest.mark.parametrize("of", [Body, Box, Camera, Cylinder, Geom, Goal, Joint, Mesh, Pose, Scene, Sphere, State])
 def test_the_tables_have_every_field_and_its_default(of):
-    text = SCENE_PAGE.read_text().partition("## What each type takes")[2]
-    if f"### {of.__name__}\n" in text:
-        section = text.partition(f"### {of.__name__}\n")[2].partition("\n### ")[0]
+    text = (ROOT / "docs/scene_types.md").read_text()
+    if f"## {of.__name__}\n" in text:
+        section = text.partition(f"## {of.__name__}\n")[2].partition("\n## ")[0]
         rows = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", section, re.M))
         assert list(rows) == [field.name for field in dataclasses.fields(of)]
         for field in dataclasses.fields(of):
