@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import filecmp
-import itertools
 import shutil
 from functools import partial
 from pathlib import Path
@@ -53,11 +52,13 @@ def copied(mesh: Path, folder: Path) -> str:
     """
     small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
     small = small if small.exists() else mesh
-    numbered = (f"{small.stem}_{number}{small.suffix}" for number in itertools.count(2))
-    copies = (folder / "meshes" / name for name in itertools.chain([small.name], numbered))
-    copy = next(each for each in copies if not each.exists() or filecmp.cmp(small, each, shallow=False))
+    copy = folder / "meshes" / small.name
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    number = 1
+    while copy.exists() and not filecmp.cmp(small, copy, shallow=False):
+        number += 1
+        copy = copy.with_name(f"{small.stem}_{number}{small.suffix}")
     if not copy.exists():
-        copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(small, copy)
     return f"meshes/{copy.name}"
 

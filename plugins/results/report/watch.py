@@ -102,19 +102,25 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer with a file. A page of another site, whose name leads here, is refused by the name that it asks."""
         path = unquote(self.path.partition("?")[0]).removeprefix("/") or "index.html"
-        status, data, kind = 404, b"There is no such file.\n", "text/plain"
         if self.headers.get("Host") not in {f"{name}:{self.server.server_port}" for name in (HERE, "localhost")}:
-            status, data = 403, b"This page is for this machine alone.\n"
+            self._answer(403, b"This page is for this machine alone.\n")
+            return
+        try:
+            found = self.server.read(path)
+        except UserError as error:
+            self._answer(503, f"{error}\n".encode(errors="backslashreplace"))
+            return
+        if found is None:
+            self._answer(404, b"There is no such file.\n")
         else:
-            try:
-                if (found := self.server.read(path)) is not None:
-                    status, data, kind = 200, found, _TYPES.get(Path(path).suffix, "application/octet-stream")
-            except UserError as error:
-                status, data = 503, f"{error}\n".encode(errors="backslashreplace")
+            self._answer(200, found, _TYPES.get(Path(path).suffix, "application/octet-stream"))
+
+    def _answer(self, status: int, data: bytes, kind: str = "text/plain") -> None:
         self.send_response(status)
-        headers = {"Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(data))}
-        for header in (headers | {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff"}).items():
-            self.send_header(*header)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(data)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
         self.end_headers()
         self.wfile.write(data)
 

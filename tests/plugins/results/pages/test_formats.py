@@ -5,16 +5,7 @@ import io
 
 import pytest
 
-from core.support.text import number
 from plugins.results.pages.formats import CellLink, Column, Table, printed, to_csv
-
-
-@pytest.mark.parametrize(
-    ("value", "digits", "said"),
-    [(0.99996, 3, "0.999"), (1.0, 3, "1.000"), (0.12345, 3, "0.123"), (float("nan"), 2, "–"), (12.6, 0, "13")],
-)
-def test_nothing_is_rounded_up_to_one(value, digits, said):
-    assert number(value, digits) == said
 
 
 def test_cells_in_a_file_of_commas(tmp_path):
