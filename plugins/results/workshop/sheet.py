@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL.ImageColor import getrgb
 
 from core.design import RIGID_MOUNT, Tool
 from core.designs.statics import flange_moment
@@ -23,7 +22,6 @@ from core.simulation.pictures import png
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.pages.drawing import Painted, draw, painted
-from plugins.results.pages.figure import COLORS
 from plugins.results.pages.page import data_address, render
 from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.motion import PlayedMotion, Sampled
@@ -37,6 +35,7 @@ NUMBERED = 26  # components at most
 VIEWS = {"from the side": (0.0, -1.0, 0.0), "from the front": (1.0, 0.0, 0.0), "from above": (0.0, 0.0, 1.0)}  # the eye
 CELL_MM, _ROOM_MM = (92.0, 66.0), (24.0, 20.0)  # of a view on paper, and of it for dimensions
 _PIXELS = 920, 660
+PALE = (0.9, 0.93, 0.96, 1.0)  # of a view, in which numbers are read
 
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
@@ -146,32 +145,42 @@ def views(tool: Tool, robot: Robot, names: Sequence[str]) -> list[dict[str, Any]
 
     ``names`` are those of the components by their numbers, the first 1.
     """
-    held, numbers = as_held(tool, robot), {name: number for number, name in enumerate(names, start=1)}
-    drawn = {name: np.divide(getrgb(COLORS[(n - 1) % len(COLORS)]), 255) for name, n in numbers.items()}
-    colors = {name: 0.85 + 0.15 * color for name, color in drawn.items()}
-    pale = [Painted(solid, (*colors[component.name].tolist(), 1.0)) for component, solid in held]
-    places = [(numbers[component.name], 1000 * np.asarray(solid.bounds).mean(axis=0)) for component, solid in held]
+    held = as_held(tool, robot)
+    solids = [Painted(solid, PALE) for _, solid in held]
+    places = {names.index(component.name) + 1: 1000 * solid.bounds.mean(axis=0) for component, solid in held}
     points = 1000 * np.concatenate([solid.vertices for _, solid in held])
-    center = 1000 * np.average([s.center_mass for _, s in held], axis=0, weights=[c.mass for c, _ in held])
+    masses = [component.mass for component, _ in held]
+    center = 1000 * np.average([solid.center_mass for _, solid in held], axis=0, weights=masses)
+
     ways = {title: Camera(eye, (0.0, 0.0, 0.0)).axes[:2] * [[1], [-1]] for title, eye in VIEWS.items()}
     room = np.subtract(CELL_MM, _ROOM_MM)
     wanted = max(float((np.ptp(points @ way.T, axis=0) / room).max()) for way in ways.values())
     scale = next((scale for scale in SCALES if scale >= wanted), wanted)
-    shown, made = scale * np.array(CELL_MM), []
+    shown = scale * np.array(CELL_MM)
+
+    drawn = []
     for title, way in ways.items():
-        flat = points @ way.T
-        low, high = flat.min(axis=0), flat.max(axis=0)
-        picture = png(draw(pale, *_PIXELS, VIEWS[title], shown[0] / 1000))
-        numbered = _numbered([(number, way @ place) for number, place in places], 0.045 * shown[0])
-        lengths = {"low": low, "high": high, "corner": (low + high - shown) / 2, "center": way @ center}
-        made.append({"title": title, "scale": scale, "picture": data_address(picture), "numbers": numbered, **lengths})
-    return made
+        low = (points @ way.T).min(axis=0)
+        high = (points @ way.T).max(axis=0)
+        view = {
+            "title": title,
+            "scale": scale,
+            "picture": data_address(png(draw(solids, *_PIXELS, VIEWS[title], shown[0] / 1000))),
+            "numbers": _numbers({number: way @ place for number, place in places.items()}, 0.045 * shown[0]),
+            "low": low,
+            "high": high,
+            "corner": (low + high - shown) / 2,
+            "center": way @ center,
+        }
+        drawn.append(view)
+    return drawn
 
 
-def _numbered(numbers: Sequence[tuple[int, Array]], apart: float) -> list[tuple[str, Array]]:
+def _numbers(places: Mapping[int, Array], apart: float) -> list[tuple[str, Array]]:
     """Return what to write where (2,): the numbers of components at nearly one place are written side by side."""
-    places: dict[tuple[float, ...], list[tuple[int, Array]]] = {}
-    for number, at in numbers:
-        places.setdefault(tuple(np.round(at / apart)), []).append((number, at))
-    written = [(", ".join(map(str, sorted(n for n, _ in found))), found[0][1]) for found in places.values()]
-    return written if len(numbers) <= NUMBERED else []
+    if len(places) > NUMBERED:
+        return []
+    near: dict[tuple[float, ...], list[int]] = {}
+    for number in sorted(places):
+        near.setdefault(tuple(np.round(places[number] / apart)), []).append(number)
+    return [(", ".join(map(str, numbers)), places[numbers[0]]) for numbers in near.values()]
