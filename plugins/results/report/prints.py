@@ -35,11 +35,6 @@ class ToolPrint:
     def ready(self) -> bool:
         return all(part.ready for part in self.parts)
 
-    @property
-    def faults(self) -> list[str]:
-        """What speaks against printing it."""
-        return [f"{part.name}: {check}" for part in self.parts for check in part.checks if not check.passed]
-
     def files(self) -> dict[str, Callable[[], bytes]]:
         """The design, and STL and 3MF files in millimetres, laid on the plate; each with what makes it."""
         design = json.dumps({"strategies": [self.winner.design]}, indent=2) + "\n"

@@ -243,8 +243,9 @@ def weighed(mount: Mount, link: ToolLink, taken: Collection[str], material: Mate
     density = share * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
     components = []
     for number, (shape, pose) in enumerate(mount.simulated):
-        name = mount.name if len(mount.simulated) == 1 else f"{mount.name}_{number}"
-        name = next(free for n in itertools.count() if (free := name + "_" * n) not in taken)
+        name = f"{mount.name}_{number}" if number else mount.name
+        while name in taken:
+            name += "_"
         mass = max(LEAST_KG, density * material.volume_of(shape))
         components.append(Component(name, link.bearer, pose, shape, mass))
     return components
