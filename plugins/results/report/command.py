@@ -31,8 +31,13 @@ USAGE = (
 class ReportConfig:
     """Settings of ``vlmgineer report``.
 
-    ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with; ``verify``: one whose
-    designs are tried again; ``watch``: serve the page of a run that goes on, at ``port`` (0: any) of this machine.
+    Attributes:
+        output: the folder to write.
+        name: of the entry of a benchmark; empty: the method's (docs/benchmark.md).
+        entries: results files of other entries, to compare.
+        verify: a results file whose designs are tried again, in some minutes.
+        watch: serve the page of one run, also while it goes on, until Ctrl-C.
+        port: of this machine, with ``watch``; 0: any.
     """
 
     output: str = "report"

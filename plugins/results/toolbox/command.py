@@ -35,7 +35,14 @@ PAGE = "index.html"
 
 @dataclass
 class ToolboxConfig:
-    """Settings of ``vlmgineer toolbox``; see ``conf/toolbox.yaml``."""
+    """Settings of ``vlmgineer toolbox``.
+
+    Attributes:
+        output: the folder to write; what was tried is there, so that the same command goes on.
+        tasks: tried besides those of the runs: names, or mappings of a ``name`` and settings.
+        good: the reward from which a tool does a task.
+        top: the number of candidates from each run, the best first.
+    """
 
     output: str = "toolbox"
     tasks: list[Any] = field(default_factory=list)
