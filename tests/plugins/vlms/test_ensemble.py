@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from core.config.compose import load
@@ -22,9 +20,9 @@ from core.interfaces import VLM, Reply, Waypoints
 from core.plugins import Offer, installed
 from core.search.orchestration import resume, run
 from plugins.conformance.suites import SUITES
-from plugins.vlms.ensemble.model import Dealer, Ensemble
+from plugins.vlms.ensemble.model import Ensemble
 from tests.plugins.vlms.asking import KEYS, until_limit
-from tests.plugins.vlms.servers import Say, Send, request, serving
+from tests.plugins.vlms.servers import Say, request, serving
 from tests.plugins.vlms.test_litellm_runs import secrets_in
 
 pytestmark = pytest.mark.slow
@@ -113,44 +111,11 @@ def test_reward_counts_for_its_cost():
 
 
 @pytest.mark.usefixtures("priced")
-def test_fewer_agents_than_members_ask_all_of_them_in_time():
-    members = [member(name, 0.5) for name in "abcde"]
-    assert len(dealt(played(Ensemble(members), members, generations=3, agents=2))) == 5
-
-
-@pytest.mark.usefixtures("priced")
 def test_a_resumed_run_deals_as_the_undisturbed_one():
     members = [member("a", 0.4, 0.01), member("b", 0.6, 0.03)]
     whole = played(Ensemble(members, seed=7), members)
     assert played(Ensemble(members, seed=7), members, stored=whole[:9]) == whole
     assert played(Ensemble(members, seed=8), members) != whole
-
-
-@pytest.mark.usefixtures("priced")
-def test_members_hear_of_their_own_replies_and_equal_names_differ():
-    members = [member("a", 0.4), {**member("a", 0.4), "cost": 1.0}]
-    vlm = Ensemble(members)
-    for one, reply in zip(requests_of(0, 2), vlm.complete(requests_of(0, 2)), strict=True):
-        vlm.reply_received(next(r for r in requests_of(0, 2) if r.id == reply.request_id), reply)
-        assert reply.model in ("a", "a (2)"), one
-    first, second = vlm._members.values()
-    assert (first.heard, second.heard) == (["g0-a0"], ["g0-a1"])
-
-
-@given(
-    st.lists(st.tuples(st.sampled_from("abc"), st.floats(0, 1), st.none() | st.floats(0, 10)), max_size=12),
-    st.randoms(use_true_random=False),
-)
-def test_the_order_in_which_answers_are_heard_does_not_matter(heard, random):
-    shuffled = random.sample(heard, len(heard))
-    rankings = []
-    for order in (heard, shuffled):
-        dealer = Dealer("abc", 1)
-        for one in order:
-            dealer.hear(*one)
-        rankings.append([dealer.ranking(2, agent) for agent in range(5)])
-    assert rankings[0] == rankings[1]
-    assert all(sorted(ranking) == ["a", "b", "c"] for ranking in rankings[0])
 
 
 # --- settings ---------------------------------------------------------------------------------------------------
@@ -244,22 +209,6 @@ def test_one_limit_holds_for_all_members_also_for_what_a_resumed_run_had_spent(l
         assert again == []
         with pytest.raises(UserError, match=r"can't be applied: .* no price for openai/my-own"):
             Ensemble([{"name": "litellm", "model": "openai/my-own", "api_base": f"{first.url}/v1"}], max_cost_usd=1.0)
-
-
-@pytest.mark.usefixtures("planted", "warm")
-def test_a_member_that_fails_is_asked_less():
-    with serving(lambda call: Send("no", 401)) as first, serving(lambda call: Say()) as second:
-        members = two(first, second)
-        members[0]["earns"], members[1]["earns"] = 0.0, 0.7
-        vlm = Ensemble([{k: v for k, v in m.items() if k != "earns"} for m in members])
-        for index in range(12):
-            asked = requests_of(index, 4)
-            replies = {reply.request_id: reply for reply in vlm.complete(asked)}
-            for one in asked:
-                vlm.reply_received(one, replies[one.id])
-            earned = {r.brief.agent: 0.0 if replies[r.id].error else 0.7 for r in asked}
-            vlm.generation_finished(generation(index, earned))
-        assert 1 <= len(first.calls) < 16 < 32 < len(second.calls)
 
 
 # --- a whole run: `tests/kills.py` kills one ----------------------------------------------------------------------

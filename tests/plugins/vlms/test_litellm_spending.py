@@ -7,7 +7,7 @@ import pytest
 
 from core.errors import LimitReached, UsageError, UserError
 from plugins.vlms.litellm.model import LanguageModel
-from tests.plugins.vlms.asking import PAID, agent_of, ask, model_at, until_limit
+from tests.plugins.vlms.asking import PAID, ask, model_at, until_limit
 from tests.plugins.vlms.servers import Say, Send, request, serving
 
 FINE = Say('{"fine": true}')  # 1007 tokens
@@ -40,21 +40,6 @@ def test_calls_that_are_under_way_are_completed():
         vlm = model_at(server, "openai", concurrency=4, max_tokens_total=1000)
         replies, _ = until_limit(vlm, [request(agent) for agent in range(10)])
     assert 1 <= len(replies) == len(server.calls) <= 4
-
-
-def test_failures_that_cost_something_count():
-    with serving(lambda call: Say("", "content_filter")) as server:
-        replies, _ = until_limit(
-            model_at(server, "openai", concurrency=1, max_tokens_total=1500), [request(agent) for agent in range(4)]
-        )
-    assert [reply.error for reply in replies] == ["the provider's safety filter blocked the reply"] * 2
-
-
-def test_no_retry_beyond_a_limit():
-    with serving(lambda call: FINE if agent_of(call) == 0 else Send("{}", 503)) as server:
-        vlm = model_at(server, "openai", concurrency=2, retries=100, max_tokens_total=500)
-        until_limit(vlm, [request(0), request(1)])
-    assert len(server.calls) < 20
 
 
 def test_tokens_that_a_server_does_not_report_are_counted():
