@@ -21,7 +21,6 @@ from plugins.vlms.offline.plans import turn_of
 from plugins.vlms.offline.sampler import Layout, Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.several import task_plans, tools_answer
-from plugins.vlms.offline.tools import recognize
 
 if TYPE_CHECKING:
     from core.events import Run
@@ -121,7 +120,7 @@ def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
             uses, parents = offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
             description = f"Plans varied from {elite.id}."
         else:
-            uses = [sampler.use(tool, lambda subgoal: recognize(given, subgoal, rng)) for _ in range(brief.n_action)]
+            uses = [sampler.use_any(tool) for _ in range(brief.n_action)]
             description = f"It {uses[0].text}."
     elif elites:
         name, description, tool, uses, parents = breed(elites, brief.n_action, sampler)
@@ -139,7 +138,7 @@ def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
         **representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
         "action_sets": [
-            sampler.written_to_feel(use, tool) if feels and i % 2 == 0 else sampler.written(use.plan, use.anchors)
+            sampler.written_with_guard(use, tool) if feels and i % 2 == 0 else sampler.written(use.rows, use.anchors)
             for i, use in enumerate(uses)
         ],
         **({"parents": parents} if parents else {}),

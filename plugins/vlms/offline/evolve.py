@@ -42,20 +42,29 @@ class Elite:
 
 
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) -> list[Elite]:
-    """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout."""
+    """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout.
+
+    A waypoint that ends by a guard is left out, and so is the way back from it.
+    """
+    known = {*seen.poses, Anchor().name, Anchor().toward}  # not where a guard ends
     elites = []
     for evaluation in evaluations:
         candidate = evaluation.candidate
-        if candidate.tool is not None and candidate.tool.gripper == gripper:
-            way, anchors = candidate.plan.resolve(seen), candidate.plan.anchors
-            anchors = anchors if len(anchors) == len(way) else (Anchor(),) * len(way)
-            known = {*seen.poses, Anchor().name, Anchor().toward}  # not where a guard ends
-            felt = {i for i, guard in enumerate(way.guards) if guard}
-            felt |= {i + 1 for i in felt if way.poses[i + 1 : i + 2].tolist() == way.poses[i - 1 : i].tolist()}
-            kept = [i for i in range(len(way)) if i not in felt]  # nor the way back from it
-            anchors = tuple(anchors[i] if {anchors[i].name, anchors[i].toward} <= known else Anchor() for i in kept)
-            rows = way.poses[kept]
-            elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, evaluation.moved_m))
+        if candidate.tool is None or candidate.tool.gripper != gripper:
+            continue
+        plan = candidate.plan.resolve(seen)
+        rows = plan.poses
+        given = candidate.plan.anchors
+        kept = []
+        for i, guard in enumerate(plan.guards or [None] * len(rows)):
+            back = i > 1 and bool(plan.guards) and plan.guards[i - 1] and rows[i].tolist() == rows[i - 2].tolist()
+            if not guard and not back:
+                kept.append(i)
+        anchors = []
+        for i in kept:
+            anchor = given[i] if len(given) == len(rows) else Anchor()
+            anchors.append(anchor if {anchor.name, anchor.toward} <= known else Anchor())
+        elites.append(Elite(candidate.id, candidate.tool, rows[kept], anchors, evaluation.reward, evaluation.moved_m))
     return elites
 
 
@@ -76,7 +85,9 @@ def breed(elites: Sequence[Elite], count: int, sampler: Sampler) -> tuple[str, s
         if tool.components != first.tool.components and sampler.accepts(tool):
             break
     else:
-        crossing, tool, done = False, first.tool, "other plans"
+        crossing = False
+        tool = first.tool
+        done = "other plans"
     parents = [first.id, second.id] if crossing else [first.id]
     name = "crossover" if crossing else "mutation"
     base = first.tool.description.split("; changed: ")[0]
@@ -87,83 +98,88 @@ def breed(elites: Sequence[Elite], count: int, sampler: Sampler) -> tuple[str, s
 
 def offspring_plans(elite: Elite, tool: Tool, count: int, sampler: Sampler) -> list[SampledPlan]:
     """Plans for a tool derived from the elite's: its plan fitted to the tool, variations of it, or fresh ones."""
-    rng, old, own = sampler.rng, *(part_for(one, sampler.brief.task) for one in (elite.tool, tool))
+    rng = sampler.rng
+    part = part_for(tool, sampler.brief.task)
+    apart = middle(part_for(elite.tool, sampler.brief.task)) - middle(part)
     base = elite.plan.copy()  # the foot of the new tool moves as that of the elite's did
-    base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(middle(old) - middle(own))
-    uses: list[SampledPlan] = []
+    base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(apart)
+    plans: list[SampledPlan] = []
     for i in range(count):
         if 0 < i == count - 1 and rng.random() < elite.scale:
-            uses.append(sampler.use(tool, lambda subgoal: recognize(own, subgoal, rng)))
+            plans.append(sampler.use(tool, lambda subgoal: recognize(part, subgoal, rng)))
             continue
-        new, anchors, done = base, elite.anchors, ["the parent's plan"]
-        for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
-            new, anchors, what = vary(new, anchors, elite, sampler.analysis, rng)
-            done.append(what)
+        parent = SampledPlan(base, "the parent's plan", elite.anchors)
+        plan = parent
+        for _ in range(int(rng.integers(1, 3) if i > 0 else rng.integers(0, 2))):
+            plan = vary(plan, elite, sampler.analysis, rng)
         try:
-            sampler.written(new, anchors)
+            sampler.written(plan.rows, plan.anchors)
         except DesignError:  # it leads too far away
-            new, anchors, done = base, elite.anchors, done[:1]
-        uses.append(SampledPlan(new, ", ".join(done), anchors))
-    return uses
+            plan = parent
+        plans.append(plan)
+    return plans
 
 
-def _last_stroke(plan: Array) -> tuple[int, int]:
-    """First and last row of the last straight stroke that is long and nearly level."""
-    ways = np.diff(plan[:, :3], axis=0)
+def _last_straight(rows: Array) -> tuple[int, int]:
+    """First and last row of the last straight motion that is long and nearly level."""
+    ways = np.diff(rows[:, :3], axis=0)
     lengths = np.linalg.norm(ways, axis=1)
-    level = [i for i, (way, length) in enumerate(zip(ways, lengths, strict=True)) if length > 2 * abs(way[2]) + 0.01]
+    level = np.flatnonzero(lengths > 2 * np.abs(ways[:, 2]) + 0.01).tolist()
     if not level:
-        return max(0, len(plan) - 2), len(plan) - 1
-    end = start = max([i for i in level if lengths[i] > 0.035] or level)
+        return max(0, len(rows) - 2), len(rows) - 1
+    end = max([i for i in level if lengths[i] > 0.035] or level)
+    start = end
     while start - 1 in level and ways[start - 1] @ ways[end] > 0.9 * lengths[start - 1] * lengths[end]:
         start -= 1
     return start, end + 1
 
 
-def vary(
-    plan: Array, anchors: Sequence[Anchor], elite: Elite, analysis: SceneAnalysis, rng: Generator
-) -> tuple[Array, Sequence[Anchor], str]:
+def vary(plan: SampledPlan, elite: Elite, analysis: SceneAnalysis, rng: Generator) -> SampledPlan:
     """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
-    start, end = _last_stroke(plan)
-    way = plan[end, :3] - plan[start, :3]
-    length, missing = float(np.linalg.norm(way)), _missing(elite, analysis)
+    start, end = _last_straight(plan.rows)
+    way = plan.rows[end, :3] - plan.rows[start, :3]
+    length = float(np.linalg.norm(way))
+    missing = _missing(elite, analysis)
     kinds = {"length": 0.2, "shift": 0.25, "height": 0.15, "yaw": 0.1, "slower": 0.05, "faster": 0.05}
     if abs(missing) > 0.001 and length > 0.02:
         kinds["measure"] = 0.25
-    new = plan.copy()
-    match draw(kinds, rng):
-        case "length" | "measure" as kind:
-            if kind == "measure":
-                more = missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
-            else:
-                more = rng.normal(0.0, 0.08 * elite.scale)
-            share = np.clip((np.arange(len(plan)) - start) / max(1, end - start), 0.0, 1.0)
-            new[:, :3] += share[:, None] * more * way / max(length, 1e-6)
-            return new, anchors, f"its stroke {'longer' if more > 0 else 'shorter'} by {abs(more) * 1000:.1f} mm"
-        case "shift":
-            shift = rng.normal(0.0, 0.02 * elite.scale, 3) * np.array([1.0, 1.0, 0.2])
-            new[:, :3] += shift
-            return new, anchors, f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
-        case "height":
-            rise = rng.normal(0.0, 0.02 * elite.scale)
-            new[rng.integers(0, max(1, start + 1)) :, 2] += rise
-            return new, anchors, f"from some waypoint on {abs(rise) * 1000:.1f} mm {'higher' if rise > 0 else 'lower'}"
-        case "yaw":
-            turn = rng.normal(0.0, 0.2 * elite.scale)
-            new[:, 5] += turn
-            return new, anchors, f"turned by {np.degrees(turn):.1f} degrees"
-        case "slower" if len(plan) < 60:
-            halfway = (plan[start:end] + plan[start + 1 : end + 1]) / 2
-            more = list(anchors)
-            for i in range(end, start, -1):
-                before, after = anchors[i - 1 : i + 1]
-                is_one = (before.name, before.toward) == (after.name, after.toward)
-                more.insert(i, replace(after, share=(before.share + after.share) / 2) if is_one else after)
-            new = np.insert(plan, np.arange(start + 1, end + 1), halfway, axis=0)
-            return new, more, "its stroke at half the speed"
-        case _:
-            kept = [i for i in range(len(plan)) if not (start < i < end and (i - start) % 2)]
-            return plan[kept], [anchors[i] for i in kept], "its stroke with fewer waypoints"
+    kind = draw(kinds, rng)
+    rows = plan.rows.copy()
+    anchors = list(plan.anchors)
+    if kind in ("length", "measure"):
+        if kind == "measure":
+            more = missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+        else:
+            more = rng.normal(0.0, 0.08 * elite.scale)
+        share = np.clip((np.arange(len(rows)) - start) / max(1, end - start), 0.0, 1.0)
+        rows[:, :3] += share[:, None] * more * way / max(length, 1e-6)
+        done = f"its stroke {'longer' if more > 0 else 'shorter'} by {abs(more) * 1000:.1f} mm"
+    elif kind == "shift":
+        shift = rng.normal(0.0, 0.02 * elite.scale, 3) * np.array([1.0, 1.0, 0.2])
+        rows[:, :3] += shift
+        done = f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
+    elif kind == "height":
+        rise = rng.normal(0.0, 0.02 * elite.scale)
+        rows[rng.integers(0, max(1, start + 1)) :, 2] += rise
+        done = f"from some waypoint on {abs(rise) * 1000:.1f} mm {'higher' if rise > 0 else 'lower'}"
+    elif kind == "yaw":
+        turn = rng.normal(0.0, 0.2 * elite.scale)
+        rows[:, 5] += turn
+        done = f"turned by {np.degrees(turn):.1f} degrees"
+    elif kind == "slower" and len(rows) < 60:
+        halfway = (rows[start:end] + rows[start + 1 : end + 1]) / 2
+        rows = np.insert(rows, np.arange(start + 1, end + 1), halfway, axis=0)
+        for i in range(end, start, -1):
+            before, after = anchors[i - 1 : i + 1]
+            alike = (before.name, before.toward) == (after.name, after.toward)
+            anchors.insert(i, replace(after, share=(before.share + after.share) / 2) if alike else after)
+        done = "its stroke at half the speed"
+    else:
+        kept = [i for i in range(len(rows)) if not start < i < end or (i - start) % 2 == 0]
+        rows = rows[kept]
+        anchors = [anchors[i] for i in kept]
+        done = "its stroke with fewer waypoints"
+    return SampledPlan(rows, f"{plan.text}, {done}", anchors)
 
 
 def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
@@ -185,53 +201,61 @@ def mutate(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
         "shift": 2.0,
         "turn": 2.0,
         "add": 1.5,
-        "remove": 1.0 * (count > 2),
-        "replace": 1.0 * (count > 1),
+        "remove": float(count > 2),
+        "replace": float(count > 1),
     }
     kind = draw(kinds, rng)
-    if kind in ("size", "add"):
-        mutant, text = _resized(tool, scale, rng) if kind == "size" else _added(tool, rng)
-        return joined(mutant), text
+    if kind == "size":
+        return _resized(tool, scale, rng)
+    if kind == "add":
+        return _added(tool, rng)
     number = int(rng.choice(_leaves(tool)) if kind in ("remove", "replace") else rng.integers(count))
-    old, new = tool.components[number], list[Component]()
+    old = tool.components[number]
     if kind == "remove":
+        changed = []
         text = f"{old.name} removed"
     elif kind == "shift":
         way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
-        new = [replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))]
+        changed = [replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))]
         text = f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
     elif kind == "turn":  # its descendants too
         axis = int(rng.integers(3))
         angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
         turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis]))
-        new = [replace(old, pose=old.pose @ turn)]
+        changed = [replace(old, pose=old.pose @ turn)]
         text = f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
     else:
         x, y, z = np.clip(old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6).tolist()
-        new = [Component(_free_name("part", tool), old.parent, old.pose, Box((x, y, z)), color=_COLOR)]
+        changed = [Component(_free_name("part", tool), old.parent, old.pose, Box((x, y, z)), color=_COLOR)]
         text = f"{old.name} replaced by a box of {x:.3f} x {y:.3f} x {z:.3f} m"
-    return joined(replace(tool, components=(*tool.components[:number], *new, *tool.components[number + 1 :]))), text
+    return joined(replace(tool, components=(*tool.components[:number], *changed, *tool.components[number + 1 :]))), text
 
 
 def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
     """Lengthen or shorten one side; children of the component move with its faces."""
-    number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
+    number = int(rng.integers(len(tool.components)))
+    axis = int(rng.integers(3))
     factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
     old = tool.components[number]
-    own, way = old.shape.bounds[1], old.pose.rotation.as_matrix()[:, axis]
-    sides, stretch = own.tolist(), np.ones(3)
+    before = old.shape.bounds[1]
+    sides = before.tolist()
     sides[axis] = float(np.clip(sides[axis] * factor, _THINNEST_M, 1.5))
-    stretch[axis] = sides[axis] / own[axis]
-    components = [
-        replace(c, pose=Pose(c.pose.position * stretch, c.pose.quaternion)) if c.parent == old.name else c
-        for c in tool.components
-    ]
+    stretch = np.ones(3)
+    stretch[axis] = sides[axis] / before[axis]
+    components = []
+    for c in tool.components:
+        if c.parent == old.name:
+            c = replace(c, pose=Pose(c.pose.position * stretch, c.pose.quaternion))
+        components.append(c)
     # The end that meets the parent stays where it is.
+    way = old.pose.rotation.as_matrix()[:, axis]
     toward = np.sign(float(old.pose.position @ way)) or 1.0
-    pose = Pose(old.pose.position + toward * (way * (sides[axis] - own[axis]) / 2), old.pose.quaternion)
-    components[number] = replace(old, shape=Box((sides[0], sides[1], sides[2])), pose=pose)
+    pose = Pose(old.pose.position + toward * (way * (sides[axis] - before[axis]) / 2), old.pose.quaternion)
+    x, y, z = sides
+    components[number] = replace(old, shape=Box((x, y, z)), pose=pose)
     verb = "lengthened" if factor > 1 else "shortened"
-    return replace(tool, components=tuple(components)), f"{old.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
+    text = f"{old.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
+    return joined(replace(tool, components=tuple(components))), text
 
 
 def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
@@ -248,7 +272,7 @@ def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
     place[along] = rng.choice([-1.0, 0.0, 1.0]) * (size[along] - sides[along]) / 2
     name = _free_name("fin", tool)
     fin = Component(name, parent.name, Pose(place), Box((sides[0], sides[1], sides[2])), color=_COLOR)
-    return replace(tool, components=(*tool.components, fin)), f"{name} added on {parent.name}"
+    return joined(replace(tool, components=(*tool.components, fin))), f"{name} added on {parent.name}"
 
 
 def _leaves(tool: Tool) -> list[int]:

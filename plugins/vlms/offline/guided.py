@@ -1,4 +1,4 @@
-"""Heads with strokes of their own, which follow from what holds a body, or from how it is to be turned.
+"""Heads with motion primitives of their own, which follow from what holds a body, or from how it is to be turned.
 
 Rays through the scene find where a rod gets, to push a body along its joint, and where tines get under a body, to lift
 it off what it stands in, or to turn it over its opposite edge. A fork takes a loose container by its handles, and turns
@@ -28,7 +28,7 @@ _BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
 _LIP_M = 0.004  # thickness of a fork's channels
 
 
-Stroke = Callable[[Path, Generator], str]
+Primitive = Callable[[Path, Generator], str]
 Motion = Sequence[Pose]  # of a body: displacements in the world, one after another
 
 
@@ -71,14 +71,14 @@ def _choose_under(subgoal: Subgoal, headings: Sequence[float], width: float, rng
     return good[int(rng.integers(len(good)))] if good else None
 
 
-def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, stroke: Stroke) -> Head:
+def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, primitive: Primitive) -> Head:
     """Two tines ahead of a wall, or a wide one; their upper faces are at z = 0."""
     across = 2 * spot.apart + width
     pieces = [box("wall", -0.004, 0.0, 0.015 - thick, (0.008, across, 0.03))]
     for number, side in enumerate((1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1):
         size = (depth + 0.008, width, thick)
         pieces.append(box(f"tine_{number}", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
-    return Head(kind, "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, across, stroke=stroke)
+    return Head(kind, "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, across, primitive=primitive)
 
 
 def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
@@ -92,7 +92,7 @@ def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     gap = rng.uniform(0.01, 0.02)
     depth = gap + min(spot.depth, float(np.ptp(subgoal.points @ ahead)))
 
-    def stroke(path: Path, rng: Generator) -> str:
+    def primitive(path: Path, rng: Generator) -> str:
         inside = spot.rear - gap * ahead - 0.001 * UP
         path.enter(subgoal, spot.heading, inside - (depth + 0.02) * ahead, inside)
         path.hold()
@@ -102,11 +102,11 @@ def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         ]
         for place in (lifted, *over, goal, goal - rng.uniform(0.004, 0.012) * UP):
             length = float(np.linalg.norm(place - path.poses[-1].position))
-            path.stroke(place, spot.heading, 0.15 if length > 0.02 else 1.0)
+            path.move(place, spot.heading, 0.15 if length > 0.02 else 1.0)
         path.go(spot.heading, path.poses[-1].position - (depth + 0.02) * ahead, touch=True)
         return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
 
-    return _tines("tines", spot, width, min(0.008, spot.room / 2), depth, stroke)
+    return _tines("tines", spot, width, min(0.008, spot.room / 2), depth, primitive)
 
 
 def tipper(subgoal: Subgoal, turn: tuple[Array, float], rng: Generator) -> Head | None:
@@ -127,7 +127,7 @@ def tipper(subgoal: Subgoal, turn: tuple[Array, float], rng: Generator) -> Head 
     most = angle + rng.uniform(0.0, 0.15) if angle < 2.0 else rng.uniform(1.7, 2.3)
     depth = grip + gap  # from the face to the tip
 
-    def stroke(path: Path, rng: Generator) -> str:
+    def primitive(path: Path, rng: Generator) -> str:
         tip = spot.rear + grip * ahead - 0.001 * UP
         path.enter(subgoal, spot.heading, tip - depth * ahead - (depth + 0.02) * ahead, tip - depth * ahead)
         path.hold()
@@ -138,7 +138,7 @@ def tipper(subgoal: Subgoal, turn: tuple[Array, float], rng: Generator) -> Head 
         path.go(spot.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
         return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
 
-    return _tines("lip", spot, width, thick, depth, stroke)
+    return _tines("lip", spot, width, thick, depth, primitive)
 
 
 def _joint_way(subgoal: Subgoal, rng: Generator) -> tuple[Array, Array | None, Motion] | None:
@@ -175,7 +175,7 @@ def mover(subgoal: Subgoal, rng: Generator) -> Head | None:
     contact = contacts[int(rng.integers(len(contacts)))]
     length, thick = contact.length + rng.uniform(0.04, 0.07), 2 * contact.half
 
-    def stroke(path: Path, rng: Generator) -> str:
+    def primitive(path: Path, rng: Generator) -> str:
         tip = contact.point - way * rng.uniform(0.001, 0.004)
         path.enter(subgoal, frame_of(way), contact.point - way * (contact.length + 0.03), tip)
         end = path.follow(motion)
@@ -183,7 +183,7 @@ def mover(subgoal: Subgoal, rng: Generator) -> Head | None:
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
     pieces = (box("rod", -length / 2, 0.0, 0.0, (length, thick, thick)),)
-    return Head("rod", "guided", pieces, np.array([0.006 - length, 0.0, 0.0]), 0.0, thick, stroke=stroke)
+    return Head("rod", "guided", pieces, np.array([0.006 - length, 0.0, 0.0]), 0.0, thick, primitive=primitive)
 
 
 def handles(subgoal: Subgoal) -> tuple[Subgoal, float, float] | None:
@@ -232,16 +232,16 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
             z, size = -drop + up * (tall + lip) / 2, (length + 0.002, side - inner + 0.002, lip)
             pieces.append(box(f"{name}_{edge}", along, sign * (inner + side) / 2, z, size, 1))
 
-    def stroke(path: Path, rng: Generator) -> str:
+    def primitive(path: Path, rng: Generator) -> str:
         grasp = pan.center + (rear - gap - _BACK_M) * ahead
         grasp[2] = (low + high) / 2 + drop
         before = grasp - (length + rng.uniform(0.01, 0.03)) * ahead
         path.go(heading, before + rng.uniform(0.06, 0.15) * UP, before)
-        path.stroke(grasp, heading, rng.uniform(0.1, 0.3))
+        path.move(grasp, heading, rng.uniform(0.1, 0.3))
         # High enough for the container to pass over everything near, upright and on its side.
         height = subgoal.clear_z + max(grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2)
         height += rng.uniform(0.01, 0.06)
-        path.stroke(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
+        path.move(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
         path.hold()
         place = np.mean([solid.position for solid in subgoal.solids], axis=0) + subgoal.shift
         there_heading = subgoal.space.direction(place) + rng.uniform(-0.5, 0.8)
@@ -249,7 +249,7 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
         onward, aside = axes_of(there_heading)
         there = place - (gap + _BACK_M - rear) * onward - sign * 0.5 * drop * aside
         there[2] = height
-        path.stroke(there, there_heading, rng.uniform(0.15, 0.4))
+        path.move(there, there_heading, rng.uniform(0.15, 0.4))
         for share in np.linspace(0.0, 1.0, int(rng.integers(3, 7)) + 1)[1:]:
             path.add(Pose.xyz_rpy(there, (sign * share * turn, 0.0, there_heading)), touch=True)
         path.go(path.poses[-1], there + 0.02 * UP, there, there + 0.02 * UP, touch=True)
@@ -257,4 +257,4 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
         return f"{carried} and turns over by {np.degrees(turn):.0f} degrees"
 
     pose = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
-    return Head("fork", "pour", tuple(pieces), np.zeros(3), length, width, stroke=stroke, pose=pose)
+    return Head("fork", "pour", tuple(pieces), np.zeros(3), length, width, primitive=primitive, pose=pose)

@@ -1,6 +1,6 @@
 """Heads: the working ends of tools, as families of boxes, sized by what they are to move.
 
-A head's frame: x along its stroke, y to its left, z up. The origin is at the foot of the face that touches the bodies.
+A head's frame: x along its motion, y to its left, z up. The origin is at the foot of the face that touches the bodies.
 Pieces ahead of the face (x > 0) go around, under or beside the bodies.
 """
 
@@ -41,7 +41,7 @@ class Head:
 
     ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
     ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
-    offset at which it passes the bodies before it is behind them. ``stroke``, of a guided head, adds its own waypoints
+    offset at which it passes the bodies before it is behind them. ``primitive``, of a guided head, adds its own waypoints
     to a path. A head with a ``pose``, in the frame of the tool mount, needs no shaft.
     """
 
@@ -53,7 +53,7 @@ class Head:
     width: float
     level: float = 0.0
     aside: Array = field(default_factory=lambda: np.zeros(3))
-    stroke: Callable[[Path, Generator], str] | None = None
+    primitive: Callable[[Path, Generator], str] | None = None
     pose: Pose | None = None
 
 

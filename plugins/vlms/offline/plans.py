@@ -16,7 +16,7 @@ from plugins.vlms.offline.boxes import Boxes, overlaps
 from plugins.vlms.offline.scene_analysis import UP, SceneAnalysis, Subgoal
 
 _SEGMENT_S = 0.5  # minimum duration of a segment
-_MOST_SEGMENTS = 10  # of a stroke
+_MOST_SEGMENTS = 10  # of a straight motion
 _STEP_M = 0.04  # between collision checks
 _CONTACT_M = 0.001  # a smaller overlap is only a contact
 _APART_M = 0.03  # two bodies that are nearer give no direction
@@ -28,7 +28,7 @@ class Path:
 
     ``touching`` marks the waypoints on the way to which the head may touch the bodies of its subgoal. ``ends`` has, for
     each subgoal, the number of waypoints at its end, and the number of the one from which on its bodies are moved.
-    ``anchors`` are what the waypoints stand by, ``texts`` describe the strokes.
+    ``anchors`` are what the waypoints stand by, ``texts`` describe the primitives.
     """
 
     poses: list[Pose] = field(default_factory=list)
@@ -55,7 +55,7 @@ class Path:
         rise = max(0.03, subgoal.clear_z - float(position[2]) + 0.03)
         self.go(turn, position + rise * UP, position, *others)
 
-    def stroke(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
+    def move(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
         """Add segments to ``end``, as many as give the head a speed of about ``speed`` metres per second."""
         start = self.poses[-1].position
         count = int(np.clip(np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)), 1, _MOST_SEGMENTS))
@@ -68,6 +68,11 @@ class Path:
         for moved in motion:
             self.add(moved @ head, touch=True)
         return self.poses[-1]
+
+    @property
+    def lowest(self) -> float:
+        """The height of the lowest waypoint, metres."""
+        return min(float(pose.position[2]) for pose in self.poses)
 
     def hold(self) -> None:
         """Note that the bodies are in the head's hold now; without it they are moved from the first touch on."""

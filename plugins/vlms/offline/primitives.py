@@ -1,4 +1,4 @@
-"""Strokes, ways of using a head: each adds the waypoints for one subgoal to a path, and returns a short description."""
+"""Primitives, ways of using a head: each adds the waypoints for one subgoal to a path, and returns a short description."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
-Stroke = Callable[[Path, Subgoal, Head, Generator], str]
+Primitive = Callable[[Path, Subgoal, Head, Generator], str]
 
 _FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 
@@ -49,7 +49,7 @@ def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     end = start + (gap + length) * way.ahead
     over = _over(subgoal, low, rng)
     path.go(way.heading - swing, start + over, start)
-    path.stroke(end, way.heading + swing, speed)
+    path.move(end, way.heading + swing, speed)
     text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
     if rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone:
         if head.use == "push":
@@ -71,18 +71,18 @@ def scoop(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     start = (way.rear - gap - head.depth) * way.ahead + way.middle + low * UP
     under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * way.ahead
     path.go(way.heading, start + _over(subgoal, low, rng), start)
-    path.stroke(under, way.heading, speed)
+    path.move(under, way.heading, speed)
     path.hold()
     rise = _about(max(subgoal.shift[2] + rng.uniform(-0.01, 0.03), 0.0), rng)
     if subgoal.length < 0.03:
         tilt = -rng.uniform(0.0, 0.25) if rng.random() < 0.4 else 0.0
-        path.stroke(under + rise * UP, way.heading, rng.uniform(0.1, 0.4))
+        path.move(under + rise * UP, way.heading, rng.uniform(0.1, 0.4))
         path.add(Pose.xyz_rpy(under + rise * UP, (0.0, tilt, way.heading)), touch=True)
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
     high = max(rise, subgoal.clear_z - subgoal.lower[2] + 0.03)
     there = under + high * UP + subgoal.shift * np.array([1.0, 1.0, 0.0])
-    path.stroke(under + high * UP, way.heading, rng.uniform(0.15, 0.4))
-    path.stroke(there, way.heading, rng.uniform(0.15, 0.5))
+    path.move(under + high * UP, way.heading, rng.uniform(0.15, 0.4))
+    path.move(there, way.heading, rng.uniform(0.15, 0.5))
     path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), way.heading)), touch=True)
     return f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and tips out"
 
@@ -102,7 +102,7 @@ def hook(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     over = 0.05 * UP if subgoal.covered else _over(subgoal, subgoal.lower[2], rng)
     path.go(way.heading, before + aside + over, before + aside, behind + aside, behind)
     length = _about(subgoal.length, rng)
-    path.stroke(edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4))
+    path.move(edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4))
     return f"passes {'over' if head.aside[2] > 0 else 'beside'}, gets behind and pulls by {length:.2f} m"
 
 
@@ -121,19 +121,19 @@ def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     lift = 0.0 if drags else max(subgoal.shift[2], subgoal.clear_z - subgoal.lower[2] if subgoal.length > 0.03 else 0.0)
     lift += 0.0 if drags else rng.uniform(0.0, 0.03)
     if rises and (aside := subgoal.detour()).any():  # from under an obstacle
-        path.stroke(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
-        path.stroke(grasp + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
+        path.move(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
+        path.move(grasp + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
         grasp, over_ground = grasp + aside, over_ground + aside
     if not drags:
-        path.stroke(grasp + lift * UP, yaw, 0.3, grip=1.0)
-    path.stroke(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
+        path.move(grasp + lift * UP, yaw, 0.3, grip=1.0)
+    path.move(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
     if not rises:
         down = over_ground + min(lift, subgoal.shift[2] + 0.003) * UP
-        path.stroke(down, yaw, 0.2, grip=1.0)
+        path.move(down, yaw, 0.2, grip=1.0)
         path.go(yaw, down, touch=True)
     verb = "drags" if drags else "carries"
     return f"closes the fingers and {verb} by {np.linalg.norm(subgoal.shift):.2f} m"
 
 
-PRIMITIVES: dict[str, Stroke] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
-"""The strokes by a head's use."""
+PRIMITIVES: dict[str, Primitive] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+"""The primitives by a head's use."""

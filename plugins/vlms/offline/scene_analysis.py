@@ -169,14 +169,15 @@ class Subgoal:
         """The clearance, on the right and left of the bodies, of a tool that moves behind them."""
         way = self.extent(heading)
         lower, upper = self.others.bounds
-        others = Boxes((lower + upper) / 2, np.broadcast_to(np.eye(3), (len(lower), 3, 3)), (upper - lower) / 2)
-        rear, front = others.extents(way.ahead, np.zeros(3))
-        right, left = others.extents(way.side, np.zeros(3))
-        beside = (front >= way.rear - 0.05) & (rear <= way.rear + self.length)
+        x = np.stack([lower[:, 0], lower[:, 0], upper[:, 0], upper[:, 0]])
+        y = np.stack([lower[:, 1], upper[:, 1], lower[:, 1], upper[:, 1]])
+        along = x * way.ahead[0] + y * way.ahead[1]  # of their corners
+        across = x * way.side[0] + y * way.side[1]
+        beside = (along.max(axis=0) >= way.rear - 0.05) & (along.min(axis=0) <= way.rear + self.length)
         beside &= (upper[:, 2] >= self.lower[2] + _SUPPORT_M) & (lower[:, 2] <= self.upper[2])
-        on_left = left + right > way.left + way.right
-        free_right = (way.right - left)[beside & ~on_left].min(initial=1.0)
-        free_left = (right - way.left)[beside & on_left].min(initial=1.0)
+        on_left = across.mean(axis=0) > (way.left + way.right) / 2
+        free_right = (way.right - across.max(axis=0))[beside & ~on_left].min(initial=1.0)
+        free_left = (across.min(axis=0) - way.left)[beside & on_left].min(initial=1.0)
         return max(0.0, float(free_right)), max(0.0, float(free_left))
 
     def overhang(self, heading: float) -> tuple[npt.NDArray[np.bool_], Array]:

@@ -21,7 +21,7 @@ from plugins.vlms.offline.evolve import Elite, mutate, offspring_plans
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.sampler import Aim, Layout, SampledPlan, Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
-from plugins.vlms.offline.tools import part_for, recognize, suffix
+from plugins.vlms.offline.tools import part_for, suffix
 
 _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
@@ -65,7 +65,7 @@ def task_plans(sampler: Sampler, tool: Tool, elites: Sequence[Elite]) -> tuple[l
         return [use, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))], []
     if sampler.fault(tool) > 0.0:
         raise DesignError(f"the tool has no part for {brief.task.name}")
-    return [sampler.use(tool, lambda subgoal: recognize(tool, subgoal, rng)) for _ in range(brief.n_action)], []
+    return [sampler.use_any(tool) for _ in range(brief.n_action)], []
 
 
 def tools_answer(brief: Brief) -> dict[str, Any]:

@@ -19,6 +19,12 @@ from typing import Any, cast
 from core.interfaces import Brief, Message, Picture, Request, Text
 
 LONGEST_BODY = 10_000_000
+PATHS = {
+    ":generateContent": "google",
+    "/v1/messages": "anthropic",
+    "/api/chat": "ollama",
+    "/chat/completions": "openai",
+}
 
 PNG = b"\x89PNG\r\n" + bytes(range(256))
 SCHEMA = {
@@ -156,37 +162,28 @@ def _read(handler: BaseHTTPRequestHandler) -> Call:
     assert length <= LONGEST_BODY
     body = json.loads(handler.rfile.read(length))
     headers = {name.lower(): value for name, value in handler.headers.items()}
-    came = handler.path, headers, body
-    if ":generateContent" in handler.path:
-        system = "".join(part["text"] for part in body.get("system_instruction", {}).get("parts", []))
-        parts = [part for content in body["contents"] for part in content["parts"]]
-        data = [part["inline_data"]["data"] for part in parts if "inline_data" in part]
-        return Call(
-            *came, "google", system, [p["text"] for p in parts if "text" in p], _decoded(data), time.monotonic()
-        )
-    if handler.path == "/v1/messages":
-        system = body.get("system", [])
-        system = system if isinstance(system, str) else "".join(block["text"] for block in system)
-        blocks = [block for message in body["messages"] for block in message["content"]]
-        sources = [block["source"] for block in blocks if block["type"] == "image"]
-        assert all((s["type"], s["media_type"]) == ("base64", "image/png") for s in sources)
-        texts = [block["text"] for block in blocks if block["type"] == "text"]
-        return Call(*came, "anthropic", system, texts, _decoded([s["data"] for s in sources]), time.monotonic())
-    messages = {message["role"]: message for message in body["messages"]}
-    system, content = messages.get("system", {}).get("content", ""), messages["user"]["content"]
-    if handler.path == "/api/chat":
-        data = messages["user"].get("images", [])
-        return Call(*came, "ollama", system, [content], _decoded(data), time.monotonic())
-    assert handler.path.endswith("/chat/completions"), handler.path
-    parts = [{"type": "text", "text": content}] if isinstance(content, str) else content
-    urls = [part["image_url"]["url"] for part in parts if part["type"] == "image_url"]
-    assert all(url.startswith("data:image/png;base64,") for url in urls)
-    texts = [part["text"] for part in parts if part["type"] == "text"]
-    return Call(*came, "openai", system, texts, _decoded([u.partition(",")[2] for u in urls]), time.monotonic())
+    protocol = next(name for end, name in PATHS.items() if handler.path.endswith(end))
+    messages = body.get("contents") or body["messages"]
+    user = [message for message in messages if message["role"] == "user"]
+    system = [message for message in messages if message["role"] == "system"]
+    system += [{"text": body.get("system")}, body.get("system_instruction")]
+    said = "".join(_strings(system, "text", "content"))
+    data = [text.removeprefix("data:image/png;base64,") for text in _strings(user, "data", "url", "images")]
+    pictures = [base64.b64decode(text, validate=True) for text in data]
+    texts = list(_strings(user, "text", "content"))
+    return Call(handler.path, headers, body, protocol, said, texts, pictures, time.monotonic())
 
 
-def _decoded(data: list[str]) -> list[bytes]:
-    return [base64.b64decode(text, validate=True) for text in data]
+def _strings(node: Any, *names: str) -> Iterator[str]:
+    """The texts of a document that stand under one of the names, alone or in a list."""
+    if isinstance(node, dict):
+        for name, value in node.items():
+            texts = value if isinstance(value, list) else [value]
+            yield from (text for text in texts if name in names and isinstance(text, str))
+            yield from _strings(value, *names)
+    elif isinstance(node, list):
+        for item in node:
+            yield from _strings(item, *names)
 
 
 def _act(handler: BaseHTTPRequestHandler, act: Act, call: Call, closing: threading.Event) -> None:
