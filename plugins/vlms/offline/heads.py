@@ -41,8 +41,8 @@ class Head:
 
     ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
     ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
-    offset at which it passes the bodies before it is behind them. ``primitive``, of a guided head, adds its own waypoints
-    to a path. A head with a ``pose``, in the frame of the tool mount, needs no shaft.
+    offset at which it passes the bodies before it is behind them. ``primitive``, of a guided head, adds the waypoints
+    of its own motion to a path. A head with a ``pose``, in the frame of the tool mount, needs no shaft.
     """
 
     kind: str

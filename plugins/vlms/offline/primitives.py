@@ -1,4 +1,4 @@
-"""Primitives, ways of using a head: each adds the waypoints for one subgoal to a path, and returns a short description."""
+"""Motion primitives, ways of using a head: each adds the waypoints for one subgoal to a path, and says what it does."""
 
 from __future__ import annotations
 

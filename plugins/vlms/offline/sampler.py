@@ -265,7 +265,7 @@ class Sampler:
 
     def _is_high(self, path: Path) -> bool:
         """Report whether the head works higher than the end-effector's home."""
-        return path.lowest > self.analysis.home.position[2]
+        return path.lowest > float(self.analysis.home.position[2])
 
     def _fault(self, tool: Tool, plan: SampledPlan, subgoals: Sequence[Subgoal]) -> float:
         """A measure of unwanted collisions and missed waypoints; 0: there are none.

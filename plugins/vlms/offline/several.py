@@ -27,10 +27,10 @@ _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
 _WAYS = (0, 90, -90, 180)  # degrees about the mount's axis, one after the other for the tasks
 _ABOVE_M = 0.02  # clearance of all parts above the highest body below home
-_DRAWN = re.compile(r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)")
+_PART = re.compile(r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)")
 
 
-class Draw(NamedTuple):
+class PartSeed(NamedTuple):
     """Which way a part points, its length and its random seed; ``text`` says so in a tool's description."""
 
     task: str
@@ -41,7 +41,7 @@ class Draw(NamedTuple):
     def text(self) -> str:
         return f"for {self.task}: turned by {self.degrees} degrees, {self.mm} mm long, draw {self.seed}"
 
-    def made(self, brief: Brief) -> tuple[Tool, Head, Pose, SampledPlan]:
+    def invent(self, brief: Brief) -> tuple[Tool, Head, Pose, SampledPlan]:
         """Invent a part; the same for the same task and scene."""
         aim = Aim(np.radians(self.degrees), self.mm / 1000)
         return Sampler(replace(brief, seed=self.seed), Layout(brief), aim=aim).invent()
@@ -53,15 +53,16 @@ def task_plans(sampler: Sampler, tool: Tool, elites: Sequence[Elite]) -> tuple[l
     Raises:
         DesignError: no part is for this task, and none seems to do.
     """
-    drawn = {draw[0]: Draw(draw[0], *map(int, draw[1:])) for draw in _DRAWN.findall(tool.description)}
-    brief, rng, name = sampler.brief, sampler.rng, suffix(sampler.brief.task)
-    if not drawn:
+    parts = {task: PartSeed(task, *map(int, numbers)) for task, *numbers in _PART.findall(tool.description)}
+    if not parts:
         return None
+    brief = sampler.brief
+    name = suffix(brief.task)
     if elites:
         elite = max(elites, key=lambda elite: elite.reward)
         return offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
-    if name in drawn:
-        _, head, pose, use = drawn[name].made(brief)
+    if name in parts:
+        _, head, pose, use = parts[name].invent(brief)
         return [use, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))], []
     if sampler.fault(tool) > 0.0:
         raise DesignError(f"the tool has no part for {brief.task.name}")
@@ -147,13 +148,13 @@ class _ToolMaker:
         task, mm = self._task(name), int(1000 * (min(w.room for w in self.samplers.values()) - _ABOVE_M))
         way = _WAYS[list(self.samplers).index(name) % len(_WAYS)]
         for _ in range(_TRIES):
-            draw = Draw(suffix(task), way, mm, int(self.rng.integers(2**31)))
-            tool = draw.made(self.samplers[name].brief)[0]
+            seed = PartSeed(suffix(task), way, mm, int(self.rng.integers(2**31)))
+            tool = seed.invent(self.samplers[name].brief)[0]
             if self._accepts(tool):
                 break
         names = {c.name: f"{c.name}_{suffix(task)}" for c in tool.components}
         named = [replace(c, name=names[c.name], parent=names.get(c.parent, c.parent)) for c in tool.components]
-        return replace(tool, components=tuple(named), description=f"{tool.description}; {draw.text()}")
+        return replace(tool, components=tuple(named), description=f"{tool.description}; {seed.text()}")
 
     def _joined(self, best: Mapping[str, Evaluation]) -> tuple[Tool, list[str]]:
         """The tool that does most, with the parts of others for the tasks that they do better, where they fit."""
