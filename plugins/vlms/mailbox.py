@@ -140,7 +140,8 @@ class Letter:
         self._checks[name] = mark, checks
         if mark is None or mark.size == 0 or checks not in (1, CHECKS):  # perhaps still being written, or refused
             return None
-        complete, usable = False, False
+        complete = False
+        usable = False
         try:
             text = _load(self.folder / name)
             complete, usable, problems = judge(self.request, text)

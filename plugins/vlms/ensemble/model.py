@@ -78,13 +78,15 @@ class Ensemble(VLM):
         self._critics = [label for label, name in able.items() if critic in ("", name, label)]
         if critic and not self._critics:
             raise choices("member that writes critiques", critic, able.values(), "vlm.critic")
-        self.criticises, self.sees = bool(able), all(vlm.sees for vlm in made)
+        self.criticises = bool(able)
+        self.sees = all(vlm.sees for vlm in made)
         self._dealer = Dealer(list(self._members), seed)
         self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. What a member leaves at its limit goes to the others."""
-        left, closed = list(requests), dict[str, LimitReached]()
+        left = list(requests)
+        closed = dict[str, LimitReached]()
         while left:
             hands: dict[str, list[Request]] = {}
             for request in left:

@@ -73,7 +73,8 @@ def load() -> ModuleType:
 
 def estimate(request: Request, model: str) -> Estimate:
     """Count tokens: texts with LiteLLM's counter, pictures by their pixels; prices are from LiteLLM's list."""
-    litellm, messages = load(), explained(request)
+    litellm = load()
+    messages = explained(request)
     texts = [replace(message, parts=tuple(p for p in message.parts if isinstance(p, Text))) for message in messages]
     tokens = litellm.token_counter(model=model, messages=render(texts))
     tokens += sum(_picture_tokens(part) for message in messages for part in message.parts if isinstance(part, Picture))
@@ -138,7 +139,8 @@ class Client:
 
     def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
         """Tokens and US dollars of a call: as the reply reports them, otherwise counted; 0 dollars without a price."""
-        prompt, completion = reply.prompt_tokens, reply.completion_tokens
+        prompt = reply.prompt_tokens
+        completion = reply.completion_tokens
         if prompt is None:
             prompt = int(self._litellm.token_counter(model=self.model, messages=render(explained(request))))
         if completion is None:
@@ -157,7 +159,8 @@ class Client:
         missing = sorted(name for name in missing if name.endswith("_API_KEY"))
         if not missing and self._provider not in OPENAI:
             registry = importlib.import_module("litellm.llms.openai_like.json_loader").JSONProviderRegistry
-            registered, usual = registry.get(self._provider), f"{self._provider.upper().replace('-', '_')}_API_KEY"
+            registered = registry.get(self._provider)
+            usual = f"{self._provider.upper().replace('-', '_')}_API_KEY"
             if registered is not None:  # a provider that speaks OpenAI's protocol, as LiteLLM lists it
                 missing = [registered.api_key_env]  # LiteLLM would send OpenAI's key in its place
             elif self._provider in (*self._litellm.openai_compatible_providers, *_LIKE_OPENAI):

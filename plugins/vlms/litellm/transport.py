@@ -81,7 +81,8 @@ def _keep_openai(request: httpx.Request) -> None:
     Raises:
         BadAnswer: it is the key, or the request is another provider's and would go to OpenAI.
     """
-    host, own = request.url.host, sender.provider in OPENAI
+    host = request.url.host
+    own = sender.provider in OPENAI
     if own and f".{host}".endswith(".openai.com"):
         return
     for name in [name for name in request.headers if name.startswith("openai-")]:

@@ -65,7 +65,8 @@ def axes_of(heading: float) -> tuple[Array, Array]:
 
 def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
     """The number of pairs, one box from each, closer than ``margin`` metres (negative: that overlap by more)."""
-    (lower, upper), (other_lower, other_upper) = a.bounds, b.bounds
+    lower, upper = a.bounds
+    other_lower, other_upper = b.bounds
     near = (lower[:, None] - margin < other_upper) & (other_lower - margin < upper[:, None])
     first, second = np.nonzero(near.all(axis=-1))
     gaps, _ = separations(a[first], b[second])
@@ -76,7 +77,8 @@ def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
     """For N pairs, the largest gap (N,) along a separating axis, negative for an overlap, and that axis (N, 3), from a
     to b. The axes that are compared are the face normals and the cross products of edges.
     """
-    faces, others = a.axes.transpose(0, 2, 1), b.axes.transpose(0, 2, 1)
+    faces = a.axes.transpose(0, 2, 1)
+    others = b.axes.transpose(0, 2, 1)
     axes = np.concatenate([faces, others, np.cross(faces[:, :, None], others[:, None]).reshape(-1, 9, 3)], axis=1)
     lengths = np.linalg.norm(axes, axis=-1, keepdims=True)
     parallel = lengths[..., 0] < 1e-6
@@ -85,6 +87,7 @@ def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
     extents = np.einsum("nkj,nj->nk", np.abs(axes @ a.axes), a.halves)
     extents += np.einsum("nkj,nj->nk", np.abs(axes @ b.axes), b.halves)
     gaps = np.where(parallel, -np.inf, np.abs(between) - extents)
-    rows, best = np.arange(len(gaps)), np.argmax(gaps, axis=1)
+    rows = np.arange(len(gaps))
+    best = np.argmax(gaps, axis=1)
     signs = np.where(between[rows, best] < 0, -1.0, 1.0)
     return gaps[rows, best], axes[rows, best] * signs[:, None]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.design import DesignError
+from core.design import DesignError, Tool
 from core.designs.planning import look
 from core.hooks import hookimpl
 from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request, Task
@@ -18,14 +18,15 @@ from core.scene import Goal, Scene
 from core.support.cli import say
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.plans import turn_of
-from plugins.vlms.offline.sampler import Layout, Sampler
-from plugins.vlms.offline.scene_analysis import NothingToMove
+from plugins.vlms.offline.sampler import Layout, SampledPlan, Sampler
+from plugins.vlms.offline.scene_analysis import NothingToMove, turn_between
 from plugins.vlms.offline.several import task_plans, tools_answer
 
 if TYPE_CHECKING:
     from core.events import Run
 
-_LAYOUTS, _DRAWN = 4, 32  # others in which an anchored plan is checked, the most unlike of so many
+_LAYOUTS = 4  # others in which an anchored plan is checked
+_DRAWN = 32  # layouts, of which the most unlike are chosen
 
 
 class OfflineDesigner(VLM):
@@ -78,10 +79,9 @@ def _turns_level(goal: Goal, scene: Scene) -> bool:
     """Report whether a goal's axis must turn about the vertical."""
     if goal.axis is None or not goal.bodies:
         return False
-    now = scene[goal.bodies[0]].pose.rotation.apply(np.divide(goal.axis, np.linalg.norm(goal.axis)))
-    about = np.cross(now, np.divide(goal.points, np.linalg.norm(goal.points)))
-    length = float(np.linalg.norm(about))
-    return length > np.sin(np.radians(goal.tolerance_deg)) and abs(float(about[2])) > 0.5 * length
+    axis, _ = turn_between(goal, scene[goal.bodies[0]])
+    length = float(np.linalg.norm(axis))
+    return length > np.sin(np.radians(goal.tolerance_deg)) and abs(float(axis[2])) > 0.5 * length
 
 
 def answer(brief: Brief) -> dict[str, Any]:
@@ -93,7 +93,8 @@ def answer(brief: Brief) -> dict[str, Any]:
     """
     if len(brief.task.parts) > 1:
         return tools_answer(brief)
-    layout, others = Layout(brief), list[Layout]()
+    layout = Layout(brief)
+    others = list[Layout]()
     if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
         if (turn := turn_of(layout.analysis, layout.seen)) is not None:
             layout = Layout(brief, turn)
@@ -101,48 +102,62 @@ def answer(brief: Brief) -> dict[str, Any]:
     sampler = Sampler(brief, layout, others)
     elites = elites_with(brief.elites, brief.gripper, layout.seen)
     strategies = [_strategy(sampler, elites) for _ in range(brief.n_tool)]
-    solids, moving = layout.analysis.solids, sum(len(goal.bodies) for goal in layout.analysis.goals)
+    solids = layout.analysis.solids
+    moving = sum(len(goal.bodies) for goal in layout.analysis.goals)
     analysis = f"{len(solids)} bodies have collision shapes; to be moved: {moving}."
     return {"scene_analysis": analysis, "strategies": strategies}
 
 
 def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
     """Design a tool with plans, or plans for the given tool: offspring of the elites, or fresh ones."""
-    brief, rng, representation = sampler.brief, sampler.rng, sampler.brief.representation
-    given, feels, parents = representation.given(brief.task), brief.actions.guards, list[str]()
-    if given is not None:
-        name, tool = "the given tool", given
-        if (made := task_plans(sampler, given, elites)) is not None:
-            uses, parents = made
-            description = f"Plans varied from {parents[0]}." if parents else f"It {uses[0].text}."
-        elif elites:
-            elite = elites[int(rng.integers(len(elites)))]
-            uses, parents = offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
-            description = f"Plans varied from {elite.id}."
-        else:
-            uses = [sampler.use_any(tool) for _ in range(brief.n_action)]
-            description = f"It {uses[0].text}."
-    elif elites:
-        name, description, tool, uses, parents = breed(elites, brief.n_action, sampler)
+    brief = sampler.brief
+    representation = brief.representation
+    tool = representation.given(brief.task)
+    fields: dict[str, Any] = {}
+    if tool is not None:
+        name = "the given tool"
+        plans, parents = _plans_for(tool, sampler, elites)
+        description = f"Plans varied from {parents[0]}." if parents else f"It {plans[0].text}."
     else:
-        tool, head, pose, use = sampler.invent()
-        uses = [use, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
-        name, description = f"{head.use} with {tool.name}", f"The {head.kind} {use.text}."
-        if parents := [elite.candidate.id for elite in brief.elites[:1]]:
-            description += " A fresh design: no elite has this kind of tool."
-    return {
+        if elites:
+            name, description, tool, plans, parents = breed(elites, brief.n_action, sampler)
+        else:
+            tool, head, pose, plan = sampler.invent()
+            plans = [plan, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
+            parents = [elite.candidate.id for elite in brief.elites[:1]]
+            name = f"{head.use} with {tool.name}"
+            description = f"The {head.kind} {plan.text}."
+            if parents:
+                description += " A fresh design: no elite has this kind of tool."
+        fields = {"tool_name": tool.name, "tool_description": tool.description}
+    action_sets = []
+    for i, plan in enumerate(plans):
+        if brief.actions.guards and i % 2 == 0:
+            action_sets.append(sampler.written_with_guard(plan, tool))
+        else:
+            action_sets.append(sampler.written(plan.rows, plan.anchors))
+    fields = {
         "strategy_name": name,
         "strategy_description": description,
-        **({"tool_name": tool.name, "tool_description": tool.description} if given is None else {}),
+        **fields,
         "gripper": tool.gripper,
         **representation.dump(tool),
-        "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
-        "action_sets": [
-            sampler.written_with_guard(use, tool) if feels and i % 2 == 0 else sampler.written(use.rows, use.anchors)
-            for i, use in enumerate(uses)
-        ],
-        **({"parents": parents} if parents else {}),
+        "action_description": " | ".join(f"{i}: {plan.text}" for i, plan in enumerate(plans, start=1)),
+        "action_sets": action_sets,
     }
+    return fields | {"parents": parents} if parents else fields
+
+
+def _plans_for(tool: Tool, sampler: Sampler, elites: Sequence[Elite]) -> tuple[list[SampledPlan], list[str]]:
+    """Make plans for the given tool, and name their parents."""
+    brief = sampler.brief
+    made = task_plans(sampler, tool, elites)
+    if made is not None:
+        return made
+    if elites:
+        elite = elites[int(sampler.rng.integers(len(elites)))]
+        return offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
+    return [sampler.use_any(tool) for _ in range(brief.n_action)], []
 
 
 def _unlike(brief: Brief) -> list[Brief]:

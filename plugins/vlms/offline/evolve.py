@@ -261,7 +261,8 @@ def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
 def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
     """Add a plate on a face of a component."""
     parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
-    axis, side = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))
+    axis = int(rng.integers(3))
+    side = float(rng.choice([-1.0, 1.0]))
     size = parent.shape.bounds[1]
     sides = size * rng.uniform(0.3, 1.0, 3)
     sides[axis] = rng.uniform(0.01, 0.08)
@@ -292,7 +293,8 @@ def cross(first: Tool, second: Tool, rng: Generator) -> tuple[Tool, str]:
     if alike and rng.random() < 0.7:
         return _blended(first, second, float(rng.uniform(0.2, 0.8)))
     donor = second.components[int(rng.choice(_leaves(second)))]
-    (mount, pose), mine = second.placed()[donor.name], first.placed()
+    mount, pose = second.placed()[donor.name]
+    mine = first.placed()
     near = [c for c in first.components if mine[c.name][0] == mount]
     if not near:
         return mutate(first, 0.5, rng)

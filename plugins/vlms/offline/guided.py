@@ -19,10 +19,11 @@ from plugins.vlms.offline.boxes import axes_of
 from plugins.vlms.offline.heads import SIDES, Head, box
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.raycast import Under, frame_of, pushed, under
-from plugins.vlms.offline.scene_analysis import UP, Subgoal
+from plugins.vlms.offline.scene_analysis import UP, Subgoal, turn_between
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
-_STEP_M, _STEP_RAD = 0.045, 0.15  # between waypoints
+_STEP_M = 0.045  # between waypoints, as for a hinge
+_STEP_RAD = 0.15
 _QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
 _BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
 _LIP_M = 0.004  # thickness of a fork's channels
@@ -55,10 +56,7 @@ def _turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     """Compute the axis (3,) about which the bodies are to be turned, level or nearly so, and the angle."""
     if subgoal.goal is None or subgoal.goal.axis is None:
         return None
-    now = subgoal.solids[0].body.pose.rotation.apply(subgoal.goal.axis)
-    now, wanted = now / np.linalg.norm(now), np.divide(subgoal.goal.points, np.linalg.norm(subgoal.goal.points))
-    angle = float(np.arccos(np.clip(now @ wanted, -1.0, 1.0)))
-    axis = np.cross(now, wanted)
+    axis, angle = turn_between(subgoal.goal, subgoal.solids[0].body)
     if angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg)) or abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
         return None
     return axis, angle
@@ -83,7 +81,8 @@ def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, pri
 
 def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     """Tines that lift a body out of what it stands in, carry it over, and lower it at the goal."""
-    width, high = 0.009, 0.2 * UP
+    width = 0.009
+    high = 0.2 * UP
     if any(subgoal.blocked(high, start, step=0.006) for start in (np.zeros(3), subgoal.shift + 0.004 * UP)):
         return None
     if (spot := _choose_under(subgoal, _QUARTERS, width, rng)) is None:
@@ -96,7 +95,8 @@ def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         inside = spot.rear - gap * ahead - 0.001 * UP
         path.enter(subgoal, spot.heading, inside - (depth + 0.02) * ahead, inside)
         path.hold()
-        lifted, goal = inside + 0.001 * UP, inside + 0.001 * UP + subgoal.shift
+        lifted = inside + 0.001 * UP
+        goal = inside + 0.001 * UP + subgoal.shift
         over = [
             np.array([*place[:2], max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)]) for place in (lifted, goal)
         ]
@@ -112,13 +112,15 @@ def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
 def tipper(subgoal: Subgoal, turn: tuple[Array, float], rng: Generator) -> Head | None:
     """A lip that raises a body by one side, and turns it about its opposite edge."""
     axis, angle = turn
-    headings, width = _QUARTERS, 0.016
+    headings = _QUARTERS
+    width = 0.016
     if np.linalg.norm(axis) > 0.2:
         x, y, _ = np.cross(axis, UP)
         headings = [float(np.arctan2(y, x))]
     if (spot := _choose_under(subgoal, headings, width, rng)) is None:
         return None
-    ahead, thick = axes_of(spot.heading)[0], min(0.008, 0.6 * spot.room)
+    ahead = axes_of(spot.heading)[0]
+    thick = min(0.008, 0.6 * spot.room)
     grip = min(spot.depth * rng.uniform(0.5, 0.9), 0.04)
     gap = rng.uniform(0.006, 0.015)
     pivot = spot.rear + (subgoal.extent(spot.heading).front - spot.rear @ ahead) * ahead
@@ -147,11 +149,14 @@ def _joint_way(subgoal: Subgoal, rng: Generator) -> tuple[Array, Array | None, M
     The pole (2, 3) is a point of the axis, and its direction. The motion goes a little beyond the goal.
     """
     assert subgoal.goal is not None
-    placed, body = subgoal.analysis.scene.placed_joints[subgoal.goal.joint or ""], subgoal.solids[0].body
-    joint, to = placed.joint, float(subgoal.goal.to or 0.0)
+    placed = subgoal.analysis.scene.placed_joints[subgoal.goal.joint or ""]
+    body = subgoal.solids[0].body
+    joint = placed.joint
+    to = float(subgoal.goal.to or 0.0)
     if joint.kind == "ball" or to == joint.start:
         return None
-    way, pole = body.pose.rotation.apply(joint.axis) * np.sign(to - joint.start), None
+    way = body.pose.rotation.apply(joint.axis) * np.sign(to - joint.start)
+    pole = None
     if joint.kind == "hinge":
         pole = np.stack([body.pose.apply(joint.origin), way])
         turned = np.cross(way, subgoal.points - pole[0])
@@ -173,7 +178,8 @@ def mover(subgoal: Subgoal, rng: Generator) -> Head | None:
     if not contacts:
         return None
     contact = contacts[int(rng.integers(len(contacts)))]
-    length, thick = contact.length + rng.uniform(0.04, 0.07), 2 * contact.half
+    length = contact.length + rng.uniform(0.04, 0.07)
+    thick = 2 * contact.half
 
     def primitive(path: Path, rng: Generator) -> str:
         tip = contact.point - way * rng.uniform(0.001, 0.004)
@@ -195,7 +201,8 @@ def handles(subgoal: Subgoal) -> tuple[Subgoal, float, float] | None:
     pan = Subgoal((subgoal.holder,), subgoal.shift, subgoal.analysis)
     away = subgoal.space.direction(subgoal.holder.position)
     for heading in sorted(_QUARTERS, key=lambda turn: -np.cos(turn - away))[:2]:
-        (out, halves), (right, left) = pan.overhang(heading), pan.boxes.extents(axes_of(heading)[1], pan.center)
+        out, halves = pan.overhang(heading)
+        right, left = pan.boxes.extents(axes_of(heading)[1], pan.center)
         if (out & (left > 0)).any() and (out & (right < 0)).any() and not out.all():
             return pan, heading, float(halves[~out].max())
     return None
@@ -209,27 +216,35 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
     times as thick as usual.
     """
     pan, heading, base = grips
-    (ahead, _), (out, halves), (lower, upper) = axes_of(heading), pan.overhang(heading), pan.boxes.bounds
+    ahead, _ = axes_of(heading)
+    out, halves = pan.overhang(heading)
+    lower, upper = pan.boxes.bounds
     rear = float(((pan.points - pan.center) @ ahead).min())
     reach = float(pan.boxes.extents(ahead, pan.center)[1][out].max())
-    low, high, outer = float(lower[out, 2].min()), float(upper[out, 2].max()), float(halves[out].max())
+    low = float(lower[out, 2].min())
+    high = float(upper[out, 2].max())
+    outer = float(halves[out].max())
     lip = stout * _LIP_M
-    drop, room = rng.uniform(0.07, 0.12), rng.uniform(0.002, 0.005)
+    drop = rng.uniform(0.07, 0.12)
+    room = rng.uniform(0.002, 0.005)
     gap = rng.uniform(0.003, 0.012)  # between the crossbar and the container
-    inner, side = base + 0.3 * (outer - base), outer + room
+    inner = base + 0.3 * (outer - base)
+    side = outer + room
     length = reach - rear + gap + rng.uniform(-0.03, 0.015)
-    width, tall = 2 * (side + lip), high - low + 2 * room
+    width = 2 * (side + lip)
+    tall = high - low + 2 * room
+
     pieces = [
         box("plate", 0.005, 0.0, -drop / 2, (0.01, 0.06, drop + 0.07)),
         box("crossbar", _BACK_M - 0.005, 0.0, -drop, (0.01, width, 0.03)),
     ]
     along = _BACK_M - 0.002 + length / 2
     for name, sign in SIDES:
-        pieces.append(
-            box(f"{name}_web", along, sign * (side + lip / 2), -drop, (length + 0.002, lip, tall + 2 * lip), 1)
-        )
+        web = (length + 0.002, lip, tall + 2 * lip)
+        pieces.append(box(f"{name}_web", along, sign * (side + lip / 2), -drop, web, 1))
         for edge, up in (("lower", -1.0), ("upper", 1.0)):
-            z, size = -drop + up * (tall + lip) / 2, (length + 0.002, side - inner + 0.002, lip)
+            z = -drop + up * (tall + lip) / 2
+            size = (length + 0.002, side - inner + 0.002, lip)
             pieces.append(box(f"{name}_{edge}", along, sign * (inner + side) / 2, z, size, 1))
 
     def primitive(path: Path, rng: Generator) -> str:
@@ -238,18 +253,22 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
         before = grasp - (length + rng.uniform(0.01, 0.03)) * ahead
         path.go(heading, before + rng.uniform(0.06, 0.15) * UP, before)
         path.move(grasp, heading, rng.uniform(0.1, 0.3))
+
         # High enough for the container to pass over everything near, upright and on its side.
         height = subgoal.clear_z + max(grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2)
         height += rng.uniform(0.01, 0.06)
         path.move(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
         path.hold()
+
         place = np.mean([solid.position for solid in subgoal.solids], axis=0) + subgoal.shift
         there_heading = subgoal.space.direction(place) + rng.uniform(-0.5, 0.8)
-        sign, turn = float(rng.choice([-1.0, 1.0])), rng.uniform(2.2, 3.0)
+        sign = float(rng.choice([-1.0, 1.0]))
+        turn = rng.uniform(2.2, 3.0)
         onward, aside = axes_of(there_heading)
         there = place - (gap + _BACK_M - rear) * onward - sign * 0.5 * drop * aside
         there[2] = height
         path.move(there, there_heading, rng.uniform(0.15, 0.4))
+
         for share in np.linspace(0.0, 1.0, int(rng.integers(3, 7)) + 1)[1:]:
             path.add(Pose.xyz_rpy(there, (sign * share * turn, 0.0, there_heading)), touch=True)
         path.go(path.poses[-1], there + 0.02 * UP, there, there + 0.02 * UP, touch=True)

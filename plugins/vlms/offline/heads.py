@@ -80,7 +80,8 @@ def blade(width: float, height: float, thick: float) -> Head:
 
 def cage(width: float, depth: float, height: float, thick: float, splay: float = 0.0) -> Head:
     """A blade between two side walls, which open outward by ``splay`` radians; ``width`` is inside."""
-    pieces, length = [*blade(width + 2 * thick, height, thick).pieces], depth + thick
+    pieces = [*blade(width + 2 * thick, height, thick).pieces]
+    length = depth + thick
     for name, side in SIDES:
         turn = Pose.xyz_rpy((0.0, side * (width + thick) / 2, height / 2), (0.0, 0.0, side * splay))
         pieces.append(box(f"{name}_wall", length / 2 - thick, 0.0, 0.0, (length, thick, height), turn=turn))
@@ -93,7 +94,8 @@ def wedge(length: float, half_angle: float, height: float, thick: float) -> Head
     for name, side in SIDES:
         turn = Pose.xyz_rpy((0.0, 0.0, height / 2), (0.0, 0.0, side * half_angle))
         pieces.append(box(f"{name}_wing", length / 2 - thick / 2, 0.0, 0.0, (length, thick, height), turn=turn))
-    depth, width = length * np.cos(half_angle), 2 * length * np.sin(half_angle)
+    depth = length * np.cos(half_angle)
+    width = 2 * length * np.sin(half_angle)
     return _head("wedge", "push", pieces, height, depth, width)
 
 
@@ -161,7 +163,9 @@ def sample_clamp(subgoal: Subgoal, rng: Generator) -> Head:
     thick = rng.uniform(0.006, 0.014)
     long = extent.along * rng.uniform(0.3, 1.2)
     if subgoal.deep:  # there is little clearance beside them
-        gap, thick, long = extent.across + rng.uniform(0.006, 0.025), thick / 2, extent.along * rng.uniform(0.15, 0.4)
+        gap = extent.across + rng.uniform(0.006, 0.025)
+        thick = thick / 2
+        long = extent.along * rng.uniform(0.15, 0.4)
     size = (max(0.012, long), thick, float(np.clip(subgoal.tall * rng.uniform(0.5, 1.3), 0.02, 0.12)))
     pieces = tuple(
         box(f"{name}_pad", 0.0, -side * (gap + thick) / 2, size[2] / 2, size) for name, side in SIDES
@@ -171,10 +175,12 @@ def sample_clamp(subgoal: Subgoal, rng: Generator) -> Head:
 
 def sample_head(subgoal: Subgoal, rng: Generator, stout: float = 1.0) -> Head:
     """A head of a suitable family at random, sized by the bodies; walls are ``stout`` times as thick as usual."""
-    rises, falls = subgoal.shift[2] > 0.03, subgoal.shift[2] < -0.1
+    rises = subgoal.shift[2] > 0.03
+    falls = subgoal.shift[2] < -0.1
     # A body that falls is pushed horizontally and goes down by itself.
     barred = subgoal.length > 0.03 and subgoal.blocked(subgoal.shift * np.array([1.0, 1.0, float(not falls)]))
-    extent, rooms = subgoal.extent(subgoal.heading), subgoal.rooms(subgoal.heading)
+    extent = subgoal.extent(subgoal.heading)
+    rooms = subgoal.rooms(subgoal.heading)
     widest = extent.across + 2 * min(rooms) - 0.002  # a head that moves behind the bodies
     if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
         return _lifter(subgoal, extent.along, extent.across, widest, stout, rng)
@@ -203,7 +209,8 @@ def _pusher(subgoal: Subgoal, along: float, across: float, widest: float, stout:
         case "pen":
             return pen(across + 2 * spare, along + 2 * spare, height, thick)
         case "funnel":
-            depth, splay = along * rng.uniform(0.4, 1.0), rng.uniform(0.1, 0.6)
+            depth = along * rng.uniform(0.4, 1.0)
+            splay = rng.uniform(0.1, 0.6)
             return cage(across + 2 * spare, depth, height, thick, splay)
         case "wedge":
             half = rng.uniform(0.6, 1.2)
@@ -216,7 +223,9 @@ def _pusher(subgoal: Subgoal, along: float, across: float, widest: float, stout:
 def _lifter(subgoal: Subgoal, along: float, across: float, widest: float, stout: float, rng: Generator) -> Head:
     """A head that goes under the bodies, or under their overhang if they have one."""
     height = float(np.clip(subgoal.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
-    depth, boxes, foot = along * rng.uniform(0.75, 1.15), subgoal.boxes, subgoal.lower[2]
+    depth = along * rng.uniform(0.75, 1.15)
+    boxes = subgoal.boxes
+    foot = subgoal.lower[2]
     out, halves = subgoal.overhang(subgoal.heading)
     if out.any() and rng.random() < 0.8:
         lower = boxes.bounds[0][:, 2]

@@ -95,7 +95,8 @@ class Path:
 
 def reach_error(plan: Array, arm: Arm) -> float:
     """The worst error of inverse kinematics over the waypoints, in metres plus 0.2 times radians."""
-    joints, worst = arm.home, 0.0
+    joints = arm.home
+    worst = 0.0
     for row in plan:
         solution = arm.inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
         joints = solution.joints
@@ -129,10 +130,12 @@ def anchors_of(path: Path, subgoals: Sequence[Subgoal], rng: Generator) -> list[
 
     Until the bodies are moved it is by them, or by what contains them; then it goes over to where the goal wants them.
     """
-    positions, anchors = np.array([pose.position for pose in path.poses]), []
+    positions = np.array([pose.position for pose in path.poses])
+    anchors = []
     first = 0
     for subgoal, (last, contact) in zip(subgoals, path.ends, strict=False):
-        base, goal = _base(subgoal, rng), subgoal.reference
+        base = _base(subgoal, rng)
+        goal = subgoal.reference
         shares = np.zeros(last - first)
         if goal is not None and goal != base.name and subgoal.length > _APART_M:
             along = (positions[first:last] - positions[contact]) @ (subgoal.shift * [1.0, 1.0, 0.0]) / subgoal.length
@@ -168,7 +171,8 @@ def _base(subgoal: Subgoal, rng: Generator) -> Anchor:
     if len(subgoal.solids) > 1:  # they are scattered otherwise in each layout
         return Anchor(toward=subgoal.reference or "")
     (solid,) = subgoal.solids
-    name, reference = solid.body.name, subgoal.analysis.solids.get(subgoal.reference or "")
+    name = solid.body.name
+    reference = subgoal.analysis.solids.get(subgoal.reference or "")
     away = subgoal.reference is not None and subgoal.reference != name and subgoal.length > _APART_M
     if reference is not None:  # it may be below
         away = away and float(np.hypot(*(reference.position - solid.position)[:2])) > _APART_M

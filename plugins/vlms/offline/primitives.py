@@ -38,12 +38,15 @@ def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     low = subgoal.lower[2] + rng.uniform(0.002, 0.012)
     if rng.random() < 0.25 and head.use == "push":
         low += rng.uniform(0.0, 0.5) * subgoal.tall
-    length, speed = _about(subgoal.length, rng), rng.uniform(0.1, 0.4)
+    length = _about(subgoal.length, rng)
+    speed = rng.uniform(0.1, 0.4)
     swing = 0.0
     if falls:
-        length, speed = subgoal.length * rng.uniform(0.4, 1.3), rng.uniform(0.5, 2.0)
+        length = subgoal.length * rng.uniform(0.4, 1.3)
+        speed = rng.uniform(0.5, 2.0)
     elif thrown:
-        length, speed = rng.uniform(0.3, 0.9), 2.0
+        length = rng.uniform(0.3, 0.9)
+        speed = 2.0
         swing = rng.uniform(-0.8, 0.8)
     start = (way.rear - gap) * way.ahead + way.middle + slip * way.side + low * UP
     end = start + (gap + length) * way.ahead
@@ -67,7 +70,8 @@ def scoop(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
         heading += float(rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1]))
     way = subgoal.extent(heading + rng.normal(0.0, 0.05))
     low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
-    gap, speed = rng.uniform(0.005, 0.03), rng.uniform(0.08, 0.35)
+    gap = rng.uniform(0.005, 0.03)
+    speed = rng.uniform(0.08, 0.35)
     start = (way.rear - gap - head.depth) * way.ahead + way.middle + low * UP
     under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * way.ahead
     path.go(way.heading, start + _over(subgoal, low, rng), start)
@@ -123,7 +127,8 @@ def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     if rises and (aside := subgoal.detour()).any():  # from under an obstacle
         path.move(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
         path.move(grasp + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
-        grasp, over_ground = grasp + aside, over_ground + aside
+        grasp = grasp + aside
+        over_ground = over_ground + aside
     if not drags:
         path.move(grasp + lift * UP, yaw, 0.3, grip=1.0)
     path.move(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)

@@ -17,7 +17,8 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import Boxes, axes_of
 from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
-_GRID_M, _MOST_RAYS = 0.003, 50  # between rays, and how many lie side by side
+_GRID_M = 0.003  # between rays
+_MOST_RAYS = 50  # side by side
 _AROUND_M = 0.04  # how far beside the bodies rays pass
 _HALF_M = (0.01, 0.007, 0.004)  # of what may fit through an opening, the stoutest first
 
@@ -59,7 +60,8 @@ class _Rays:
     def __init__(self, subgoal: Subgoal, way: Array) -> None:
         self.turn = frame_of(way)
         points = self.turn.inverse().apply(subgoal.points)
-        lower, upper = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
+        lower = points.min(axis=0) - _AROUND_M
+        upper = points.max(axis=0) + _AROUND_M
         counts = np.minimum(np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS)
         self.axes = [np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)]
         self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
@@ -70,13 +72,16 @@ class _Rays:
     def _crossings(self, boxes: Boxes) -> tuple[Array, Array]:
         """Compute where each ray enters and leaves each box, (U, V, N); inf and -inf: it misses the box."""
         back = self.turn.rotation.as_matrix().T
-        axes, centers = np.einsum("ij,njk->nik", back, boxes.axes), boxes.centers @ back.T
+        axes = np.einsum("ij,njk->nik", back, boxes.axes)
+        centers = boxes.centers @ back.T
         u, v = np.meshgrid(*self.axes, indexing="ij")
         starts = np.stack([np.zeros_like(u), u, v], axis=-1)
         inside = np.einsum("nik,uvni->uvnk", axes, starts[:, :, None] - centers)
         slopes = np.where(np.abs(axes[:, 0]) < 1e-9, 1e-9, axes[:, 0])  # of a ray, along each of a box's axes
-        one, other = (-boxes.halves - inside) / slopes, (boxes.halves - inside) / slopes
-        near, far = np.minimum(one, other).max(axis=-1), np.maximum(one, other).min(axis=-1)
+        one = (-boxes.halves - inside) / slopes
+        other = (boxes.halves - inside) / slopes
+        near = np.minimum(one, other).max(axis=-1)
+        far = np.maximum(one, other).min(axis=-1)
         missed = near >= far
         return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
 
@@ -100,12 +105,15 @@ def pushed(subgoal: Subgoal, way: Array, pole: Array | None = None) -> list[Cont
     where they go the farthest along the way.
     """
     rays = _Rays(subgoal, way)
-    hit, blocked, outside = rays.near.min(axis=-1), rays.other_near.min(axis=-1, initial=np.inf), rays.outside()
+    hit = rays.near.min(axis=-1)
+    blocked = rays.other_near.min(axis=-1, initial=np.inf)
+    outside = rays.outside()
     for half in _HALF_M:
         free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
         contacts = []
         for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
-            point, length = rays.point(u, v, hit[u, v]), float(np.clip(hit[u, v] - outside[u, v], 0.0, 0.4))
+            point = rays.point(u, v, hit[u, v])
+            length = float(np.clip(hit[u, v] - outside[u, v], 0.0, 0.4))
             across = np.linalg.norm(np.cross(way, point - subgoal.center))
             away = across if pole is None else -np.cross(pole[1], point - pole[0]) @ way
             contacts.append((float(away), Contact(point, half, length)))
@@ -141,7 +149,8 @@ def under(subgoal: Subgoal, heading: float, tine: float) -> Under | None:
     ahead, side = (axis[:2] for axis in axes_of(heading))
     u, v = np.meshgrid(*rays.axes, indexing="ij")
     places = rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2] - subgoal.center[:2]
-    along, across = places @ ahead, np.abs(places @ side)
+    along = places @ ahead
+    across = np.abs(places @ side)
     found = list[Under]()
     levels = np.unique(rays.near[np.isfinite(rays.near)].round(3))
     for level in levels[:: -max(1, len(levels) // 12)]:

@@ -37,7 +37,8 @@ _ALONE = 0.8  # how often scattered bodies are moved one by one where a plan mus
 _GUIDED = 0.85  # how often a guided way is chosen where one suits
 _HAND_M = 0.068  # the hand's height
 _LOW_M = 0.05  # a tool that is less high over the ground works there
-_BEYOND_M, _TOUCH_MPS = 0.012, 0.05  # of a touch of the ground, where heights are off by less
+_BEYOND_M = 0.012  # how far below the ground a touch is looked for
+_TOUCH_MPS = 0.05
 
 A = TypeVar("A")
 FindHead = Callable[[Subgoal], tuple[Head, Pose]]
@@ -340,7 +341,8 @@ class Sampler:
         room = min(self.room, float(self.analysis.home.position[2]) - path.lowest)
         most = max(least + 0.02, min(room - 0.015, 0.45))
         if self._is_high(path):
-            least, most = -0.45, 0.0
+            least = -0.45
+            most = 0.0
         elif self._aim is not None:
             least = most = max(least, self._aim.drop)
         if head.use == "clamp" and subgoal.deep:  # the hand stays above the container that the fingers reach into
@@ -357,5 +359,6 @@ def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
             break
         other, fault = make()
         if fault < least:
-            best, least = other, fault
+            best = other
+            least = fault
     return best

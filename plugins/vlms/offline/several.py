@@ -75,7 +75,8 @@ def tools_answer(brief: Brief) -> dict[str, Any]:
     Raises:
         NothingToMove: see `SceneAnalysis`; in all of the tasks.
     """
-    samplers, reasons = dict[str, Sampler](), list[str]()
+    samplers = dict[str, Sampler]()
+    reasons = list[str]()
     for part in brief.task.parts:
         own = replace(brief, task=part)
         try:
@@ -113,7 +114,8 @@ class _ToolMaker:
         """Join the best parts first; then change the part for a task that is not done, or make a fresh one."""
         elites = [e for e in self.brief.elites if e.candidate.tool and e.candidate.tool.gripper == self.brief.gripper]
         best = {task: max(elites, key=lambda e: e.figures.get(task, 0.0), default=None) for task in self.samplers}
-        names, earned = list(best), [e.figures.get(task, 0.0) if e else 0.0 for task, e in best.items()]
+        names = list(best)
+        earned = [e.figures.get(task, 0.0) if e else 0.0 for task, e in best.items()]
         if not elites or not any(earned):
             first = names[(self.brief.agent * self.brief.n_tool + number) % len(names)]
             if number < self.brief.n_tool - 1:
@@ -145,7 +147,8 @@ class _ToolMaker:
 
     def _fresh(self, name: str) -> Tool:
         """A tool with a part for one task, which points its own way and is as long as all others."""
-        task, mm = self._task(name), int(1000 * (min(w.room for w in self.samplers.values()) - _ABOVE_M))
+        task = self._task(name)
+        mm = int(1000 * (min(w.room for w in self.samplers.values()) - _ABOVE_M))
         way = _WAYS[list(self.samplers).index(name) % len(_WAYS)]
         for _ in range(_TRIES):
             seed = PartSeed(suffix(task), way, mm, int(self.rng.integers(2**31)))
@@ -159,7 +162,8 @@ class _ToolMaker:
     def _joined(self, best: Mapping[str, Evaluation]) -> tuple[Tool, list[str]]:
         """The tool that does most, with the parts of others for the tasks that they do better, where they fit."""
         base = max(best.values(), key=lambda e: e.reward)
-        tool, parents = _tool_of(base.candidate), [base.candidate.id]
+        tool = _tool_of(base.candidate)
+        parents = [base.candidate.id]
         for name, other in best.items():
             if other.figures.get(name, 0.0) > base.figures.get(name, 0.0):
                 task = self._task(name)

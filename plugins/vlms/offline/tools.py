@@ -109,9 +109,11 @@ class Assembly:
             "gantry": {"boom": (*hold[:2], start[2]), "drop": hold},
             "elbow": {"post": (*start[:2], hold[2] + t / 2), "arm": hold},
         }
-        last, here = root, start + np.array([0.0, 0.0, t / 2]) if style == "elbow" else start
+        last = root
+        here = start + np.array([0.0, 0.0, t / 2]) if style == "elbow" else start
         for bar, end in points[style].items():
-            last, here = self.bar(name + bar, last, here, np.array(end)), np.array(end)
+            last = self.bar(name + bar, last, here, np.array(end))
+            here = np.array(end)
         return last
 
     def tool(self, name: str, description: str) -> Tool:
@@ -169,7 +171,8 @@ def foot(tool: Tool) -> Array:
 def middle(tool: Tool) -> Array:
     """The middle (3,) of the foot, at its lowest height."""
     corners = foot(tool)
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    lower = corners.min(axis=0)
+    upper = corners.max(axis=0)
     return np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
 
 
@@ -203,9 +206,12 @@ def recognize(tool: Tool, subgoal: Subgoal, rng: Generator) -> tuple[Head, Pose]
     if tool.gripper and not tool.components:
         return Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN), Pose(_FINGERTIP)
     heading = subgoal.heading - turn
-    (ahead, side), corners = (axis[:2] for axis in axes_of(heading)), foot(tool)
-    along, across = corners[:, :2] @ ahead, corners[:, :2] @ side
-    depth, width = float(np.ptp(along)), float(np.ptp(across))
+    ahead, side = (axis[:2] for axis in axes_of(heading))
+    corners = foot(tool)
+    along = corners[:, :2] @ ahead
+    across = corners[:, :2] @ side
+    depth = float(np.ptp(along))
+    width = float(np.ptp(across))
     rises = subgoal.shift[2] > 0.03
     inside = max(0.0, depth - 0.01) if rises or deep else 0.0
     face = (along.max() - inside) * ahead + (across.min() + across.max()) / 2 * side

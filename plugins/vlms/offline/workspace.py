@@ -12,7 +12,7 @@ from core.interfaces import Robot
 from core.robot.kinematics import arm_of, joint_frames, robot_model
 from plugins.vlms.told.arm import Span, span_at
 
-_LOWEST_M = 0.1  # of the end-effector above the ground that solids stand on
+_LOWEST_M = 0.1  # of the end-effector above the ground that bodies stand on
 _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
 
 
@@ -53,11 +53,15 @@ class Workspace:
 def workspace_of(robot: Robot) -> Workspace:
     """Compute the workspace from the arm's reach at about the height of its shoulder, its second joint."""
     stand = replace(robot, base=Pose())
-    model, arm, base = robot_model(stand, False), arm_of(stand), robot.base.position
+    model = robot_model(stand, False)
+    arm = arm_of(stand)
+    base = robot.base.position
     height = float(joint_frames(model, np.array([robot.home]))[1][2, 0, 2])
     heights = sorted(np.round(np.arange(0.0, 1.05, 0.1), 3).tolist(), key=lambda z: abs(z - height))
     span = next((span for z in heights if (span := span_at(arm, z, 0.0)) is not None), Span(0.0, model.reach))
     # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
-    inner, outer, stretch = round(span.least + 0.06, 2), round(0.85 * span.most, 2), round(0.94 * span.most, 2)
+    inner = round(span.least + 0.06, 2)
+    outer = round(0.85 * span.most, 2)
+    stretch = round(0.94 * span.most, 2)
     shoulder = base + np.array([0.0, 0.0, round(height, 2)])
     return Workspace(base, shoulder, inner, outer, stretch, stretch + _TOOL_M)

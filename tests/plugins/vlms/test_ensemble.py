@@ -30,7 +30,9 @@ class Priced(VLM):
     """Answers at a cost; ``earns`` is what tests let its designs earn."""
 
     def __init__(self, model: str = "one", earns: float = 0.5, cost: float | None = None) -> None:
-        self.model, self.earns, self.cost = model, earns, cost
+        self.model = model
+        self.earns = earns
+        self.cost = cost
         self.heard = []
 
     def complete(self, requests):
@@ -69,7 +71,8 @@ def generation(index, earned):
 
 def played(vlm, members, generations=25, agents=4, stored=()):
     """Deal as in a run, whose replies are perhaps ``stored`` already; return all replies by generation."""
-    earns, replies = {m["model"]: m["earns"] for m in members}, [dict(past) for past in stored]
+    earns = {m["model"]: m["earns"] for m in members}
+    replies = [dict(past) for past in stored]
     for index in range(generations):
         asked = requests_of(index, agents)
         if index == len(replies):

@@ -391,7 +391,8 @@ def test_pictures_are_estimated_by_their_pixels():
     """LiteLLM's own counter takes each for a small one."""
     drawn = io.BytesIO()
     Image.new("RGB", (1000, 750)).save(drawn, "PNG")
-    sent, model = request(0), "anthropic/claude-sonnet-4-6"
+    sent = request(0)
+    model = "anthropic/claude-sonnet-4-6"
     *before, user = sent.messages
     plain = replace(user, parts=tuple(part for part in user.parts if isinstance(part, Text)))
     shown = replace(plain, parts=(*plain.parts, Picture(drawn.getvalue()), Picture(drawn.getvalue())))

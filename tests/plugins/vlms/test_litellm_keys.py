@@ -57,7 +57,8 @@ def tried(provider, api_base, sent):
 
 @pytest.mark.parametrize("api_base", [None, "http://127.0.0.1:9/v1"])
 def test_what_is_openais_goes_to_no_other_provider(api_base, sent, monkeypatch):
-    leaks, refusals = [], {}
+    leaks = []
+    refusals = {}
     assert len(providers()) > 100
     for provider in providers():
         text, refused = tried(provider, api_base, sent)

@@ -224,7 +224,8 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["prompt.md", "schema.json", "scene.png", "prompt.partial", "problem.md"])
 def test_nothing_is_written_through_a_link(name, tmp_path):
-    private, box = tmp_path / "private", tmp_path / "mailbox" / "g0-a0"
+    private = tmp_path / "private"
+    box = tmp_path / "mailbox" / "g0-a0"
     private.write_text("mine")
     box.mkdir(parents=True)
     (box / name).symlink_to(private)

@@ -247,7 +247,8 @@ def test_what_no_plan_is_made_for_is_named():
     turned = Goal(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
 
     class Two(CubeTask):
-        goals, every = (Goal(joint="door", to=1.0), turned), True
+        goals = (Goal(joint="door", to=1.0), turned)
+        every = True
 
         def scene(self, seed):
             return Scene(bodies, (door,))

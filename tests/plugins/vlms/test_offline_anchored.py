@@ -81,7 +81,8 @@ def test_the_bare_hand_feels_for_nothing():
 def test_what_feels_for_the_ground_minds_heights_less():
     given, found = feeling("ElevatePlate", n_tool=4)
     blind = [replace(c, plan=replace(c.plan, steps=tuple(s for s in c.plan.steps if not s.until))) for c in found]
-    sim, settings = installed().create("sim", "mujoco"), RolloutSettings(perception=Perception(height=0.008))
+    sim = installed().create("sim", "mujoco")
+    settings = RolloutSettings(perception=Perception(height=0.008))
     felt, missed = (
         [[e.reward for e in evaluate_batch(given.task, sim, tried, s, settings)] for s in (50, 51, 52)]
         for tried in (found, blind)
@@ -113,7 +114,8 @@ def test_one_plan_lifts_a_plate_in_layouts_that_it_was_not_made_for():
 
 def test_tools_for_varied_layouts_reach_the_bodies_there():
     given = brief("BringCube", "wide", AnchoredActions(), n_tool=4, n_action=1)
-    plans, arm = [c.plan for c in candidates(given, answer(given))], arm_of(given.task.robot)
+    plans = [c.plan for c in candidates(given, answer(given))]
+    arm = arm_of(given.task.robot)
     seen = [look(given.task, seed, Perception()) for seed in range(40, 46)]
     missed = [[reach_error(plan.resolve(one).poses, arm) > 0.005 for one in seen] for plan in plans]
     assert np.mean(missed, axis=1).min() < 0.2

@@ -39,6 +39,7 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "least"), [("press_plunger", 0.95), ("turn_plate", 0.95), ("InsertPlug", 0.95)])
 def test_fresh_designs_earn(name, least):
-    task, sim = scene(name), installed().create("sim", "mujoco")
+    task = scene(name)
+    sim = installed().create("sim", "mujoco")
     designs = candidates(brief(task, n_tool=4, n_action=1, seed=3))
     assert max(e.reward for e in evaluate_batch(task, sim, designs, 0, RolloutSettings())) >= least
