@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Pose
 from core.values.joints import Placement
 from plugins.vlms.offline.boxes import axes_of
-from plugins.vlms.offline.heads import SIDES, Head, box
+from plugins.vlms.offline.heads import SIDES, Head, Piece, box
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.raycast import Under, frame_of, pushed, under
 from plugins.vlms.offline.scene_analysis import UP, Subgoal, turn_between
@@ -231,21 +231,9 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
     inner = base + 0.3 * (outer - base)
     side = outer + room
     length = reach - rear + gap + rng.uniform(-0.03, 0.015)
-    width = 2 * (side + lip)
     tall = high - low + 2 * room
 
-    pieces = [
-        box("plate", 0.005, 0.0, -drop / 2, (0.01, 0.06, drop + 0.07)),
-        box("crossbar", _BACK_M - 0.005, 0.0, -drop, (0.01, width, 0.03)),
-    ]
-    along = _BACK_M - 0.002 + length / 2
-    for name, sign in SIDES:
-        web = (length + 0.002, lip, tall + 2 * lip)
-        pieces.append(box(f"{name}_web", along, sign * (side + lip / 2), -drop, web, 1))
-        for edge, up in (("lower", -1.0), ("upper", 1.0)):
-            z = -drop + up * (tall + lip) / 2
-            size = (length + 0.002, side - inner + 0.002, lip)
-            pieces.append(box(f"{name}_{edge}", along, sign * (inner + side) / 2, z, size, 1))
+    pieces = _channels(length, drop, (inner, side), tall, lip)
 
     def primitive(path: Path, rng: Generator) -> str:
         grasp = pan.center + (rear - gap - _BACK_M) * ahead
@@ -276,4 +264,25 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
         return f"{carried} and turns over by {np.degrees(turn):.0f} degrees"
 
     pose = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
-    return Head("fork", "pour", tuple(pieces), np.zeros(3), length, width, primitive=primitive, pose=pose)
+    return Head("fork", "pour", tuple(pieces), np.zeros(3), length, 2 * (side + lip), primitive=primitive, pose=pose)
+
+
+def _channels(length: float, drop: float, sides: tuple[float, float], tall: float, lip: float) -> list[Piece]:
+    """A plate below the flange, a crossbar, and two channels that are open toward each other.
+
+    The channels are ``tall`` inside, and reach across from the first of ``sides`` to the second on both sides.
+    """
+    inner, outer = sides
+    along = _BACK_M - 0.002 + length / 2
+    pieces = [
+        box("plate", 0.005, 0.0, -drop / 2, (0.01, 0.06, drop + 0.07)),
+        box("crossbar", _BACK_M - 0.005, 0.0, -drop, (0.01, 2 * (outer + lip), 0.03)),
+    ]
+    for name, sign in SIDES:
+        web = (length + 0.002, lip, tall + 2 * lip)
+        pieces.append(box(f"{name}_web", along, sign * (outer + lip / 2), -drop, web, 1))
+        for edge, up in (("lower", -1.0), ("upper", 1.0)):
+            z = -drop + up * (tall + lip) / 2
+            size = (length + 0.002, outer - inner + 0.002, lip)
+            pieces.append(box(f"{name}_{edge}", along, sign * (inner + outer) / 2, z, size, 1))
+    return pieces
