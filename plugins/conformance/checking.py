@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
-from typing import Any
+from typing import Any, SupportsFloat
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.errors import RAISED, UserError
@@ -29,6 +33,40 @@ def expect(condition: object, message: str) -> None:
     """
     if not condition:
         raise AssertionError(message)
+
+
+def near(what: str, found: ArrayLike, due: ArrayLike, within: ArrayLike) -> None:
+    """Check that a figure, or an array of figures, is what a formula says.
+
+    Args:
+        what: the figure in words, with its unit.
+        found: what was measured.
+        due: what the formula says.
+        within: the largest difference that is allowed.
+
+    Raises:
+        AssertionError: it differs by more, or is not a number; has the first three that do.
+    """
+    found, due, within = np.broadcast_arrays(found, due, within)
+    wrong = ~(np.abs(found - due) <= within)
+    allowed = f"at most {_digits(within[wrong][:3])} of difference is allowed"
+    expect(not wrong.any(), f"{what}: {_digits(found[wrong][:3])} instead of {_digits(due[wrong][:3])}; {allowed}")
+
+
+def between(what: str, found: SupportsFloat, low: float = -math.inf, high: float = math.inf) -> None:
+    """Check that a figure lies between two bounds.
+
+    Raises:
+        AssertionError: it does not, or is not a number.
+    """
+    expect(
+        low <= float(found) <= high,
+        f"{what}: {_digits(float(found))}; it must be from {_digits(low)} to {_digits(high)}",
+    )
+
+
+def _digits(figures: ArrayLike) -> str:
+    return ", ".join(f"{figure:.4g}" for figure in np.ravel(figures))
 
 
 def describe_error(error: BaseException) -> str:

@@ -19,13 +19,12 @@ def roots(chunk: list[float]) -> list[float]:
 
 def check_each_chunk_comes_back_with_its_result(make: Make) -> None:
     chunks = [[float(n), float(n + 1)] for n in range(12)]
+    due = [(chunk, roots(chunk)) for chunk in chunks]
     with make() as executor:
-        pairs = list(executor.map(roots, chunks))
-        expect(sorted(chunk for chunk, _ in pairs) == chunks, f"{len(chunks)} chunks went in, {len(pairs)} came out")
-        for chunk, result in pairs:
-            expect(result == roots(chunk), f"the result of {chunk} is {result!r} instead of {roots(chunk)}")
-        again = list(executor.map(roots, [[4.0]]))
-        expect(again == [([4.0], [2.0])], f"the second use returned {again!r}")
+        pairs = sorted(executor.map(roots, chunks))
+        expect(len(pairs) == len(due), f"{len(due)} chunks went in, {len(pairs)} came out")
+        expect(pairs == due, f"chunks came back with other results: {pairs}")
+        expect(list(executor.map(roots, [[4.0]])) == [([4.0], [2.0])], "the second use returned something else")
         expect(list(executor.map(roots, [])) == [], "no chunks have results")
 
 

@@ -12,8 +12,8 @@ from core.robot.tempo import plan_task_motion
 from core.scene import Body
 from core.simulation.guards import PlannedGuards
 from core.values.jobs import FEEL_S, Rollout
-from plugins.conformance.checking import LeftOut, expect
-from plugins.conformance.worlds import GREY, HOME, Bodies, arm, cube, film, play, stick
+from plugins.conformance.checking import LeftOut, expect, near
+from plugins.conformance.worlds import HOME, Bodies, arm, cube, film, make_body, play, stick
 
 _STICK, _TOP, _FROM, _SPEED = 0.2, 0.1, 0.35, 0.05  # metres, and m/s
 _STOP_M = 0.003  # within so much of the wall a touch ends: the way in two readings, and what the contact yields
@@ -52,51 +52,46 @@ def _mount(outcome: Outcome, at_s: float) -> Array:
 
 def check_that_touch_ends_at_a_wall(simulator: Simulator) -> str:
     """Two guards in a row: down until touched, up, and down again; each ends where the block begins."""
-    block = Body.of("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2), mass=0.0, color=GREY)
+    block = make_body("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2))
     high, low = (0.55, 0.0, _FROM), (0.55, 0.0, _STICK + _TOP / 2)
     touch = Guard("touch")
     outcome, playing = _played(simulator, _rows(high, low, high, low), (None, touch, None, touch), block)
-    expect(
-        [felt.fired for felt in outcome.felt] == ["touch", "touch"],
-        f"two touches of a block were expected, and felt was: {'; '.join(map(str, outcome.felt)) or 'nothing'}",
-    )
-    missed = [float(_mount(outcome, felt.at_s)[2]) - _STICK - _TOP for felt in outcome.felt]
-    expect(
-        max(map(abs, missed)) < _STOP_M,
-        f"a touch ended {1000 * max(missed, key=abs):.1f} mm from the block; at most {1000 * _STOP_M:g} mm are allowed",
-    )
-    end = float(_mount(outcome, np.inf)[2]) - _STICK - _TOP
-    expect(abs(end) < _STOP_M, f"after a touch the arm rests {1000 * end:.1f} mm from the block")
-    expect(
-        np.allclose(playing.motion.trajectory.arm[-1], film(outcome).arm[-1], atol=0.01),
-        "the motion that came back is not the one that was played",
-    )
-    return f"{1000 * max(map(abs, missed)):.2f} mm from the block"
+    _expect_fired(outcome, "touch", "touch")
+    ends = [_mount(outcome, at_s)[2] for at_s in (*(felt.at_s for felt in outcome.felt), np.inf)]
+    off = np.subtract(ends, _STICK + _TOP)
+    near("how far from a block two touches end, and the arm rests, m", off, 0.0, _STOP_M)
+    planned = playing.motion.trajectory.arm[-1]
+    near("where the motion ends that came back, and the one that was played", planned, film(outcome).arm[-1], 0.01)
+    return f"{1000 * np.abs(off).max():.2f} mm from the block"
 
 
-def check_that_force_ends_a_push(simulator: Simulator) -> str:
+def check_that_force_ends_a_push(simulator: Simulator) -> None:
     """A cube of 1 kg slides with less than the guard asks for, until a wall holds it; one of 4 kg is felt at once."""
-    floor = Body.of("floor", Box((2.0, 2.0, 0.1)), (0.5, 0.0, -0.05), mass=0.0, color=GREY)
+    floor = make_body("floor", Box((2.0, 2.0, 0.1)), (0.5, 0.0, -0.05))
     pushed = cube("cube", (0.55, 0.0, 0.05), mass=1.0)
-    wall = Body.of("wall", Box((0.05, 0.6, 0.2)), (0.75, 0.0, 0.1), mass=0.0, color=GREY)
+    wall = make_body("wall", Box((0.05, 0.6, 0.2)), (0.75, 0.0, 0.1))
     rows = _rows((0.42, 0.0, _STICK + 0.03), (0.72, 0.0, _STICK + 0.03))
-    weak, _ = _played(simulator, rows, (None, Guard("force", newtons=_WEAK_N)), replace(pushed, mass=4.0), floor)
-    outcome, _ = _played(simulator, rows, (None, Guard("force", newtons=_STRONG_N)), pushed, wall, floor)
-    expect(weak.felt[0].fired == "force", f"pushing 4 kg takes 20 N, and {_WEAK_N:g} N were not felt")
-    expect(outcome.felt[0].fired == "force", f"a cube was pushed against a wall, and {_STRONG_N:g} N were not felt")
-    begin, end = (float(_mount(of, of.felt[0].at_s)[0]) + 0.01 for of in (weak, outcome))
-    expect(abs(begin - 0.5) < 0.005, f"the push of the heavy cube ended at x = {begin:.3f} m; it stands at 0.500 m")
-    expect(abs(end - 0.625) < 0.005, f"the push to the wall ended at x = {end:.3f} m; the cube is there at 0.625 m")
-    return f"{1000 * abs(begin - 0.5):.1f} and {1000 * abs(end - 0.625):.1f} mm from where it was expected"
+    for newtons, bodies, due in (
+        (_WEAK_N, (replace(pushed, mass=4.0), floor), 0.5),
+        (_STRONG_N, (pushed, wall, floor), 0.625),
+    ):
+        outcome, _ = _played(simulator, rows, (None, Guard("force", newtons=newtons)), *bodies)
+        _expect_fired(outcome, "force")
+        ended = _mount(outcome, outcome.felt[0].at_s)[0] + 0.01
+        near(f"where a push of a cube to {newtons} N ends, x in m", ended, due, 0.005)
 
 
 def check_that_a_guard_may_never_fire(simulator: Simulator) -> None:
     """What follows is as asked: the motion goes on as planned, or ends at the guard's waypoint."""
     rows = _rows((0.5, 0.1, 0.4), (0.5, -0.1, 0.4))
-    for otherwise, last in (("go_on", rows[1]), ("end", rows[0])):
-        guard = Guard("touch", otherwise="end" if otherwise == "end" else "go_on")
+    for guard, last in ((Guard("touch", otherwise="go_on"), 1), (Guard("touch", otherwise="end"), 0)):
         outcome, playing = _played(simulator, rows, (guard, None), cube(at=(0.5, 0.6, 0.05)))
-        expect([felt.fired for felt in outcome.felt] == [""], f"nothing is there, and felt was {outcome.felt[0]}")
-        end = _mount(outcome, np.inf)
-        expect(np.allclose(end, last[:3], atol=0.003), f"otherwise={otherwise}: the motion ended at {np.round(end, 3)}")
-        expect(len(playing.motion.arrivals) == (2 if otherwise == "go_on" else 1), "the arrivals don't fit the motion")
+        _expect_fired(outcome, "")
+        what = f"where a motion ends whose guard never fires, otherwise={guard.otherwise}, m"
+        near(what, _mount(outcome, np.inf), rows[last, :3], 0.003)
+        expect(len(playing.motion.arrivals) == last + 1, "the arrivals don't fit the motion")
+
+
+def _expect_fired(outcome: Outcome, *due: str) -> None:
+    fired = tuple(felt.fired for felt in outcome.felt)
+    expect(fired == due, f"what guards fired: {fired} instead of {due}")

@@ -6,14 +6,12 @@ read tools.
 
 from __future__ import annotations
 
-import numpy as np
-
 from core.design import Tool
 from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
 from core.plugins import installed
-from plugins.conformance.checking import WILD, as_json, brief, expect, fingers, read_or_refused, rigid, some_task
+from plugins.conformance.checking import WILD, as_json, brief, expect, fingers, near, read_or_refused, rigid, some_task
 
 
 def designs(representation: ToolRepresentation) -> bool:
@@ -72,18 +70,15 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
         expect(isinstance(back, Tool), f"parse returned a {type(back).__name__}, not a Tool")
         expect(back.gripper == tool.gripper, f"a tool with gripper={tool.gripper} came back as one without it")
         check_tool(back, installed().default_robot)
-        wrote, read = len(tool.components), len(back.components)
-        expect(read == wrote, f"of {wrote} components {read} came back")
-        for a, b in zip(tool.components, back.components, strict=True):
-            (mount, pose), (other, moved) = tool.placed()[a.name], back.placed()[b.name]
-            expect(mount == other, f"a component on {mount} came back on {other}")
-            shift = np.abs(pose.matrix - moved.matrix).max()
-            expect(shift < 1e-4, f"a component came back displaced by {shift:.2g} (metres, or parts of the rotation)")
-            wide, found = a.shape.bounds[1], b.shape.bounds[1]
-            expect(np.allclose(wide, found, atol=1e-4), f"a component of {wide} m came back as one of {found} m")
-            expect(abs(a.mass - b.mass) < 1e-6, f"a component of {a.mass} kg came back with {b.mass} kg")
-        again = representation.parse(representation.dump(back), gripper=tool.gripper)
-        expect(again.content == back.content, "a tool that is written and read a second time is another tool")
+        wrote, read = ([mount for mount, _ in each.placed().values()] for each in (tool, back))
+        expect(wrote == read, f"components on {', '.join(wrote)} came back on {', '.join(read)}")
+        for part, again in zip(tool.components, back.components, strict=True):
+            due = tool.placed()[part.name][1].matrix
+            near("where a component is, m, and its axes", back.placed()[again.name][1].matrix, due, 1e-4)
+            near("the size of a component, m", again.shape.bounds[1], part.shape.bounds[1], 1e-4)
+            near("the mass of a component, kg", again.mass, part.mass, 1e-6)
+        second = representation.parse(representation.dump(back), gripper=tool.gripper)
+        expect(second.content == back.content, "a tool that is written and read a second time is another tool")
 
 
 def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) -> None:

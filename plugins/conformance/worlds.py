@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from core.robot.trajectory import plan_motion
 from core.scene import Body, Color, Geom, Joint, Scene, State
 from plugins.conformance.checking import LeftOut, expect
 
+T = TypeVar("T")
+Size = tuple[float, float, float]
 GREY: Color = (0.5, 0.5, 0.5, 1.0)
 FAR = (3.0, 3.0, 0.0)  # from the arm
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
@@ -44,12 +47,29 @@ class Bodies(Task):
         return np.zeros(start.positions.shape[:-2])
 
 
+def make_body(name: str, shape: Shape, position: Vector, mass: float = 0.0, **more: Any) -> Body:
+    """A grey body of one shape; without a mass it is fixed."""
+    return Body.of(name, shape, position, mass=mass, color=GREY, **more)
+
+
+def box(
+    name: str, size: tuple[float, float, float], position: Vector, mount: str = RIGID_MOUNT, **more: Any
+) -> Component:
+    """A box of a tool."""
+    return Component(name, mount, Pose.xyz_rpy(position), Box(size), **more)
+
+
 def cube(name: str = "cube", at: Vector = (0.0, 0.0, 0.0), side: float = 0.1, mass: float = 1.0) -> Body:
-    return Body.of(name, Box((side, side, side)), at, mass=mass, color=GREY)
+    return make_body(name, Box((side, side, side)), at, mass=mass)
 
 
 def part(shape: Shape, *at: float) -> Geom:
-    return Geom(shape, Pose(np.array(at or (0.0, 0.0, 0.0))))
+    return Geom(shape, Pose.xyz_rpy(at or (0.0, 0.0, 0.0)))
+
+
+def ground() -> Body:
+    """A fixed slab, far from the arm, whose upper side is at z = 0."""
+    return make_body("ground", Box((2.0, 2.0, 0.1)), (FAR[0], FAR[1], -0.05))
 
 
 def compound(name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)) -> Body:
@@ -58,13 +78,12 @@ def compound(name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.
 
 def slope(tilt: float, friction: float) -> Body:
     """A fixed slab 0.1 thick, far from the arm, that falls ``tilt`` radians toward +x; its frame is in its middle."""
-    return Body.of("slope", Box((4.0, 1.0, 0.1)), FAR, mass=0.0, color=GREY, rpy=(0.0, tilt, 0.0), friction=friction)
+    return make_body("slope", Box((4.0, 1.0, 0.1)), FAR, rpy=(0.0, tilt, 0.0), friction=friction)
 
 
 def stick(length: float, mass: float = 0.005) -> Tool:
     """A rigid tool: a box 0.02 m wide that hangs down from the flange."""
-    pose = Pose(np.array([0.0, 0.0, -length / 2]))
-    return Tool((Component("stick", RIGID_MOUNT, pose, Box((0.02, 0.02, length)), mass),))
+    return Tool((box("stick", (0.02, 0.02, length), (0.0, 0.0, -length / 2), mass=mass),))
 
 
 def arm(robot: Robot | None = None) -> Arm:
@@ -132,26 +151,21 @@ def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
 
 
 def start(outcome: Outcome) -> State:
-    if outcome.start is None:
-        raise AssertionError("an outcome without an error has no start state")
-    return outcome.start
+    return _given(outcome.start, "an outcome without an error has no start state")
 
 
 def end(outcome: Outcome) -> State:
-    if outcome.end is None:
-        raise AssertionError("an outcome without an error has no end state")
-    return outcome.end
+    return _given(outcome.end, "an outcome without an error has no end state")
 
 
 def film(outcome: Outcome) -> Recording:
-    if outcome.recording is None:
-        raise AssertionError("record_hz was given, and nothing was recorded")
-    return outcome.recording
+    return _given(outcome.recording, "record_hz was given, and nothing was recorded")
 
 
-def near(found: float, due: float, what: str, unit: str, share: float = 0.02) -> None:
-    """Check that a figure differs from what is due by less than a share of that."""
-    expect(abs(found / due - 1) < share, f"{what}: {found:.4f} {unit} instead of {due:.4f} {unit}")
+def _given(value: T | None, problem: str) -> T:
+    if value is None:
+        raise AssertionError(problem)
+    return value
 
 
 def turn(one: Pose, other: Pose) -> float:

@@ -40,30 +40,20 @@ def dead(body):
 
 
 @pytest.mark.parametrize("engine", SIMULATORS)
-@pytest.mark.parametrize(
-    ("change", "check", "said"),
-    [
-        (slippery, impacts.check_oblique_impact_on_a_slope, "m/s along x and z instead of"),
-        (dead, impacts.check_oblique_impact_on_a_slope, "m/s along x and z instead of"),
-        (slippery, impacts.check_oblique_blow_of_a_blade, "degrees aside"),
-        (rough, impacts.check_oblique_blow_of_a_blade, "degrees aside"),
-    ],
-)
-def test_wrong_friction_or_restitution_is_found(engine, change, check, said):
-    with pytest.raises(AssertionError, match=said):
-        check(Otherwise(engine, change))
+@pytest.mark.parametrize("change", [slippery, rough, dead])
+def test_wrong_friction_or_restitution_is_found(engine, change):
+    with pytest.raises(AssertionError, match=r"the velocity of .* instead of"):
+        impacts.check_oblique_impact_on_a_slope(Otherwise(engine, change))
 
 
 def test_friction_that_stops_slip_too_slowly_is_found():
-    sluggish = installed().create("sim", "mujoco", slip_rate=20.0)
-    for check in (impacts.check_oblique_impact_on_a_slope, impacts.check_oblique_blow_of_a_blade):
-        with pytest.raises(AssertionError):
-            check(sluggish)
+    with pytest.raises(AssertionError):
+        impacts.check_oblique_impact_on_a_slope(installed().create("sim", "mujoco", slip_rate=20.0))
 
 
 @pytest.mark.parametrize("engine", SIMULATORS)
 def test_a_wrist_without_its_motors_inertia_is_found(engine):
     """As it was in PyBullet and SAPIEN: a light stick's blow had hardly anything behind it but the motor's torque."""
     light = replace(PANDA, motor_inertia=(1e-3,) * 7)
-    with pytest.raises(AssertionError, match=r"ms after a blow of the wrist at .* a puck of .* has"):
+    with pytest.raises(AssertionError, match=r"the speed of a puck of .* after a blow of the wrist"):
         impacts.check_blow_of_the_wrist_has_its_motor_behind_it(Otherwise(engine, robot=light))
