@@ -91,7 +91,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
         config = load("evaluate", [f"task={task}", *words])
-        self.task, self.simulator = task_part(config).create(), part(SIMULATOR, config.sim).create()
+        self.task = task_part(config).create()
+        self.simulator = part(SIMULATOR, config.sim).create()
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
         self.tool = Tool(gripper=gripper)
@@ -100,13 +101,17 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self.control_mode = control_mode
         self.render_mode = render_mode
         self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=size[0], height=size[1])
-        self._arm, self._opening = arm_of(self.task.robot), self.task.robot.opening_m
-        joints = len(self.task.robot.arm_joints)
+        robot = self.task.robot
+        self._arm = arm_of(robot)
+        self._opening = robot.opening_m
+        joints = len(robot.arm_joints)
         moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
-        others = len(self.task.robot.finger_joints) + len(self.tool.bearers)
+
         scene = self.task.scene(0)
-        observed = joints + others + 13 * len(scene.free) + 3 * sum(len(soft.form.nodes) for soft in scene.softs)
-        observed += 7 * len(scene.places) * (self.task.variation != NONE)
+        observed = joints + len(robot.finger_joints) + len(self.tool.bearers) + 13 * len(scene.free)
+        observed += 3 * sum(len(soft.form.nodes) for soft in scene.softs)
+        if self.task.variation != NONE:
+            observed += 7 * len(scene.places)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
         self._world: World | None = None
@@ -118,14 +123,17 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         super().reset(seed=seed)
         self._layout = int(self.np_random.integers(2**31))
         self._scene = self.task.scene(self._layout)
-        self._world = world = self.simulator.world(self.task, self.tool, self._layout)
-        self._joints, self._fingers = self._arm.home_for(self.task.home), self._opening
+        world = self.simulator.world(self.task, self.tool, self._layout)
+        self._world = world
+        self._joints = self._arm.home_for(self.task.home)
+        self._fingers = self._opening
         self._pose = self._arm.forward(self._joints)
-        self._film, self._elapsed = list[Recording](), -SETTLE_S
+        self._film: list[Recording] = []
+        self._elapsed = -SETTLE_S
         self._drive(world, self._joints, self._fingers, SETTLE_S)
         self._start = begin_motion(world)
         try:
-            self._earned = self._reward(self._start)
+            self._earned = self._reward(world, self._start)
         except ValueError as error:
             raise UserError(f"{self.task.name} can't be stepped: {error}; use python -m core.evaluate") from error
         return self._observation(world), {"reward": self._earned}
@@ -145,7 +153,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             wanted = self._opening * (1 - action[-1]) / 2
             fingers += float(np.clip(wanted - fingers, -FINGER_SPEED * STEP_S, FINGER_SPEED * STEP_S))
         self._drive(self._world, self._target(action), fingers, STEP_S)
-        before, self._earned = self._earned, self._reward(self._world.state())
+
+        before = self._earned
+        self._earned = self._reward(self._world, self._world.state())
         done = self._earned >= self.task.success_reward
         info = {"reward": self._earned, "is_success": done}
         return self._observation(self._world), self._earned - before, done, False, info
@@ -153,16 +163,13 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     def _checked(self, action: Any) -> Numbers:
         """Return an action as an array, if it is one."""
         shape = self.action_space.shape or ()
-        means = "one for each joint" if self.control_mode == "joints" else "speeds along and about x, y and z"
-        fingers = ", and one for the fingers" if self.tool.gripper else ""
-        wanted = f"an action is {shape[0]} finite numbers from -1 to 1, {means}{fingers}"
         try:
             numbers = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}") from error
+        except (TypeError, ValueError):
+            numbers = np.full(shape, np.nan)
         if numbers.shape != shape or not np.isfinite(numbers).all():
-            said = numbers.tolist() if numbers.shape == shape else f"an array of shape {numbers.shape}"
-            raise gymnasium.error.InvalidAction(f"{wanted}; got {said}")
+            wanted = f"an action is {shape[0]} finite numbers from -1 to 1, see plugins.gym.environment.ToolEnv"
+            raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
         return numbers
 
     def _target(self, action: Numbers) -> Array:
@@ -183,36 +190,45 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         """Move the targets evenly to these within ``seconds``."""
         steps = max(1, round(seconds / world.time_step))
         span = steps * world.time_step
-        speeds, finger_speed = (joints - self._joints) / span, (fingers - self._fingers) / span
+        speeds = (joints - self._joints) / span
+        finger_speed = (fingers - self._fingers) / span
         for k in range(1, steps + 1):
             if self.task.reads_trace and (self._elapsed + SETTLE_S) * TRACE_HZ >= len(self._film):
                 self._film.append(self._instant(world))
             left = span - k * world.time_step
             world.step(joints - speeds * left, fingers - finger_speed * left, speeds, finger_speed)
             self._elapsed += world.time_step
-        self._joints, self._fingers = joints, fingers
+        self._joints = joints
+        self._fingers = fingers
         self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
 
-    def _reward(self, now: State) -> float:
-        complete, trace = self._scene.complete, None
-        if self.task.reads_trace:  # the trace of the episode until now, without forces
-            assert self._world is not None
-            film = [*self._film, self._instant(self._world)]
-            times, arm, fingers = (np.array([getattr(at, name) for at in film]) for name in ("times", "arm", "fingers"))
-            recording = Recording(times, arm, fingers, State.stack([at.states for at in film]))
+    def _reward(self, world: World, now: State) -> float:
+        """The task's reward; its trace, if it reads one, is of the episode until now, without forces."""
+        trace = None
+        if self.task.reads_trace:
+            film = [*self._film, self._instant(world)]
+            recording = Recording(
+                times=np.array([instant.times for instant in film]),
+                arm=np.array([instant.arm for instant in film]),
+                fingers=np.array([instant.fingers for instant in film]),
+                states=State.stack([instant.states for instant in film]),
+            )
             found = find_contacts(self._scene, self.task.robot, self.tool, recording)
             trace = replace(make_trace(self._scene, [found])[0], forces=None)
-        return float(np.asarray(reward_of(self.task, complete(self._start), complete(now), trace)))
+        first = self._scene.complete(self._start)
+        return float(np.asarray(reward_of(self.task, first, self._scene.complete(now), trace)))
 
     def _instant(self, world: World) -> Recording:
         return Recording(np.array(self._elapsed), *world.joints(), world.state())
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()
-        places = self._scene.places.values() if self.task.variation != NONE else ()
-        fixed = [number for pose in places for number in (*pose.position, *pose.quaternion)]
         nodes = [state.nodes(soft.name).ravel() for soft in self._scene.softs]
-        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel(), *nodes, fixed])
+        fixed: list[Array] = []
+        if self.task.variation != NONE:
+            for pose in self._scene.places.values():
+                fixed += [pose.position, pose.quaternion]
+        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel(), *nodes, *fixed])
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``."""

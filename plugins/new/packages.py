@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import keyword
 import re
-from importlib.resources import files
+from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,30 +53,33 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     if kind not in TEMPLATES:
         raise choices("kind", kind, (*TEMPLATES, "scene"), "vlmgineer new")
     template = TEMPLATES[kind]
-    snake = check_name(template.group, name)
-    folder = output or Path(snake)
-    cls = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
-    values = {"name": name, "kind": template.group, "what": template.what, "cls": cls, "module": template.module}
-    values |= {"hook": KINDS[template.group].hook, "package": snake}
+    group = template.group
+    package = check_name(group, name)
+    folder = output or Path(package)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} is there already; choose another folder with output=DIR")
-    if importlib.util.find_spec(snake) is not None:
-        raise UsageError(f"{name!r} can't be a name: a module {snake!r} is there already; choose another name")
-    code = folder / snake
+    if importlib.util.find_spec(package) is not None:
+        raise UsageError(f"{name!r} can't be a name: a module {package!r} is there already; choose another name")
+
+    values = {"name": name, "kind": group, "what": template.what, "module": template.module, "package": package}
+    values["hook"] = KINDS[group].hook
+    values["cls"] = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
+    code = folder / package
     module = code / f"{template.module}.py"
-    new = {
-        folder / "pyproject.toml": render("pyproject.toml", values),
-        code / "__init__.py": render("init.py", values),
-        module: render(f"{kind}.py", values),
-        folder / "tests" / f"test_{snake}.py": render("listener_test.py" if kind == "listener" else "test.py", values),
+    test = "listener_test.py" if kind == "listener" else "test.py"
+    files = {
+        folder / "pyproject.toml": "pyproject.toml",
+        folder / "tests" / f"test_{package}.py": test,
+        code / "__init__.py": "init.py",
+        module: f"{kind}.py",
     }
     if kind != "command":  # which has no settings
-        new[code / "conf/__init__.py"] = ""
-        new[code / "conf" / template.group / f"{name}.yaml"] = render(f"{kind}.yaml", values)
+        files[code / "conf/__init__.py"] = "empty.py"
+        files[code / "conf" / group / f"{name}.yaml"] = f"{kind}.yaml"
     if kind == "robot":
-        new[code / "arm.urdf"] = render("robot.urdf", values)
-    for file, text in new.items():
-        write_bytes(file, text.encode())
+        files[code / "arm.urdf"] = "robot.urdf"
+    for file, source in files.items():
+        write_bytes(file, render(source, values).encode())
     return folder, module
 
 
@@ -99,7 +102,7 @@ def check_name(group: str, name: str) -> str:
 
 def render(source: str, values: dict[str, str]) -> str:
     """Fill in a template."""
-    text = (files("plugins.new") / "templates" / f"{source}.jinja").read_text(encoding="utf-8")
+    text = (resources.files("plugins.new") / "templates" / f"{source}.jinja").read_text(encoding="utf-8")
     # Nothing is escaped: it is code, of names that were checked.
     template = jinja2.Template(text, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     return str(template.render(values))
@@ -128,18 +131,29 @@ def main(words: list[str]) -> None:
     if {"--help", "-h"} & set(words):
         say(*USAGE.splitlines())
         return
-    outputs = [word.removeprefix("output=") for word in words if word.startswith("output=")]
+    outputs = [Path(word.removeprefix("output=")) for word in words if word.startswith("output=")]
     named = [word for word in words if not word.startswith("output=")]
     if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") or "=" in word for word in named):
         raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
-    (kind, name), output = named, Path(outputs[0]) if outputs else None
+    kind, name = named
+    output = outputs[0] if outputs else None
     if kind == "scene":
-        file, what = write_scene(name, output), "a scene"
-        uses = [f"{words} task=file task.file={file}" for words in ("vlmgineer render", "vlmgineer conformance", RUN)]
-    else:
-        (folder, file), (group, what, *_) = write(kind, name, output), TEMPLATES[kind]
-        use = f"{RUN} {group}={f'[progress,{name}]' if kind == 'listener' else name}"
-        use = f"vlmgineer {name}" if kind == "command" else use
-        check = f"vlmgineer conformance {group}={name}"
-        uses = [f"pip install -e '{folder}[test]'", check, use, f"python -m pytest {folder}"]
-    say(f"{file}: {what}, ready to be changed", *(f"  {line}" for line in uses))
+        file = write_scene(name, output)
+        say(f"{file}: a scene, ready to be changed")
+        for use in ("vlmgineer render", "vlmgineer conformance", RUN):
+            say(f"  {use} task=file task.file={file}")
+        return
+    folder, file = write(kind, name, output)
+    template = TEMPLATES[kind]
+    use = f"{RUN} {template.group}={name}"
+    if kind == "listener":
+        use = f"{RUN} listener=[progress,{name}]"
+    if kind == "command":
+        use = f"vlmgineer {name}"
+    say(
+        f"{file}: {template.what}, ready to be changed",
+        f"  pip install -e '{folder}[test]'",
+        f"  vlmgineer conformance {template.group}={name}",
+        f"  {use}",
+        f"  python -m pytest {folder}",
+    )
