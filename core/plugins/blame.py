@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,33 +23,25 @@ class PluginError(Exception):
 
 
 def culprit(error: BaseException, plugins: Plugins | None = None) -> Offer | None:
-    """Return the plugin's part that is deepest in the exception's traceback; None: there is none in it.
+    """Return the offer of the part that is deepest in the exception's traceback; None: there is none in it.
 
-    A part's code is the module of its factory, and the modules beside it if no other part is among them. Of several
-    parts in one module it is the one whose method is deepest; the first, if no method is in the traceback.
+    A part's code is its methods, and the module of its factory.
     """
-    own: dict[str, list[Offer]] = {}
     found = plugins or installed()
+    modules: dict[str, Offer] = {}
     for offer in (*found.offers.values(), *found.extensions.values()):
-        own.setdefault(_module(offer), []).append(offer)
-    packages: dict[str, set[str]] = {}
-    for module in own:
-        packages.setdefault(module.rpartition(".")[0], set()).add(module)
+        modules.setdefault(_module(offer), offer)
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    for depth in reversed(range(len(frames))):
-        name = str(frames[depth].f_globals.get("__name__", ""))
-        package = name.rpartition(".")[0]
-        if name not in own and package and len(packages.get(package, ())) == 1:
-            name = next(iter(packages[package]))
-        if name in own:
-            made = (offer_of(frame.f_locals.get("self")) for frame in reversed(frames[: depth + 1]))
-            return next((offer for offer in made if offer in own[name]), own[name][0])
+    for frame in reversed(frames):
+        blamed = offer_of(frame.f_locals.get("self")) or modules.get(frame.f_globals.get("__name__", ""))
+        if blamed is not None:
+            return blamed
     return None
 
 
 def _module(offer: Offer) -> str:
     factory = offer.factory.main if isinstance(offer.factory, Command) else offer.factory
-    return factory.partition(":")[0] if isinstance(factory, str) else str(getattr(factory, "__module__", ""))
+    return factory.partition(":")[0] if isinstance(factory, str) else factory.__module__
 
 
 def describe_failure(error: BaseException, plugins: Plugins | None = None) -> str | None:
@@ -98,15 +89,12 @@ class Guard:
         self.exited: str | None = None
         self._listener = listener
         self._failed = False
-        self._lock = threading.Lock()  # replies are received in a thread of their own
         for attribute in dir(listener):
             options = hub.parse_hookimpl_opts(listener, attribute)
             if options is not None:
                 event = options.get("specname") or attribute
-                function = getattr(listener, attribute)
-                if not options["wrapper"] and not options["hookwrapper"]:  # which are generators
-                    function = hookimpl(**options)(self._guarded(event, function))
-                setattr(self, attribute, function)
+                guarded = self._guarded(event, getattr(listener, attribute))
+                setattr(self, attribute, hookimpl(**options)(guarded))
 
     def _guarded(self, event: str, function: Callable[..., None]) -> Callable[..., None]:
         @wraps(function)
@@ -121,10 +109,11 @@ class Guard:
         return pass_on
 
     def _report(self, event: str, error: BaseException) -> None:
-        with self._lock:
-            first, self._failed = not self._failed, True
-        if first:
-            what = " ".join(f"{type(error).__name__}: {error}".split())
-            blamed = f"{describe_part(self._listener)}: {event} raised {what}"
-            self.exited = blamed if isinstance(error, SystemExit) else None
-            say(f"{blamed}; it receives no more events", file=sys.stderr)
+        if self._failed:
+            return
+        self._failed = True
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        blamed = f"{describe_part(self._listener)}: {event} raised {what}"
+        if isinstance(error, SystemExit):
+            self.exited = blamed
+        say(f"{blamed}; it receives no more events", file=sys.stderr)

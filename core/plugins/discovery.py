@@ -18,7 +18,6 @@ import pluggy
 from core.errors import RAISED, UserError, choices
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.plugins.kinds import KINDS
-from core.plugins.moved import describe_import_error
 
 SWITCH = "VLMGINEER_PLUGINS"
 """The environment variable that names the plugins to load, by entry point or distribution, separated by commas."""
@@ -26,7 +25,9 @@ SWITCH = "VLMGINEER_PLUGINS"
 OWN = "core"
 """The entry point of core's own commands, which is never switched off."""
 
-HOOKS = (*(kind.hook for kind in KINDS.values()), *(name for name in vars(Configs) if not name.startswith("_")))
+HOOKS = {kind.hook: kind.name for kind in KINDS.values()}
+"""The kind of part that each hook of `core.hooks.Parts` offers."""
+
 PACKAGES = ("core", "plugins", "tasks", "conf", "prompts")
 
 
@@ -70,10 +71,11 @@ class Discovery:
             try:
                 module = entry.load()
             except RAISED as error:  # a third-party import may raise anything
-                reason = f"import failed: {describe_import_error(error)}"
-                self.failures.append(Failure(entry.name, distribution, reason))
-                continue
-            self.register(module, entry.name, distribution)
+                self.failures.append(
+                    Failure(entry.name, distribution, f"import failed: {type(error).__name__}: {error}")
+                )
+            else:
+                self.register(module, entry.name, distribution)
         for name, module in (entry_points or {}).items():
             self.register(module, name, "this process")
 
@@ -87,38 +89,45 @@ class Discovery:
         except pluggy.PluginValidationError as error:
             self.failures.append(Failure(name, distribution, " ".join(str(error).split())))
             return
-        if not {caller.name for caller in manager.get_hookcallers(plugin) or ()} & set(HOOKS):
+        hooks = [caller for caller in manager.get_hookcallers(plugin) or () if caller.has_spec()]
+        if not hooks:
             where = getattr(plugin, "__file__", None) or f"{type(plugin).__module__}.{type(plugin).__qualname__}"
             reason = f"{where} implements no hook; possible: {', '.join(HOOKS)}"
             self.failures.append(Failure(name, distribution, reason))
-            return
-        kinds = {kind.hook: kind.name for kind in KINDS.values()}
-        for hook in HOOKS:
+        for hook in hooks:
             try:
-                for given in getattr(manager.hook, hook)():
-                    if hook == "config_path":
-                        _check_config_path(given)
-                        self.configs.setdefault(distribution, []).append(given)
-                        continue
-                    kind, offers = (kinds[hook], self.offers) if hook in kinds else (hook[:-1], self.extensions)
-                    for part, factory in dict(given).items():
-                        self._offer(Offer(kind, part, name, distribution, factory), offers)
+                for given in hook():
+                    self._add(hook.name, given, name, distribution)
             except RAISED as error:  # a third-party hook may raise anything
-                reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
+                reason = f"hook {hook.name!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
 
-    def _offer(self, offer: Offer, offers: dict[tuple[str, str], Offer]) -> None:
-        taken = offers.get((offer.kind, offer.name))
-        if offer.kind == "command" and not isinstance(offer.factory, Command):
-            reason = f"is {offer.factory!r}; it must be a core.hooks.Command"
-        elif offer.kind != "command" and not isinstance(offer.factory, str) and not callable(offer.factory):
-            reason = f"is {offer.factory!r}; it must be callable, or a text 'module:attribute'"
-        elif taken is not None:
-            reason = f"is taken by {taken.entry_point} of {taken.distribution}"
-        else:
-            offers[offer.kind, offer.name] = offer
+    def _add(self, hook: str, given: Any, entry_point: str, distribution: str) -> None:
+        """Add what a hook returned."""
+        if hook == "config_path":
+            _check_config_path(given)
+            self.configs.setdefault(distribution, []).append(given)
             return
-        self.failures.append(Failure(offer.entry_point, offer.distribution, f"{offer.kind} {offer.name!r} {reason}"))
+        offers = self.offers if hook in HOOKS else self.extensions
+        kind = HOOKS.get(hook, hook.removesuffix("s"))
+        for part, factory in dict(given).items():
+            offer = Offer(kind, part, entry_point, distribution, factory)
+            problem = _problem(offer, offers.get((kind, part)))
+            if problem is None:
+                offers[kind, part] = offer
+            else:
+                self.failures.append(Failure(entry_point, distribution, f"{kind} {part!r} {problem}"))
+
+
+def _problem(offer: Offer, taken: Offer | None) -> str | None:
+    """Say why an offer can't be taken; None: it can."""
+    if offer.kind == "command" and not isinstance(offer.factory, Command):
+        return f"is {offer.factory!r}; it must be a core.hooks.Command"
+    if offer.kind != "command" and not isinstance(offer.factory, str) and not callable(offer.factory):
+        return f"is {offer.factory!r}; it must be callable, or a text 'module:attribute'"
+    if taken is not None:
+        return f"is taken by {taken.entry_point} of {taken.distribution}"
+    return None
 
 
 def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
@@ -128,19 +137,15 @@ def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
     """
     entries = importlib.metadata.entry_points(group=PROJECT)
     found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
-    found.sort(key=lambda of: of[1] != PROJECT)
-    chosen = os.environ.get(SWITCH)
-    if chosen is None:
+    found.sort(key=lambda pair: pair[1] != PROJECT)
+    switch = os.environ.get(SWITCH)
+    if switch is None:
         return found
-    names = {name.strip() for name in chosen.split(",")} - {""}
-    known = {name for entry, distribution in found for name in (entry.name, distribution)}
-    for name in sorted(names - known):
-        raise choices("plugin or distribution", name, known, f"{SWITCH}={chosen}")
-    return [
-        (entry, distribution)
-        for entry, distribution in found
-        if names & {entry.name, distribution} or entry.name == OWN
-    ]
+    chosen = {OWN, *(name.strip() for name in switch.split(","))} - {""}
+    known = {OWN}.union(*((entry.name, distribution) for entry, distribution in found))
+    for name in sorted(chosen - known):
+        raise choices("plugin or distribution", name, known, f"{SWITCH}={switch}")
+    return [(entry, distribution) for entry, distribution in found if chosen & {entry.name, distribution}]
 
 
 def check_own_packages() -> None:

@@ -23,7 +23,6 @@ from core.hooks import PROJECT, Command
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
-from core.plugins.moved import describe_import_error
 from core.values.materials import PAPER, Material
 
 _NAMED = ("missing", "unexpected_keyword_argument")  # errors about a key of a setting, which their text doesn't name
@@ -41,15 +40,7 @@ class Plugins(Discovery):
 
     def ready(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind that can be made without settings, sorted."""
-        signatures = {name: inspect.signature(self.factory(kind, name)) for name in self.names(kind)}
-        return [
-            name
-            for name, signature in signatures.items()
-            if all(
-                p.default is not p.empty or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
-                for p in signature.parameters.values()
-            )
-        ]
+        return [name for name in self.names(kind) if not _needed(inspect.signature(self.factory(kind, name)))]
 
     def factory(self, kind: str, name: str) -> Callable[..., Any]:
         """Return the factory of the part ``name`` of a kind.
@@ -159,11 +150,12 @@ def check_settings(
     Raises:
         UserError: a setting that is unknown, missing, or of the wrong type.
     """
-    parameters = {
-        name: parameter
-        for name, parameter in inspect.signature(factory).parameters.items()
+    signature = inspect.signature(factory)
+    parameters = [
+        name
+        for name, parameter in signature.parameters.items()
         if name not in given and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
-    }
+    ]
     hints = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
     checked: dict[str, Any] = {}
     for name, value in settings.items():
@@ -175,10 +167,20 @@ def check_settings(
             first = error.errors()[0]
             reason = f"{first['msg']}: {first['loc'][-1]}" if first["type"] in _NAMED else first["msg"]
             raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
-    for name, parameter in parameters.items():
-        if parameter.default is parameter.empty and name not in checked:
+    for name in _needed(signature):
+        if name not in checked and name not in given:
             raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(parameters)}")
     return checked
+
+
+def _needed(signature: inspect.Signature) -> list[str]:
+    """Return the names of the parameters without a default."""
+    return [
+        name
+        for name, parameter in signature.parameters.items()
+        if parameter.default is parameter.empty
+        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    ]
 
 
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
@@ -193,7 +195,7 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     try:
         return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
     except RAISED as error:  # a third-party import may raise anything
-        reason = f"can't be imported: {describe_import_error(error)}"
+        reason = f"can't be imported: {type(error).__name__}: {error}"
         raise UserError(f"{offer.kind} {offer.name!r} of {offer.distribution} {reason}") from error
 
 
