@@ -10,12 +10,9 @@ import os
 import select
 import signal
 import sys
-import threading
 import time
-import traceback
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import ClassVar, NoReturn, TextIO
 
 from core.errors import UsageError, UserError
@@ -30,15 +27,13 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
 
     Keys are left out of all that it prints.
     """
-    _check_streams()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # for an encoding that has not every letter
-    sys.stdout, sys.stderr = Scrubbed(sys.stdout), Scrubbed(sys.stderr)
+    sys.stdout = Scrubbed(sys.stdout)
+    sys.stderr = Scrubbed(sys.stderr)
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
             signal.signal(number, _Interrupt())
-    sys.excepthook = _show_traceback
-    threading.excepthook = lambda args: _show_traceback(args.exc_type, args.exc_value, args.exc_traceback)
     try:
         status = function(sys.argv[1:])
         sys.stdout.flush()
@@ -53,23 +48,8 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     except UserError as error:
         _leave(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except KeyboardInterrupt as interrupt:
-        _leave(f"interrupted{''.join(f'; {why}' for why in interrupt.args)}", 130)
+        _leave("; ".join(["interrupted", *map(str, interrupt.args)]), 130)
     sys.exit(status or 0)
-
-
-def _check_streams() -> None:
-    """Refuse a standard output that is closed: a file that is opened later would take its place, and all prints.
-
-    One of errors that is closed is replaced by the null device, for the same reason.
-    """
-    if sys.stdout is None or sys.stderr is None:
-        while (null := os.open(os.devnull, os.O_RDWR)) <= 2:
-            pass
-        os.close(null)
-        closed, sys.stdout = sys.stdout is None, sys.stdout or open(os.devnull, "w")  # noqa: SIM115, PTH123
-        sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115, PTH123
-        if closed:
-            _leave("error: standard output is closed; send it to a file, or to /dev/null", 2)
 
 
 def arguments(usage: str, given: Sequence[str]) -> list[str]:
@@ -94,12 +74,12 @@ def folders_and_overrides(usage: str, given: Sequence[str]) -> tuple[list[Path],
         key, equals, value = word.partition("=")
         if not equals or Path(word).exists():
             folders.append(Path(word))
-        elif key in ("run", "runs"):
-            listed = value.startswith("[") and value.endswith("]") and not Path(value).exists()  # as Hydra writes lists
-            names = value[1:-1].split(",") if listed else [value]
-            folders += [Path(name.strip("'\" ")) for name in names]
-        else:
+        elif key not in ("run", "runs"):
             overrides.append(word)
+        elif value.startswith("[") and not Path(value).exists():  # as Hydra writes lists
+            folders += [Path(name.strip("'\" ")) for name in value.strip("[]").split(",")]
+        else:
+            folders.append(Path(value))
     return folders, overrides
 
 
@@ -180,14 +160,8 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
-def _show_traceback(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
-    say(*"".join(traceback.format_exception(kind, error, trace)).splitlines(), file=sys.stderr)
-
-
 def _reader_is_gone() -> bool:
     """Check whether standard output was closed at its other end."""
-    if not hasattr(select, "poll"):  # on Windows
-        return False
     output = select.poll()
     output.register(sys.stdout, 0)  # 0: errors only
     return bool(output.poll(0))

@@ -20,11 +20,6 @@ class FileMark(NamedTuple):
     modified_ns: int
     changed_ns: int  # unlike the date of modification it can't be chosen
 
-    @property
-    def identity(self) -> tuple[int, int]:
-        """Numbers that stay while the file is written, and differ when another file takes its place."""
-        return self[:2]
-
 
 def file_mark(file: Path) -> FileMark | None:
     """Return the mark of a file, of a folder, or of a link itself; None: there is none."""

@@ -1,4 +1,7 @@
-"""Keep temporary files in one folder of the process, which is removed however the process ends."""
+"""Keep temporary files in one folder of the process, which is removed when it ends.
+
+What a process leaves that was killed is in the system's temporary folder, and the system removes it.
+"""
 
 from __future__ import annotations
 
@@ -7,59 +10,18 @@ import contextlib
 import errno
 import os
 import shutil
-import subprocess
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from core.errors import UserError
-from core.support.files import FileMark, file_mark
+from core.support.files import write_whole
 
-# Waits until the process has ended, which closes the pipe; workers may write while they end.
-_REMOVE = 'read -r _; for i in 1 2 3 4 5; do rm -rf -- "$1"; [ -e "$1" ] || exit 0; sleep 1; done'
-
-
-class _Root:
-    """The folder of this process, and the process that removes it when this one is killed."""
-
-    def __init__(self, folder: Path, *, own: bool) -> None:
-        self.folder = folder
-        self.mark = file_mark(folder)  # a folder of the same name may come later, of another user
-        self.process = os.getpid()
-        self.own = own
-        self.remover: subprocess.Popen[bytes] | None = None
-        if own and os.name == "posix":
-            with contextlib.suppress(OSError):  # no process left: the folder is removed all the same at a normal end
-                self.remover = subprocess.Popen(  # noqa: S603  # our own words
-                    ["/bin/sh", "-c", _REMOVE, "sh", str(folder)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    cwd="/",
-                    start_new_session=True,
-                )
-
-    def gone(self) -> bool:
-        """Say if this process has no such folder: it was deleted, or this process was forked."""
-        mark = file_mark(self.folder)
-        same = mark and self.mark and mark.identity == self.mark.identity
-        return not same or self.process != os.getpid()
-
-    def remove(self) -> None:
-        if not self.own or self.process != os.getpid():  # forked: it is the parent's
-            return
-        shutil.rmtree(self.folder, ignore_errors=True)
-        if self.remover is not None and self.remover.stdin is not None:
-            self.remover.stdin.close()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self.remover.wait(5.0)
-
-
-_roots: list[_Root] = []  # the last one is in use; earlier ones were deleted by something else
-_elsewhere: str | None = None  # where folders for temporary files usually are, in a worker
+_folder: Path | None = None
+_maker: int | None = None  # the process that made the folder, and removes it: a forked one may not
 _lock = threading.Lock()
-_written: dict[Path, dict[Path, FileMark | None]] = {}  # by folder
+_written: set[Path] = set()
 
 
 def scratch() -> Path:
@@ -68,13 +30,16 @@ def scratch() -> Path:
     Raises:
         UserError: it can't be made.
     """
+    global _folder, _maker
     with _lock:
-        if not _roots or _roots[-1].gone():
-            try:
-                _roots.append(_Root(Path(tempfile.mkdtemp(prefix="vlmgineer-", dir=_elsewhere)), own=True))
-            except OSError as error:
-                raise _no_room(error) from error
-        return _roots[-1].folder
+        try:
+            if _folder is None:
+                _folder = Path(tempfile.mkdtemp(prefix="vlmgineer-"))
+                _maker = os.getpid()
+            _folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise _no_room(error) from error
+        return _folder
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
@@ -91,28 +56,24 @@ def temporary_folder() -> tempfile.TemporaryDirectory[str]:
 
 def use_scratch(folder: Path) -> None:
     """Keep this process's temporary files, those of libraries too, in a folder that another process removes."""
-    global _elsewhere
-    with _lock, contextlib.suppress(OSError):  # there is none: then only the folder can be used
-        _elsewhere = _elsewhere or tempfile.gettempdir()
+    global _folder
     with _lock:
-        _roots.append(_Root(folder, own=False))
+        _folder = folder
     tempfile.tempdir = os.environ["TMPDIR"] = str(folder)
 
 
 @atexit.register
 def remove_scratch() -> None:
     """Remove the folder, before this process ends."""
-    while _roots:
-        _roots.pop().remove()
+    if _folder is not None and _maker == os.getpid():
+        shutil.rmtree(_folder, ignore_errors=True)
 
 
 def write_once(file: Path, make: Callable[[], str]) -> Path:
-    """Write the text that ``make`` returns, unless the file was written before and is as it was; return the file."""
-    marks = _written.setdefault(file.parent, {})
-    if file not in marks or marks[file] != file_mark(file):
-        marks.pop(file, None)
-        file.write_text(make())
-        marks[file] = file_mark(file)
+    """Write the text that ``make`` returns, unless the file is there; return the file."""
+    if not file.exists():
+        write_whole(file, make().encode(), shared=True)
+    _written.add(file)
     return file
 
 
@@ -121,14 +82,13 @@ def intact(folder: Path) -> Iterator[None]:
     """Check after the block that the files of `write_once` in a folder were there: an engine may not report it.
 
     Raises:
-        FileNotFoundError: one was deleted or changed meanwhile, in place of what was raised within.
+        FileNotFoundError: one was deleted meanwhile, in place of what was raised within.
     """
     try:
         yield
     finally:
-        for file, mark in _written.get(folder, {}).items():
-            if file_mark(file) != mark:
-                _written.pop(folder)
+        for file in tuple(_written):
+            if file.parent == folder and not file.exists():
                 raise FileNotFoundError(errno.ENOENT, "a temporary file was deleted meanwhile", str(file))
 
 

@@ -52,18 +52,11 @@ def test_output_that_is_closed_at_its_other_end(words, buffering):
     assert (done.returncode, done.stderr) == (1, b"")
 
 
-@pytest.mark.parametrize(
-    ("closed", "status", "said"),
-    [
-        (">&-", 2, "error: standard output is closed; send it to a file, or to /dev/null"),
-        ("> /dev/full", 1, "error: the output can't be written: No space left on device"),
-        ("> /dev/null 2>&-", 0, ""),
-    ],
-)
-def test_output_that_can_not_be_written(closed, status, said):
-    command = f"'{sys.executable}' -m core.plugins {closed}"
+def test_output_that_can_not_be_written():
+    command = f"'{sys.executable}' -m core.plugins > /dev/full"
     done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True)
-    assert (done.returncode, done.stderr.strip()) == (status, said)
+    said = "error: the output can't be written: No space left on device"
+    assert (done.returncode, done.stderr.strip()) == (1, said)
 
 
 SLOW = {"scipy", "trimesh", "coal", "pinocchio", "matplotlib", "rerun", "mujoco", "pybullet", "sapien", "litellm"}
@@ -96,12 +89,6 @@ def test_a_line_shows_what_is_not_printable(capsys):
     ("fault", "code", "shown"),
     [
         ("from core.errors import UserError; raise UserError('a\\x1b[2J\\u202eb')", 1, r"error: a\x1b[2J\u202eb"),
-        ("raise ValueError('a\\x1b[2J\\u202eb')", 1, r"ValueError: a\x1b[2J\u202eb"),
-        (
-            "import threading; t = threading.Thread(target=int, args=['a\\x1b[2J']); t.start(); t.join()",
-            0,
-            r"ValueError: invalid literal for int() with base 10: 'a\x1b[2J'",
-        ),
         ("from core.support.cli import say; say('\u2717 a\u202eb')", 0, r"\u2717 a\u202eb"),
         ("from core.support.cli import print_table; print_table(['\u2717'], [])", 0, r"\u2717"),
         ("print('\u2717')", 0, r"\u2717"),
