@@ -94,15 +94,17 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
         UserError: there is an address of the model, the executor or a listener, or a model; says what to repeat.
     """
     given = {word.lstrip("+").partition("=")[0] for word in repeated}
-    parts = {kind: config.get(kind) for kind in ("vlm", "executor", "listener")}
-    settings = [(f"{kind}.{key}", v) for kind, of in parts.items() if isinstance(of, dict) for key, v in of.items()]
-    lists = [key for key, value in settings if isinstance(value, list)]  # a list that is given replaces the stored one
     found: dict[str, str] = {}
-    for path, value in texts(parts):
-        name, whole = path.rpartition(".")[2], next((key for key in lists if f"{path}.".startswith(f"{key}.")), path)
-        leads = "://" in value or _ADDRESS.search(name) or (name == "model" and value != _usual_model(config))
-        if leads and whole not in given:
-            found[clean(value, 300)] = clean(f"{path}={value}", 300) if whole == path else f"{whole}=[...], all of it"
+    for kind in ("vlm", "executor", "listener"):
+        part = config.get(kind)
+        for key, setting in part.items() if isinstance(part, dict) else ():
+            for path, value in texts(setting, f"{kind}.{key}"):
+                name = path.rpartition(".")[2]
+                leads = "://" in value or _ADDRESS.search(name) or (name == "model" and value != _usual_model(config))
+                listed = isinstance(setting, list)  # a list that is given replaces the stored one
+                if leads and (f"{kind}.{key}" if listed else path) not in given:
+                    word = f"{kind}.{key}=[...], all of it" if listed else f"{path}={value}"
+                    found[clean(value, 300)] = clean(word, 300)
     if found:
         raise UserError(
             f"the run leads to {', '.join(found)}, with what it sends, keys included; if you trust that, repeat it: "

@@ -18,6 +18,8 @@ from core.support.secrets import holds_secret, is_secret_name
 from core.support.text import clean
 
 MAX_BYTES = 100_000  # of a stored configuration
+_IN_MAPPING = re.compile(r"[\w-]+(?=['\"]?\s*:)")  # the names in {name: value}
+_NAMED = re.compile(r"(?:[?&](?=[\w-]+=)|oc\.env:\s*)([\w-]+)")  # in an address's query, or of a variable
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
 
 
@@ -45,9 +47,8 @@ def refuse_key_words(words: Sequence[str]) -> None:
     """
     for word in words:
         key, _, value = word.lstrip("+~").partition("=")
-        names = [*key.split("."), *re.findall(r"[\w-]+(?=['\"]?\s*:)", value)]
-        named = any(map(_is_key, names)) or any(map(is_secret_name, re.findall(r"[?&]([\w-]+)=", value)))
-        if value not in ("", "null") and (named or _holds(value) or holds_secret(key)):
+        names = [*key.split("."), *_IN_MAPPING.findall(value)]
+        if value not in ("", "null") and (any(map(_is_key, names)) or _holds(value) or holds_secret(key)):
             raise UsageError(f"{clean(key, 100)} is a key or holds one: {_HINT}")
 
 
@@ -57,9 +58,9 @@ def refuse_keys(config: DictConfig) -> None:
     Raises:
         UserError: there is one; the message does not repeat it.
     """
-    plain = {key: node for key, node in cast(dict[str, Any], OmegaConf.to_container(config)).items() if key != "hydra"}
-    for path, value in texts(plain):
-        if value != "???" and (any(map(_is_key, path.split("."))) or _holds(value)):
+    for path, value in texts(OmegaConf.to_container(config)):
+        names = path.split(".")
+        if names[0] != "hydra" and value != "???" and (any(map(_is_key, names)) or _holds(value)):
             raise UserError(f"{path} of the configuration is a key or holds one: {_HINT}")
 
 
@@ -68,7 +69,7 @@ def _is_key(name: str) -> bool:
 
 
 def _holds(value: str) -> bool:
-    return holds_secret(value) or any(map(is_secret_name, re.findall(r"oc\.env:\s*(\w+)", value)))
+    return holds_secret(value) or any(map(is_secret_name, _NAMED.findall(value)))
 
 
 def texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
@@ -102,21 +103,16 @@ def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str
     return config
 
 
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the one in Python takes seconds for deep lists
-
-
 def read_stored_yaml(file: Path) -> dict[str, Any]:
     """Read the configuration that Hydra wrote into a run's folder, unresolved.
 
     Raises:
-        UserError: it can't be read, or is a link.
+        UserError: it can't be read.
     """
-    if file.is_symlink() or file.parent.is_symlink():
-        raise UserError(f"{file} is a link, which is not followed")
     try:
         text = read_untrusted(file, MAX_BYTES).decode()
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_LOADER)):
-            raise UserError(f"{file} can't be used: it is too large")  # a few aliases may unfold to gigabytes
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.CSafeLoader)):
+            raise UserError(f"{file} can't be used: it has aliases, a few of which may unfold to gigabytes")
         config = OmegaConf.to_container(OmegaConf.create(text))
     except (OmegaConfBaseException, yaml.YAMLError, ValueError, RecursionError) as error:
         why = str(error).strip().partition("\n")[0]

@@ -104,8 +104,6 @@ class RunStore:
             database = unless_begun.enter_context(closing(Database(folder)))
             if not database.begun():
                 return None
-            with database.transaction():
-                database.create()
             store = cls(database)
             unless_begun.pop_all()
         return store
@@ -124,9 +122,10 @@ class RunStore:
         self._keep_task(run.task)
         with self._database.transaction():
             for request, (generation, agent) in self.past.again.items():
-                self._database.delete("replies", request_id=request)
-                self._database.delete("evaluations", generation=generation, agent=agent, status="rejected")
-                self._database.delete("generations", number=generation)
+                self._database.execute("DELETE FROM replies WHERE request_id = ?", request)
+                rejected = "DELETE FROM evaluations WHERE generation = ? AND agent = ? AND status = 'rejected'"
+                self._database.execute(rejected, generation, agent)
+                self._database.execute("DELETE FROM generations WHERE number = ?", generation)
             self._database.insert(
                 "sessions",
                 began=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -135,7 +134,7 @@ class RunStore:
                 versions=json.dumps(found),
             )
             # A session that is killed leaves no result of an earlier one behind.
-            self._database.update("run", config=json.dumps(run.config), result=None)
+            self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
 
     def _keep_task(self, task: Task) -> None:
         """Keep the text of a task that is no program.
@@ -173,7 +172,7 @@ class RunStore:
         with self._database.transaction():
             self._database.insert(
                 "requests",
-                replacing=True,
+                verb="REPLACE",
                 id=request.id,
                 generation=brief.generation,
                 agent=brief.agent,
@@ -228,7 +227,8 @@ class RunStore:
     @hookimpl
     def finalist_tried(self, evaluation: Evaluation) -> None:
         with self._database.transaction():
-            self._database.update("evaluations", evaluation.candidate.id, details=dump_details(evaluation))
+            tried = "UPDATE evaluations SET details = ? WHERE candidate = ?"
+            self._database.execute(tried, dump_details(evaluation), evaluation.candidate.id)
             self._count_time()
 
     def _insert_strategy(self, candidate: Candidate) -> None:
@@ -249,13 +249,14 @@ class RunStore:
         )
 
     def _count_time(self) -> None:
-        self._database.update("sessions", seconds=time.monotonic() - self._began)
+        last = "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)"
+        self._database.execute(last, time.monotonic() - self._began)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
         with self._database.transaction():
-            row = {"number": generation.index, "summary": json.dumps(summary(generation))}
-            self._database.insert("generations", replacing=True, **row)
+            figures = json.dumps(summary(generation))
+            self._database.insert("generations", verb="REPLACE", number=generation.index, summary=figures)
             self._count_time()
 
     @hookimpl
@@ -264,7 +265,7 @@ class RunStore:
         with writing(self.folder):
             _write(self.folder / "result.json", json.dumps(outcome, indent=2) + "\n")
         with self._database.transaction():
-            self._database.update("run", result=json.dumps(outcome))
+            self._database.execute("UPDATE run SET result = ?", json.dumps(outcome))
             self._count_time()
 
     @hookimpl

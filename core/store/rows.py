@@ -1,11 +1,10 @@
-"""Define what the rows of a store hold, and check each: against its checksum, then against its schema."""
+"""Define what the rows of a store hold, and check them against their schemas."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar, cast
@@ -19,7 +18,6 @@ from core.values.efforts import Effort
 from core.values.margins import Margin
 from core.values.plans import ActionPlan, Waypoints
 
-MAX_DEPTH = 50  # of JSON
 MAX_BYTES = 100_000_000  # of a text
 
 T = TypeVar("T")
@@ -38,12 +36,6 @@ def load_plan(text: str) -> list[Any]:
     stored: Any = json.loads(text)
     found: list[Any] = stored["plan"] if isinstance(stored, dict) else stored
     return found
-
-
-def checksum(row: Mapping[str, Any]) -> str:
-    """Return a hash of a row's values. Nulls are left out, so that a new column changes no hash."""
-    values = [(name, row[name]) for name in sorted(row.keys()) if name != "checksum" and row[name] is not None]
-    return hashlib.blake2b(repr(values).encode("utf-8", "surrogatepass"), digest_size=8).hexdigest()
 
 
 def validated(schema: type[T], value: object) -> T:
@@ -70,17 +62,9 @@ def parsed(text: object) -> Any:
     if not isinstance(text, str | bytes):
         raise ValueError("is no text")  # noqa: TRY004 - pydantic takes no TypeError
     try:
-        return _shallow(json.loads(text))
+        return json.loads(text)
     except RecursionError as error:
         raise ValueError("is nested too deep") from error
-
-
-def _shallow(value: Any, left: int = MAX_DEPTH) -> Any:
-    if left == 0:
-        raise ValueError("is nested too deep")
-    for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _shallow(item, left - 1)
-    return value
 
 
 def _named(value: dict[str, Any]) -> dict[str, Any]:
@@ -320,12 +304,9 @@ class _Evaluation(_Schema):
 
     @check_whole(mode="after")
     def _fits(self) -> _Evaluation:
-        if self.candidate != f"g{self.generation}-a{self.agent}-s{self.strategy}-p{self.plan}":
-            raise ValueError("its id and its numbers differ")
-        if isinstance(self.waypoints, list):
-            widths = {len(waypoint) for waypoint in self.waypoints}
-            if self.status == "ok" and widths not in ({6}, {7}):
-                raise ValueError("waypoints: 6 or 7 numbers are needed in each")
+        literal = self.waypoints if isinstance(self.waypoints, list) else []
+        if self.status == "ok" and {len(waypoint) for waypoint in literal} not in (set(), {6}, {7}):
+            raise ValueError("waypoints: 6 or 7 numbers are needed in each")
         return self
 
 
@@ -343,42 +324,27 @@ TABLES: dict[str, type[_Schema]] = {
     "evaluations": _Evaluation,
     "generations": _Generation,
 }
-_FOREIGN = "SELECT type, name FROM sqlite_master WHERE type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
 _ORPHANS = (
     "SELECT candidate FROM evaluations LEFT JOIN strategies USING (generation, agent, strategy)"
     " WHERE status = 'ok' AND design IS NULL"
 )
 
 
-def damages(database: sqlite3.Connection) -> Iterator[str]:
-    """Yield what is wrong with a store, in words; nothing is executed that it holds.
+def damage(database: sqlite3.Connection) -> str | None:
+    """Say what is wrong with a store; None: nothing.
 
     Raises:
         sqlite3.Error: it can't be read.
     """
-    for what, name in database.execute(_FOREIGN):
-        yield f"it holds the {what} {clean(name, 80)!r}, which no run writes; drop it"
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
     if found != "ok":
-        yield f"{clean(str(found), 300)}; use a copy"
-    ((runs,),) = database.execute("SELECT count(*) FROM run").fetchall()
-    if runs > 1:
-        yield f"it holds {runs} runs; use a copy"
+        return str(found)
     for table, schema in TABLES.items():
         for row in database.execute(f"SELECT rowid AS at, * FROM {table}"):  # noqa: S608
-            wrong = _wrong(schema, {name: row[name] for name in row.keys() if name != "at"})  # noqa: SIM118
-            if wrong:
-                yield f"row {row['at']} of {table}: {wrong}; use a copy, or delete the row"
+            try:
+                validated(schema, dict(row))
+            except ValueError as error:
+                return f"row {row['at']} of {table}: {error}"
     for (candidate,) in database.execute(_ORPHANS):
-        yield f"evaluations: {clean(candidate, 80)} has no row in strategies; use a copy, or delete the row"
-
-
-def _wrong(schema: type[_Schema], values: Mapping[str, Any]) -> str:
-    """Say what is wrong with a row; empty: nothing."""
-    if values.get("checksum") not in (None, checksum(values)):
-        return "it is not what was written (its checksum differs)"
-    try:
-        validated(schema, values)
-    except ValueError as error:
-        return str(error)
-    return ""
+        return f"evaluations: {candidate} has no row in strategies"
+    return None

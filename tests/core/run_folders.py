@@ -16,7 +16,6 @@ from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Reply, Request, Text
 from core.plugins import event_hub
 from core.store.recorder import RunStore
-from core.store.rows import TABLES
 from plugins.actions.waypoints import WaypointActions
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
@@ -121,9 +120,7 @@ def result(folder: Path) -> dict:
 
 
 def edit(folder: Path, statement: str, *values) -> None:
-    """Change a store by hand, and leave out the checksums, as a store of an earlier version does."""
+    """Change a store by hand."""
     with closing(sqlite3.connect(folder / "run.sqlite")) as database:
         database.execute(statement, values)
-        for table in TABLES:
-            database.execute(f"UPDATE {table} SET checksum = NULL")
         database.commit()

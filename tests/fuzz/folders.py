@@ -96,7 +96,7 @@ def flip(rng: random.Random, file: Path) -> None:
 
 
 def damage_store(rng: random.Random, folder: Path) -> str:
-    """Flip bits; or change a value, and leave its checksum, or write the one that fits, or none."""
+    """Flip bits, or change a value."""
     if rng.random() < 0.4:
         flip(rng, folder / "run.sqlite")
         return "run.sqlite: bits"
@@ -104,7 +104,7 @@ def damage_store(rng: random.Random, folder: Path) -> str:
         database.row_factory = sqlite3.Row
         table = rng.choice(list(rows.TABLES))
         row = dict(rng.choice(database.execute(f"SELECT rowid AS at, * FROM {table}").fetchall() or [{"at": 0}]))
-        at, seal = row.pop("at"), row.pop("checksum", None)
+        at = row.pop("at")
         if not row:
             return "nothing"
         name = rng.choice(list(row))
@@ -116,9 +116,6 @@ def damage_store(rng: random.Random, folder: Path) -> str:
             value = old[:where] + rng.choice("0x'\"{[\\\n-") + old[where + 1 :]
         with contextlib.suppress(sqlite3.Error, OverflowError):
             database.execute(f"UPDATE {table} SET {name} = ? WHERE rowid = ?", [value, at])
-            if seal is not None:
-                kept = rng.choice([seal, None, rows.checksum(row | {name: value})])
-                database.execute(f"UPDATE {table} SET checksum = ? WHERE rowid = ?", [kept, at])
             database.commit()
     return f"{table}.{name} = {str(value)[:60]!r}"
 

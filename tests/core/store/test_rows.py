@@ -1,4 +1,4 @@
-"""Stores whose content was damaged. Checksums find a flipped bit, the schema finds what no run writes."""
+"""Stores whose content was damaged: the schema finds what no run writes."""
 
 import json
 import sqlite3
@@ -9,13 +9,12 @@ import pytest
 from core.errors import UserError
 from core.store.reader import stored_config
 from core.store.recorder import RunStore
-from core.store.rows import TABLES
-from plugins.results.pages.runs import FinishedRun, read_run
+from plugins.results.pages.runs import read_run
 from tests.core.run_folders import edit, write_run
 
 pytestmark = pytest.mark.slow
 
-DEEP = "[" * 900 + "]" * 900
+DEEP = "[" * 9000 + "]" * 9000
 
 
 def said_of(folder):
@@ -33,45 +32,6 @@ def said_of(folder):
     return lines
 
 
-def flipped(value):
-    """A value after a change that leaves it sound by the schema."""
-    if isinstance(value, str):
-        at = next((i for i, letter in enumerate(value) if letter.isdigit()), None)
-        return f"{value} " if at is None else f"{value[:at]}{(int(value[at]) + 1) % 10}{value[at + 1 :]}"
-    return value / 2 if isinstance(value, float) else value + 1
-
-
-@pytest.mark.parametrize("table", TABLES)
-def test_every_value_is_under_a_checksum(tmp_path, table):
-    folder = write_run(tmp_path / "run", cost_usd=0.25)
-    file = folder / "run.sqlite"
-    sound = file.read_bytes()
-    with closing(sqlite3.connect(file)) as database:
-        cursor = database.execute(f"SELECT * FROM {table} ORDER BY rowid DESC LIMIT 1")
-        names, values = [column[0] for column in cursor.description], cursor.fetchone()
-    assert "checksum" in names
-    for name, value in zip(names, values, strict=True):
-        if value is None or name == "schema_version":
-            continue
-        file.write_bytes(sound)
-        with closing(sqlite3.connect(file)) as database:
-            database.execute(
-                f"UPDATE {table} SET {name} = ? WHERE rowid = (SELECT max(rowid) FROM {table})", [flipped(value)]
-            )
-            database.commit()
-        for line in said_of(folder):
-            assert f" of {table}: it is not what was written" in line  # the rowid may be what was flipped
-    file.write_bytes(sound)
-    assert isinstance(read_run(folder), FinishedRun)
-
-
-def test_a_flipped_bit_in_the_name_of_a_column(tmp_path):
-    folder = write_run(tmp_path / "run")
-    file = folder / "run.sqlite"
-    file.write_bytes(file.read_bytes().replace(b"tracking_error_rad REAL", b"\xf4racking_error_rad REAL"))
-    assert all("a table's definition is no text; use a copy" in line for line in said_of(folder))
-
-
 @pytest.mark.parametrize(
     "statement", ["UPDATE run SET schema_version = 4", "ALTER TABLE evaluations DROP COLUMN details"]
 )
@@ -79,7 +39,7 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(tmp_pa
     folder = write_run(tmp_path / "run")
     edit(folder, statement)
     data = (folder / "run.sqlite").read_bytes()
-    said = "its schema version is 4, this version reads 1" if "4" in statement else "details: Field required"
+    said = "written by another version" if "4" in statement else "details: Field required"
     assert all(said in line for line in said_of(folder))
     for _ in range(2):  # the lock is free again
         with pytest.raises(UserError, match=said) as refused:
@@ -101,7 +61,6 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(tmp_pa
         ("UPDATE evaluations SET waypoints = ?", '[{"offset": [1, 2, 3]}]', "waypoints."),
         ("UPDATE evaluations SET waypoints = ?", '{"plan": []}', "waypoints."),
         ("UPDATE evaluations SET waypoints = ?", "[[", "waypoints: Expecting value"),
-        ("UPDATE evaluations SET generation = ? + generation", 2**40, "its id and its numbers differ"),
         ("UPDATE evaluations SET plan = ?", -1, "plan: Input should be greater than or equal to 0"),
         ("UPDATE evaluations SET details = ?", DEEP, "details: is nested too deep"),
         ("UPDATE evaluations SET details = ?", b"\xff", "details: "),
@@ -125,10 +84,6 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(tmp_pa
         ("UPDATE run SET config = ?", '{"task": {}}', "config.task: has no name"),
         ("UPDATE run SET config = ?", '{"budget": {"n_agent": [1]}}', "config.budget.n_agent: "),
         ("UPDATE run SET result = ?", '{"task": 1}', "result.task: "),
-        ("UPDATE run SET schema_version = ?", "two", "its schema version is no number"),
-        ("INSERT INTO run SELECT * FROM run WHERE ?", 1, "it holds 2 runs"),
-        ("CREATE VIEW songs AS SELECT 1 FROM run", None, "it holds the view 'songs'"),
-        ("CREATE TRIGGER t AFTER INSERT ON replies BEGIN DELETE FROM run; END", None, "it holds the trigger 't'"),
         ("DROP TABLE generations", None, "no such table: generations"),
     ],
 )
