@@ -110,12 +110,6 @@ def test_a_name_that_is_taken_stays_with_the_first(found):
     assert failure.reason == "sim 'grid' is taken by first of one"
 
 
-def test_one_name_may_be_of_two_kinds(found):
-    found.register(Offering(simulators={"grid": Engine}, executors={"grid": Engine}), "mine", "my-package")
-    assert found.names("sim") == found.names("executor") == ["grid"]
-    assert not found.failures
-
-
 @pytest.mark.parametrize(
     ("offered", "reason"),
     [
@@ -135,12 +129,6 @@ def test_a_hook_that_fails_takes_only_itself_along(found, offered, reason):
     assert [other.reason for other in others] == ([f"hook 'config_path' failed: {reason}"] if path is not None else [])
     assert found.names("sim") == []
     assert found.names("executor") == ["grid"]
-
-
-def test_a_hook_may_offer_nothing(found):
-    found.register(Offering(simulators=None, tasks={}), "mine", "my-package")
-    assert not found.failures
-    assert not found.offers
 
 
 def test_a_plugin_without_hooks_is_a_failure_that_names_its_file(monkeypatch, tmp_path):

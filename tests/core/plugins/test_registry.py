@@ -6,10 +6,6 @@ from core.plugins import describe_part, installed
 from tests.core.plugins.offering import Engine, Offering
 
 
-def test_plugins_are_found_once_per_process():
-    assert installed() is installed()
-
-
 def test_a_registered_part_can_be_made(found):
     found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
     assert found.names("sim") == ["grid"]

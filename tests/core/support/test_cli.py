@@ -12,9 +12,6 @@ import pytest
 
 from core.config.compose import load
 from core.errors import UsageError
-from core.events import Run
-from core.interfaces import Budget
-from core.plugins import installed
 from core.support import cli
 from tests.rare import rare
 
@@ -109,15 +106,6 @@ def test_an_override_that_hydra_cannot_read():
     with pytest.raises(UsageError, match="can't read designs=r\udcff; put its value in quotes: 'designs="):
         load("evaluate", ["task=BringCube", "designs=r\udcff"])
     assert load("evaluate", ["task=BringCube", 'designs="r\udcff"']).designs == "r\udcff"
-
-
-def test_a_listener_shows_the_name_of_a_model_escaped(capsys):
-    """As a provider's answer gives it, or the store of a run that is replayed."""
-    run = Run(Path(HOSTILE), {}, {}, HOSTILE, None, None, Budget(1, 1, 1, 1, 1, 0.5), 0)
-    installed().create("listener", "progress").run_started(run)
-    lines = capsys.readouterr().err.splitlines()
-    assert f"model: {SHOWN}" in lines
-    assert f"folder: {SHOWN}" in lines
 
 
 ROWS = [["OneBook", "tool=none and a long name of a method " * 3, "0.029 ± 0.012"], ["[b]x[/]\x1b[31m", "", "1"]]
