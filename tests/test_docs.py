@@ -198,6 +198,13 @@ def test_relative_links_lead_somewhere():
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
+def test_pages_are_short():
+    words = {page: len(page.read_text().split()) for page in (ROOT / "docs").rglob("*.md")}
+    assert {page.name: count for page, count in words.items() if count > 2400} == {}
+    assert {page.name: count for page, count in words.items() if page.parent.name == "decisions" and count > 300} == {}
+    assert sum(words.values()) <= 45_000
+
+
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawings_are_up_to_date(name):
     assert (ROOT / f"docs/images/{name}.svg").read_text() == DRAWINGS[name](), "python docs/build.py diagrams"
