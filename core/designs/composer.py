@@ -25,7 +25,7 @@ from core.design import TIE, Evaluation, Tool
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
-from core.designs.sight import Sight
+from core.designs.sight import ALL, Sight
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.plugins import installed
@@ -171,7 +171,7 @@ class PromptComposer:
         # Numbers are all that plans for a given tool differ in.
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
-        sight = None if self.level.numbers else Sight.of(task, brief.scene_seed)
+        sight = ALL if self.level.numbers else Sight.of(task, brief.scene_seed)
         more = installed().extensions_of("prompt_value").items()
         return {
             **{name: value(brief, mounted, self.rollout, self.engine) for name, value in more},
@@ -239,7 +239,7 @@ def elites_text(
     task: Task,
     *,
     numbers: bool,
-    sight: Sight | None = None,
+    sight: Sight = ALL,
 ) -> str:
     """Write elites as JSON, each list of numbers and each innermost object on one line.
 
@@ -252,7 +252,7 @@ def elites_text(
 
 
 def _entry(
-    elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool, sight: Sight | None
+    elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool, sight: Sight
 ) -> dict[str, Any]:
     candidate, design = elite.candidate, dump_design(elite.candidate, representation)
     assert candidate.tool is not None
@@ -269,11 +269,11 @@ def _entry(
     if not numbers:
         return data
     data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
-    warnings = [warning if sight is None else sight.text(warning) for warning in elite.warnings]
+    warnings = [sight.text(warning) for warning in elite.warnings]
     if elite.shown is not None and elite.observation is not None:
         return data | elite_feedback(elite.shown, elite.observation, sight) | {"warnings": warnings}
     return data | {
-        **({} if sight else {"moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()}}),
+        **({"moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()}} if sight.numbers else {}),
         "missed_m": _rounded(elite.ik_error_m),
         "missed_rad": _rounded(elite.ik_error_rad),
         "lag_rad": _rounded(elite.tracking_error_rad),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from core.interfaces import Task
 from core.scene import Camera
+from core.support.text import short_numbers
 from core.values.observations import Moved
 
 _SIZE = 640, 480  # pixels, of which ways are shares
@@ -22,14 +23,19 @@ _LIST = re.compile(r"[(\[]\s*[-+\d.e]+(?:\s*,\s*[-+\d.e]+)+\s*[)\]]")
 
 @dataclass(frozen=True)
 class Sight:
-    """Where feedback is seen from: the task's camera; ``names`` are those of the scene's bodies."""
+    """What feedback may say of bodies: all of it, or no number of those with these ``names``, seen by a camera."""
 
-    names: tuple[str, ...]
-    camera: Camera
+    names: tuple[str, ...] = ()
+    camera: Camera = field(default_factory=Camera)
 
     @classmethod
     def of(cls, task: Task, seed: int) -> Sight:
+        """Hide the numbers of a layout's bodies; their ways are as the task's camera shows them."""
         return cls(tuple(body.name for body in task.scene(seed).bodies), task.camera)
+
+    @property
+    def numbers(self) -> bool:
+        return not self.names
 
     def text(self, text: str) -> str:
         """Take the numbers out of a text that speaks of a body of the scene; seconds and counts stay."""
@@ -38,7 +44,10 @@ class Sight:
         return _NUMBER.sub("some", _LIST.sub("somewhere", text))
 
     def way(self, moved: Moved) -> str:
-        """Describe a body's way as shares of the picture's width and height."""
+        """Describe a body's way, or hidden as shares of the picture's width and height."""
+        if self.numbers:
+            by, to = (short_numbers(vector, 3, ", ") for vector in (moved.by, moved.to))
+            return f"by ({by}) to ({to})"
         end = np.array(moved.to)
         (x, y), (to_x, to_y) = self.camera.project(np.stack([end - moved.by, end]), *_SIZE)
         ways = ((to_x - x) / _SIZE[0], ("right", "left"), "width"), ((y - to_y) / _SIZE[1], ("up", "down"), "height")
@@ -48,3 +57,6 @@ class Sight:
             if abs(share) >= _SHARE
         ]
         return f"in the picture {' and '.join(seen)}" if seen else "not seen in the picture"
+
+
+ALL = Sight()

