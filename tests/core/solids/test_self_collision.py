@@ -169,12 +169,12 @@ def test_a_finger_may_not_drive_its_tool_into_the_hand():
 @pytest.fixture
 def measured(monkeypatch):
     """Note each distance that is measured."""
-    calls, measure = [], self_collision._Gauge.depth
-    monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
+    calls, measure = [], self_collision._Pairs.depth
+    monkeypatch.setattr(self_collision._Pairs, "depth", lambda *given: calls.append(1) or measure(*given))
     return calls
 
 
-def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch, measured):
+def test_work_is_bounded_when_many_components_graze_the_arm(measured):
     """A hundred thin boxes turn about the flange's axis for two minutes, close below the wrist."""
     hub = Component("hub", "tool_mount", Pose(np.array([0.0, 0.0, -0.01])), Box((0.02, 0.02, 0.02)))
     rays = []
@@ -190,8 +190,6 @@ def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch, measure
     assert len(measured) < self_collision.MAX_DISTANCES + 1000
     assert met.unchecked
     assert "collisions can't be ruled out: the search was given up at" in met.describe(np.array([60.0, 119.0]))
-    monkeypatch.setattr(self_collision, "MAX_DISTANCES", 10**9)
-    assert find_self_collision(PANDA, Tool((hub, *rays[:5])), trajectory) is None
 
 
 # --- what becomes of a plan -------------------------------------------------------------------------------------
