@@ -175,9 +175,9 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
         words.append(f"invalid: {reason}")
     trial, seen = evaluation.shown, evaluation.observation
     if trial is None or seen is None:
-        moved = {name: way for name, way in evaluation.moved_m.items() if way > _MOVED_M}
-        farthest = sorted(moved, key=lambda name: -moved[name])[:_IN_A_LINE]
-        return "; ".join([" ".join(words), *(sight.text(f"{name} moved {moved[name]:.3f} m") for name in farthest)])
+        ways = {name: way for name, way in evaluation.moved_m.items() if way > _MOVED_M}
+        farthest = sorted(ways, key=lambda name: -ways[name])[:_IN_A_LINE]
+        return "; ".join([" ".join(words), *(sight.text(f"{name} moved {ways[name]:.3f} m") for name in farthest)])
 
     found = elite_feedback(trial, seen, sight)
     if evaluation.combined:
@@ -222,7 +222,7 @@ def _where(trial: Trial) -> str:
 
 def _result(seen: Observation) -> str:
     """Say what became of the goal's bodies, to which of them and when, and how many of several are in place."""
-    said = seen.result
+    said: str = seen.result
     if seen.what:
         said += {"stuck": " at ", "forbidden": ": "}.get(seen.result, " ") + seen.what
     if seen.at_s is not None and seen.result != "unreachable":

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS
+from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Pose
 from core.robot.kinematics import open_mounts, robot_model
 from core.robot.solids import corners, robot_solids
@@ -54,7 +54,7 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     """Measure the fingers of the open gripper, the left one first; none without a gripper."""
     if robot.gripper is None:
         return ()
-    model, poses, extents = robot_model(robot, True), open_mounts(robot, True), link_extents(robot, True)
+    model, poses, extents = robot_model(robot, Tool(gripper=True)), open_mounts(robot, True), link_extents(robot, True)
     found = []
     for name in GRIPPER_MOUNTS:
         joint, own = model.links[name]

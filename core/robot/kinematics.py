@@ -6,7 +6,6 @@ Pinocchio solves one instant after the other; where many are placed at once, num
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -19,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.robot.description import assemble
+from core.robot.description import assemble, joint_name
 from core.values.robots import Robot
 
 
@@ -57,10 +56,19 @@ class RobotModel:
         return sum(chain) + max(float(np.linalg.norm(pose.position)) for _, pose in self.links.values())
 
 
+def robot_model(robot: Robot, tool: Tool) -> RobotModel:
+    """Load the kinematic model of an arm with what its tool adds: the gripper, and the tool's own joints."""
+    return _load(robot, jointed(tool))
+
+
+def jointed(tool: Tool) -> Tool:
+    """Return what kinematics depend on: the tool if it has joints, else no more than whether the gripper is there."""
+    return tool if tool.bearers else Tool(gripper=tool.gripper)
+
+
 @lru_cache(maxsize=8)
-def robot_model(robot: Robot, gripper: bool) -> RobotModel:
-    """Load a robot's kinematic model."""
-    model = pin.buildModelFromXML(assemble(robot, Tool(gripper=gripper), visuals=False))
+def _load(robot: Robot, tool: Tool) -> RobotModel:
+    model = pin.buildModelFromXML(assemble(robot, tool, fused=True, visuals=False))
     links = {
         frame.name: (frame.parentJoint, Pose.from_matrix(frame.placement.homogeneous))
         for frame in model.frames
@@ -81,10 +89,16 @@ def robot_model(robot: Robot, gripper: bool) -> RobotModel:
     return RobotModel(model, model.createData(), tuple(axes), turning, moving, tuple(model.parents), supports, links)
 
 
-def joint_values(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> Array:
-    """Order the arm's joints (T, J) and the fingers' (T, F) as the model has them, one column for each joint of it."""
-    columns = dict(zip(robot.arm_joints, arm.T, strict=True)) | dict(zip(robot.finger_joints, fingers.T, strict=False))
-    return np.column_stack([columns[name] for name in robot_model(robot, gripper).joints])
+def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
+    """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
+    others = (*robot.finger_joints, *(joint_name(bearer.name) for bearer in tool.bearers))
+    columns = dict(zip((*robot.arm_joints, *others), np.column_stack([arm, fingers]).T, strict=False))
+    return np.column_stack([columns[name] for name in robot_model(robot, tool).joints])
+
+
+def finger_values(robot: Robot, tool: Tool, opening: Array) -> Array:
+    """Return the fingers' joints (T, F + K) at an ``opening`` (T,), metres, with the tool's own joints at 0."""
+    return np.outer(opening, [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers))
 
 
 def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
@@ -108,13 +122,13 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     return rotations, positions
 
 
-def link_frames(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict[str, tuple[Array, Array]]:
-    """Compute for each link the rotations (T, 3, 3) and positions (T, 3) of its frame in the world.
+def link_frames(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, tuple[Array, Array]]:
+    """Compute the rotations (T, 3, 3) and positions (T, 3) of links' frames in the world, with the tool's bearers.
 
-    ``arm`` (T, J) and ``fingers`` (T, F) are the joints; without the gripper the fingers do not matter.
+    ``arm`` (T, J) and ``fingers`` (T, F + K) are the joints; without the gripper the fingers do not matter.
     """
-    model = robot_model(robot, gripper)
-    rotations, positions = joint_frames(model, joint_values(robot, gripper, arm, fingers))
+    model = robot_model(robot, tool)
+    rotations, positions = joint_frames(model, joint_values(robot, tool, arm, fingers))
     return {
         name: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
         for name, (joint, pose) in model.links.items()
@@ -123,36 +137,12 @@ def link_frames(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict
 
 def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
     """Place each link in the world, with the arm at joints (J,) and the fingers open."""
-    opened = np.full((1, len(robot.finger_joints)), robot.opening_m)
-    frames = link_frames(robot, gripper, np.asarray(joints)[None], opened)
+    tool = Tool(gripper=gripper)
+    frames = link_frames(robot, tool, np.asarray(joints)[None], finger_values(robot, tool, np.array([robot.opening_m])))
     return {
         name: Pose.from_rotation(position[0], Rotation.from_matrix(rotation[0]))
         for name, (rotation, position) in frames.items()
     }
-
-
-def bearer_frames(
-    tool: Tool, values: Array, mounts: Mapping[str, tuple[Array, Array]]
-) -> dict[str, tuple[Array, Array]]:
-    """Compute the rotations (T, 3, 3) and positions (T, 3) of a tool's `Tool.bearers` in the world.
-
-    ``values`` (T, K) are those of its joints; ``mounts`` holds the mounts' frames.
-    """
-    frames = dict(mounts)
-    for bearer, value in zip(tool.bearers, values.T, strict=True):
-        rotations, positions = frames[bearer.parent]
-        rotations, positions = place(rotations, positions, bearer.pose.rotation.as_matrix(), bearer.pose.position)
-        if bearer.joint.kind == "hinge":
-            rotations = rotations @ Rotation.from_rotvec(np.outer(value, bearer.joint.axis)).as_matrix()
-        else:
-            positions = positions + value[:, None] * (rotations @ bearer.joint.axis)
-        frames[bearer.name] = rotations, positions
-    return {bearer.name: frames[bearer.name] for bearer in tool.bearers}
-
-
-def tool_values(robot: Robot, tool: Tool, fingers: Array) -> Array:
-    """Return the tool's joints (T, K) from what comes with the fingers in a recording (T, F + K)."""
-    return fingers[:, len(robot.finger_joints) : len(robot.finger_joints) + len(tool.bearers)]
 
 
 @lru_cache(maxsize=8)
@@ -224,7 +214,7 @@ class Arm:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self._model = robot_model(robot, False).model
+        self._model = robot_model(robot, Tool()).model
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
         # The frame's placement: views of memory that Pinocchio keeps up to date.

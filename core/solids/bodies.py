@@ -11,8 +11,8 @@ import numpy as np
 import trimesh
 
 from core.design import Tool
-from core.geometry import Mesh, Pose, Shape, Sphere
-from core.robot.kinematics import robot_model
+from core.geometry import Mesh, Shape, Sphere
+from core.robot.kinematics import jointed, robot_model
 from core.robot.solids import WORLD, Solid, bounding_box, hull, robot_solids, solid_geometry
 from core.scene import Scene
 from core.values.robots import Robot
@@ -74,27 +74,24 @@ def _hull(vertices: bytes) -> Any:
     return hull(trimesh.PointCloud(np.frombuffer(vertices).reshape(-1, 3)))
 
 
-@lru_cache(maxsize=8)
-def link_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
+def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
     """Return the solids of the links in the joints' frames; 0 is that of links that never move."""
-    links = robot_model(robot, gripper).links
-    placed = [(solid, *links[solid.name]) for solid in robot_solids(robot, gripper)]
+    links = robot_model(robot, tool).links
+    placed = [(solid, *links[solid.name]) for solid in robot_solids(robot, tool.gripper)]
     return tuple(replace(solid, pose=at @ solid.pose, owner=ROBOT, frame=joint) for solid, joint, at in placed)
 
 
 def tool_solids(robot: Robot, tool: Tool) -> list[Solid]:
-    """Return the solids of a tool's parts in the joints' frames, or behind them in those of the tool's bearers."""
-    model = robot_model(robot, tool.gripper)
-    frames = {mount: model.links[mount] for mount in tool.mounts}
-    frames |= {bearer.name: (len(model.parents) + number, Pose()) for number, bearer in enumerate(tool.bearers)}
-    placed = [(part, *frames[part.bearer]) for part in tool.parts]
-    return [Solid(p.component, _geometry(p.shape), at @ p.pose, p.shape, ROBOT, frame) for p, frame, at in placed]
+    """Return the solids of a tool's parts in the joints' frames."""
+    links = robot_model(robot, tool).links
+    placed = [(part, *links[part.bearer]) for part in tool.parts]
+    return [Solid(p.component, _geometry(p.shape), at @ p.pose, p.shape, ROBOT, joint) for p, joint, at in placed]
 
 
 @lru_cache(maxsize=8)
 def own_solids(robot: Robot, tool: Tool) -> Solids:
     """Measure the robot's own solids: those of the links that move, and behind them the tool's parts."""
-    links = [solid for solid in link_solids(robot, tool.gripper) if solid.frame > 0]
+    links = [solid for solid in link_solids(robot, jointed(tool)) if solid.frame > 0]
     return Solids([*links, *tool_solids(robot, tool)])
 
 
@@ -130,7 +127,7 @@ def scene_solids(scene: Scene) -> Solids:
 
 @lru_cache(maxsize=8)
 def all_solids(robot: Robot, tool: Tool, bodies: Solids) -> Solids:
-    """Append the solids of bodies to the robot's, and their frames to the joints' and the bearers'."""
-    before = len(robot_model(robot, tool.gripper).parents) + len(tool.bearers)
+    """Append the solids of bodies to the robot's, and their frames to the joints'."""
+    before = len(robot_model(robot, tool).parents)
     others = [s if s.frame == WORLD else replace(s, frame=before + s.frame) for s in bodies.items]
     return Solids([*own_solids(robot, tool).items, *others])

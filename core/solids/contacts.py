@@ -222,7 +222,7 @@ def _first_touch(robot: Robot, tool: Tool, taken: Recording, met: Sequence[tuple
     sample, pair = min(met, key=lambda first: first[0])
     name = pair.one.name
     mount = name if name in tool.mounts else tool.placed()[name][0]
-    frames = link_frames(robot, tool.gripper, taken.arm[[sample]], taken.fingers[[sample]])
+    frames = link_frames(robot, tool, taken.arm[[sample]], taken.fingers[[sample]])
     return float(lengths(pair.nearest(sample) - frames[mount][1][0]))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
-from core.robot.kinematics import joint_frames, joint_values, place, robot_model
+from core.robot.kinematics import finger_values, joint_frames, joint_values, place, robot_model
 from core.scene import Scene
 from core.solids.bodies import own_solids, thickness
 from core.solids.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths
@@ -36,8 +36,8 @@ def _tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> float:
     """An upper bound of the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
     times = np.append(np.arange(0.0, trajectory.duration, 1 / SAMPLE_HZ), trajectory.duration)
     arm, opening = trajectory.sample(times)
-    model = robot_model(robot, tool.gripper)
-    joints = joint_values(robot, tool.gripper, arm, np.column_stack([opening, opening]))
+    model = robot_model(robot, tool)
+    joints = joint_values(robot, tool, arm, finger_values(robot, tool, opening))
     rotations, positions = joint_frames(model, joints)
     fastest = 0.0
     for mount, reach in _reaches(robot, tool).items():

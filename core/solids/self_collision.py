@@ -21,8 +21,8 @@ import pinocchio as pin
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot.kinematics import RobotModel, joint_values, robot_model
-from core.robot.solids import Solid, corners
+from core.robot.kinematics import RobotModel, finger_values, joint_values, jointed, robot_model
+from core.robot.solids import Solid, corners, robot_solids
 from core.solids.bodies import link_solids, tool_solids
 from core.values.robots import Robot
 
@@ -113,7 +113,7 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
     other: fingers close until they meet something. Work is bounded: see `SelfCollision.unchecked`.
     """
     pairs, levers = _pairs(robot, tool)
-    joints = joint_values(robot, tool.gripper, trajectory.arm, np.column_stack([trajectory.fingers] * 2))
+    joints = joint_values(robot, tool, trajectory.arm, finger_values(robot, tool, trajectory.fingers))
     turned = np.vstack([np.zeros(joints.shape[1]), np.cumsum(np.abs(np.diff(joints, axis=0)), axis=0)])
     moved = levers @ turned.T  # (P, T) how far one has moved in the frame of the other
     waiting = [(0.0, pair) for pair in range(len(moved))]  # from which row of the targets on each may be too deep
@@ -127,7 +127,7 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
             row, depth = (row, depth) if unchecked else _deepest(pairs, pair, joints, row)
             one, other = (pairs.solids[number].name for number in pairs.numbers[pair])
             time = float(np.interp(row, np.arange(len(joints)), trajectory.times))
-            with_tool = one not in robot_model(robot, tool.gripper).links
+            with_tool = one not in robot_model(robot, Tool(gripper=tool.gripper)).links
             return SelfCollision(time, one, other, depth, with_tool, unchecked)
         after = _row_after(moved[pair], row, max(pairs.deep[pair] - depth, _STEP_M))
         if after < len(joints):
@@ -138,10 +138,8 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
 def _between(joints: Array, row: float) -> Array:
     """The joints' values at a row of the targets, with a fraction."""
     k = int(row)
-    if k == row:
-        return joints[k]
-    between: Array = joints[k] + (row - k) * (joints[k + 1] - joints[k])
-    return between
+    here: Array = joints[k]
+    return here if k == row else here + (row - k) * (joints[k + 1] - here)
 
 
 def _row_after(moved: Array, row: float, way: float) -> float:
@@ -173,18 +171,19 @@ def self_distances(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Arra
     It is negative for penetration. Hulls of links overlap a little where nothing is wrong: see ``DEEP_M``.
     """
     pairs, _ = _pairs(robot, tool)
-    joints = joint_values(robot, tool.gripper, arm, fingers)
+    joints = joint_values(robot, tool, arm, fingers)
     return np.array([min((-pairs.depth(n, row) for n in range(len(pairs.deep))), default=np.inf) for row in joints])
 
 
 @lru_cache(maxsize=8)
 def _pairs(robot: Robot, tool: Tool) -> tuple[_Pairs, Array]:
     """Pair the links and the tool's components that may collide, and bound how joints move them apart."""
-    model, links = robot_model(robot, tool.gripper), link_solids(robot, tool.gripper)
-    # Where bearers will be, only the engine knows.
-    mounted = [solid for solid in tool_solids(robot, tool) if solid.frame < len(model.parents)]
+    model, links = robot_model(robot, tool), link_solids(robot, jointed(tool))
+    # Where a joint of the tool will be, only the engine knows.
+    loose = {name for name, (bearer, _) in tool.borne.items() if bearer not in tool.mounts}
+    mounted = [solid for solid in tool_solids(robot, tool) if solid.name not in loose]
     count = len(mounted)
-    limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(robot, tool.gripper).items()}
+    limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(robot, jointed(tool)).items()}
     for (one, part), (other, link) in product(enumerate(mounted), enumerate(links, start=count)):
         before, behind = model.supports[part.frame], model.supports[link.frame]
         on_two_fingers = before - behind and behind - before
@@ -195,17 +194,17 @@ def _pairs(robot: Robot, tool: Tool) -> tuple[_Pairs, Array]:
 
 
 @lru_cache(maxsize=8)
-def _link_limits(robot: Robot, gripper: bool) -> dict[tuple[int, int], float]:
+def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
-    model, links = robot_model(robot, gripper), link_solids(robot, gripper)
-    hand = {solid.name for solid in links} - {solid.name for solid in link_solids(robot, False)}
+    model, links = robot_model(robot, tool), link_solids(robot, tool)
+    hand = {solid.name for solid in links} - {solid.name for solid in robot_solids(robot, False)}
     limits = {}
     for (one, part), (other, link) in combinations(enumerate(links), 2):
         between = model.supports[part.frame] ^ model.supports[link.frame]
         apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
         if apart >= (_APART_ON_FLANGE if hand & {part.name, link.name} else _APART):
             limits[one, other] = DEEP_M if apart >= _APART else DEEP_NEAR_M
-    home = joint_values(robot, gripper, np.array([robot.home]), np.full((1, 2), robot.opening_m))[0]
+    home = joint_values(robot, tool, np.array([robot.home]), finger_values(robot, tool, np.array([robot.opening_m])))[0]
     pairs = _Pairs(model, links, limits)
     return {both: deep for n, (both, deep) in enumerate(limits.items()) if pairs.depth(n, home) <= deep}
 

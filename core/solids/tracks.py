@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array, Box, Capsule, Cylinder, Sphere
 from core.interfaces import Recording
-from core.robot.kinematics import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
+from core.robot.kinematics import joint_frames, joint_values, place, robot_model, rotate
 from core.robot.solids import WORLD
 from core.scene import Scene, State
 from core.solids.bodies import ROBOT, Solids, all_solids, scene_solids
@@ -213,8 +213,9 @@ def follow(
 
     A ``detour`` widens their bounding boxes. Of the solids that move, ``only`` those with these numbers are followed.
     """
-    solids, model = all_solids(robot, tool, scene_solids(scene)), robot_model(robot, tool.gripper)
-    own, bodies = _own_frames(robot, tool, recording), _body_frames(recording.states)
+    solids, model = all_solids(robot, tool, scene_solids(scene)), robot_model(robot, tool)
+    own = joint_frames(model, joint_values(robot, tool, recording.arm, recording.fingers))
+    bodies = _body_frames(recording.states)
     rotations, positions = (np.concatenate(pair) for pair in zip(own, bodies, strict=True))
     moving = solids.moving
     if only is not None:
@@ -237,21 +238,6 @@ def robot_tracks(robot: Robot, tool: Tool, recording: Recording) -> list[Track]:
 def body_tracks(scene: Scene, robot: Robot, recording: Recording) -> list[Track]:
     """Follow the collision shapes of all bodies."""
     return [track for track in follow(scene, robot, Tool(), recording) if track.owner != ROBOT]
-
-
-def _own_frames(robot: Robot, tool: Tool, recording: Recording) -> tuple[Array, Array]:
-    """The frames of the robot's joints and behind them the tool's bearers: (F, T, 3, 3) and (F, T, 3)."""
-    model = robot_model(robot, tool.gripper)
-    rotations, positions = joint_frames(model, joint_values(robot, tool.gripper, recording.arm, recording.fingers))
-    if not tool.bearers:
-        return rotations, positions
-    mounts = {}
-    for mount in tool.mounts:
-        joint, pose = model.links[mount]
-        mounts[mount] = place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
-    bearers = bearer_frames(tool, tool_values(robot, tool, recording.fingers), mounts).values()
-    turned, moved = zip(*bearers, strict=True)
-    return np.concatenate([rotations, turned]), np.concatenate([positions, moved])
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:

@@ -100,7 +100,7 @@ def check_collision_shapes_are_read_by_every_engine(robot: Robot) -> None:
 def check_shapes_are_clear_of_each_other_at_home(robot: Robot) -> None:
     """Convex hulls of links that three joints or more separate don't overlap at home; limits keep the others apart."""
     gripper = robot.gripper is not None
-    model = robot_model(robot, gripper)
+    model = robot_model(robot, Tool(gripper=gripper))
     poses = link_poses(robot, gripper, arm_of(robot).home)
     for one, other in combinations(robot_solids(robot, gripper), 2):
         before, behind = (model.supports[model.links[solid.name][0]] for solid in (one, other))

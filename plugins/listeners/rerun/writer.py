@@ -22,7 +22,7 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evalu
 from core.events import Generation, Run
 from core.geometry import Array, Pose
 from core.interfaces import Felt, Recording, Robot
-from core.robot.kinematics import arm_of, bearer_frames, link_frames, tool_values
+from core.robot.kinematics import arm_of, link_frames
 from core.robot.meshes import link_visuals, solids
 from core.robot.trajectory import Motion
 from core.scene import Camera, Color, Soft, State
@@ -303,8 +303,7 @@ def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Ar
 
     Each is (T, 7): x, y, z in metres, then a quaternion (x, y, z, w), as Rerun has them.
     """
-    frames = link_frames(robot, tool.gripper, arm, fingers)
-    frames |= bearer_frames(tool, tool_values(robot, tool, fingers), frames)
+    frames = link_frames(robot, tool, arm, fingers)
     return {
         name: np.hstack([positions, Rotation.from_matrix(rotations).as_quat()])
         for name, (rotations, positions) in frames.items()

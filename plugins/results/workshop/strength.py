@@ -25,7 +25,7 @@ from core.designs.statics import GRAVITY, POINT_M, Beam, Beams
 from core.errors import UserError
 from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Pushes, Recording
-from core.robot.kinematics import bearer_frames, link_frames, tool_values
+from core.robot.kinematics import link_frames
 from core.scene import Scene
 from core.solids.tracks import robot_tracks
 from core.values.materials import Material
@@ -85,7 +85,7 @@ def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[tuple[str, Array,
     The pull is its weight and what its acceleration adds.
     """
     fingers = np.repeat(motion.fingers[:, None], len(robot.finger_joints), axis=1)
-    frames, found = link_frames(robot, tool.gripper, motion.positions, fingers), []
+    frames, found = link_frames(robot, Tool(gripper=tool.gripper), motion.positions, fingers), []
     for component in tool.components:
         mount, pose = tool.placed()[component.name]
         (turned, moved), center = frames[mount], pose.apply(mass_properties(component.shape, component.mass)[0])
@@ -165,9 +165,7 @@ class _Parts:
         arm, fingers = ((of + np.vstack([of[:1], of[:-1]])) / 2 for of in (recording.arm, recording.fingers))
         halfway = replace(recording, arm=arm, fingers=fingers)
         self.tool, self._tracks = tool, robot_tracks(robot, tool, halfway)[-len(tool.parts) :]
-        links = link_frames(robot, tool.gripper, arm, fingers[:, : len(robot.finger_joints)])
-        self.frames = {mount: links[mount] for mount in tool.mounts}
-        self.frames |= bearer_frames(tool, tool_values(robot, tool, fingers), self.frames)
+        self.frames = link_frames(robot, tool, arm, fingers)
         placed, links_at = tool.placed(), {c.name: c.link for c in tool.components}
         self._rest = {name: placed[name][1] @ links_at[name] if name in placed else Pose() for name in tool.borne_on}
 

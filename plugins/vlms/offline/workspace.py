@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, joint_frames, robot_model
@@ -53,7 +54,7 @@ class Workspace:
 def workspace_of(robot: Robot) -> Workspace:
     """Compute the workspace from the arm's reach at about the height of its shoulder, its second joint."""
     stand = replace(robot, base=Pose())
-    model = robot_model(stand, False)
+    model = robot_model(stand, Tool())
     arm = arm_of(stand)
     base = robot.base.position
     height = float(joint_frames(model, np.array([robot.home]))[1][2, 0, 2])

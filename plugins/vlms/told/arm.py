@@ -230,7 +230,7 @@ def span_at(arm: Arm, height: float, pitch: float, roll: float = 0.0) -> Span | 
     """Find the distances that are reached at this height and turn: out from near home's, and back in from there."""
     x, y, _ = arm.robot.base.position
     base = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, arm.robot.base.rpy[2]))
-    farthest = int(robot_model(arm.robot, False).reach / _STEP_M)
+    farthest = int(robot_model(arm.robot, Tool()).reach / _STEP_M)
     home = round(float(np.hypot(*base.inverse().apply(arm.forward(arm.home).position)[:2])) / _STEP_M)
     turn = Rotation.from_euler("xy", (roll, pitch))
     poses = [base @ Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]

@@ -35,7 +35,7 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
         UserError: the arm can't reach ``home``.
     """
     poses = link_poses(robot, gripper, arm_of(robot).home_for(home))
-    mount, bare = poses[RIGID_MOUNT].inverse(), robot_model(robot, False).links
+    mount, bare = poses[RIGID_MOUNT].inverse(), robot_model(robot, Tool()).links
     found = extents_of(
         (
             solid.name if solid.name in bare or solid.name in GRIPPER_MOUNTS else GRIPPER,

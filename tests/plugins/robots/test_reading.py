@@ -10,6 +10,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from core.design import Tool
 from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.robot.kinematics import arm_of, link_frames
@@ -143,7 +144,7 @@ def test_a_gripper(changed):
     gripper = robot.gripper
     assert (gripper.links, gripper.travel_m, gripper.force_n) == (("finger_l", "finger_r"), 0.03, 25.0)
     rigid = arm_of(robot).forward(np.array(HOME))
-    held = link_frames(robot, True, np.array([HOME]), np.full((1, 2), 0.03))
+    held = link_frames(robot, Tool(gripper=True), np.array([HOME]), np.full((1, 2), 0.03))
     rotation, position = (values[0] for values in held["tool_mount"])
     np.testing.assert_allclose(position, rigid.position, atol=1e-9)
     np.testing.assert_allclose(rotation, rigid.rotation.as_matrix(), atol=1e-9)
@@ -189,9 +190,9 @@ def test_a_joint_is_held_at_a_value(changed):
     held = changed(fixed={"joint_1": 0.3}, home=HOME[1:])
     assert held.arm_joints == whole.arm_joints[1:]
     turned = np.array([0.1, 0.5, 0.2, 0.4, 0.1])
-    there = link_frames(held, False, turned[None], np.zeros((1, 0)))["hand"]
+    there = link_frames(held, Tool(), turned[None], np.zeros((1, 0)))["hand"]
     for one, other in zip(
-        there, link_frames(whole, False, np.r_[0.3, turned][None], np.zeros((1, 0)))["hand"], strict=True
+        there, link_frames(whole, Tool(), np.r_[0.3, turned][None], np.zeros((1, 0)))["hand"], strict=True
     ):
         np.testing.assert_allclose(one, other, atol=1e-9)
 

@@ -72,7 +72,7 @@ def test_the_weight_counts_with_the_acceleration_of_the_motion():
     assert pulls[100] == pytest.approx([0, 0, -0.5 * 9.81], abs=0.01)  # the mount's z points up at home
     turning[:, 0] += 2.0 * times**2 / 2  # about the upright axis: 2 rad/s^2
     ((*_, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
-    mount = link_frames(PANDA, False, home[None], np.zeros((1, 0)))["tool_mount"][1]
+    mount = link_frames(PANDA, Tool(), home[None], np.zeros((1, 0)))["tool_mount"][1]
     radius, speed = np.linalg.norm(mount[0, :2]), 2.0 * times[-2]
     assert np.linalg.norm(pulls[-2, :2]) == pytest.approx(0.5 * np.hypot(2.0 * radius, speed**2 * radius), rel=0.02)
     assert pulls[-2, 2] == pytest.approx(-0.5 * 9.81, rel=0.01)
@@ -84,7 +84,7 @@ def filmed(tool, force, way=(0.0, 10.0, 0.0)):
     scene, times = task.scene(0), np.arange(len(force)) / 100
     states = type(scene.state()).stack([scene.state()] * len(times))
     arm = np.tile(PANDA.home, (len(times), 1))
-    frames = link_frames(PANDA, False, arm[:1], np.zeros((1, 0)))["tool_mount"]
+    frames = link_frames(PANDA, Tool(), arm[:1], np.zeros((1, 0)))["tool_mount"]
     at = frames[1][0] + frames[0][0] @ [0.0, 0.0, -0.3]
     samples = np.flatnonzero(force)
     forces = np.outer(force[samples], way) / np.linalg.norm(way)
