@@ -20,7 +20,7 @@ from core.interfaces import Contact, Recording, Robot
 from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
 from core.solids.bodies import ROBOT
-from core.solids.gap_bounds import gap_bounds, may_meet, neighbours
+from core.solids.gap_bounds import may_meet, neighbours
 from core.solids.record_rate import coarse_samples, subset
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
 from core.values.states import TRACE_HZ
@@ -174,9 +174,7 @@ def _touched(pair: Pair, near: Flags, struck: Flags) -> tuple[Flags, float]:
     They also touch at the end of an interval (T - 1,) in which one of them is ``struck``, if they may have met in it.
     """
     samples = np.flatnonzero(np.append(near | struck, False) | np.append(False, near | struck))
-    most, gaps = touch(pair.one, pair.other), gap_bounds(pair, samples)
-    for i in np.flatnonzero(gaps <= most).tolist():  # larger ones need not be exact
-        gaps[i] = pair.gap(int(samples[i]))
+    most, gaps = touch(pair.one, pair.other), np.array([pair.gap(sample) for sample in samples.tolist()])
     touched = np.zeros(len(near) + 1, dtype=bool)
     touched[samples] = gaps <= most
     if (hit := np.flatnonzero(struck)).size:

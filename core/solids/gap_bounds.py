@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
 from core.robot.solids import corners
-from core.solids.tracks import SMOOTH, Indices, Pair, Track, Tracks, lengths
+from core.solids.tracks import SMOOTH, Indices, Track, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
 
@@ -113,12 +113,6 @@ def _along_axes(
     return seen, np.concatenate([ahead - extents, -ahead - extents])
 
 
-def _turned(vectors: Array, rotations: Array) -> Array:
-    """Give vectors (N, 3) in frames with rotations (N, 3, 3): half of the time of a product for each."""
-    turned: Array = np.einsum("ni,nij->nj", vectors, rotations)
-    return turned
-
-
 def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Array | float) -> Array:
     """How far points of a solid get from a straight way in the frame of another, metres, at most.
 
@@ -126,50 +120,6 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     """
     points = far + reach
     return (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
-
-
-def gap_bounds(pair: Pair, samples: Indices) -> Array:
-    """Lower bounds (N,) of the gaps between two solids, metres, negative if they overlap; for hulls there is none.
-
-    They are exact where the gap is along an axis of either frame, or along the radius of a ball or a cylinder.
-    """
-    shape, others_shape = pair.one.shape, pair.other.shape
-    if not isinstance(shape, SMOOTH) or not isinstance(others_shape, SMOOTH):
-        return np.full(len(samples), -np.inf)
-    (rotation, position), (others_rotation, others_position) = pair.one.frames(samples), pair.other.frames(samples)
-    turned = others_rotation.swapaxes(1, 2) @ rotation
-    ahead = _turned(position - others_position, others_rotation)
-    return np.maximum(
-        _seen(others_shape, shape, turned, ahead),
-        _seen(shape, others_shape, turned.swapaxes(1, 2), -_turned(ahead, turned)),
-    )
-
-
-def _seen(shape: Shape, other: Shape, turned: Array, ahead: Array) -> Array:
-    """The largest gap along the axes and a radius of ``shape``; rotations and positions of the other in its frame."""
-    gaps = np.abs(ahead) - reach(other, turned.swapaxes(1, 2))
-    match shape:
-        case Box(size):
-            largest: Array = (gaps - np.asarray(size) / 2).max(axis=1)
-        case Sphere(radius):
-            out, far = _unit(ahead)
-            largest = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
-        case Cylinder(radius, length) | Capsule(radius, length):
-            out, far = _unit(ahead * (1.0, 1.0, 0.0))
-            radial = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
-            end = length / 2 + (radius if isinstance(shape, Capsule) else 0.0)
-            largest = np.maximum(gaps[:, 2] - end, radial)
-    if isinstance(shape, Box) and isinstance(other, Sphere):  # near an edge or a corner of the box
-        beyond = np.maximum(np.abs(ahead) - np.asarray(shape.size) / 2, 0.0)
-        far = np.sqrt((beyond * beyond).sum(axis=1))
-        largest = np.where(far > 0, far - other.radius, largest)
-    return largest
-
-
-def _unit(vectors: Array) -> tuple[Array, Array]:
-    """Directions (N, 3) and lengths (N,)."""
-    lengths = np.sqrt((vectors * vectors).sum(axis=1))
-    return vectors / np.maximum(lengths, 1e-12)[:, None], lengths
 
 
 def spans(track: Track, directions: Array) -> tuple[Array, Array]:

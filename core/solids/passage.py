@@ -17,8 +17,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.solids.bodies import ROBOT, Solids
-from core.solids.gap_bounds import gap_bounds, spans, with_next
-from core.solids.tracks import SMOOTH, Indices, Pair, Track, Tracks, angles, lengths
+from core.solids.gap_bounds import spans
+from core.solids.tracks import Indices, Pair, Track, Tracks, angles, lengths
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
@@ -32,7 +32,6 @@ SAME = 0.9  # cosine of two directions that are about the same
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
-_COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
 
 Passage = tuple[float, str]  # the time when one got into the other, seconds, and a description
 Instant = tuple[int, float]  # a sample, and the share of the way to the next
@@ -108,14 +107,8 @@ def find_passage(
     """
     thick, deep, through, skin, cut = depths
     limit, pair = min(deep, through), Pair(tracks[number], tracks[others_number])
-    least = min(limit, skin)
-    closer = near
-    if isinstance(pair.one.shape, SMOOTH) and isinstance(pair.other.shape, SMOOTH):
-        closer = _closer(pair, near, relative_ways(tracks, number, others_number, near), least - _COAL_M)
-    if not len(closer):
-        return None
     travel = _travel(tracks, number, others_number, near).tolist()  # lists are faster one by one
-    course = _Course(closer.tolist(), travel, least, max(min(limit / 4, cut), min(limit, thick) / 2))
+    course = _Course(near.tolist(), travel, min(limit, skin), max(min(limit / 4, cut), min(limit, thick) / 2))
     encounter, instants = _Encounter(pair, depths), times.tolist()
     instant: Instant | None = (course.near[0], 0.0)
     while instant is not None:
@@ -247,13 +240,3 @@ def _travel(tracks: Tracks, number: int, others_number: int, near: Indices) -> A
     steps += (lengths(one.positions - other.positions) + one.moved + other.moved + one.reach) * other.turned
     steps[near] = relative_ways(tracks, number, others_number, near)
     return np.concatenate([[0.0], np.cumsum(steps[:-1])])
-
-
-def _closer(pair: Pair, near: Indices, ways: Array, least: float) -> Indices:
-    """Return those samples of ``near`` from which on, until the next, the gap's bounds allow a depth of ``least``.
-
-    From one sample to the next, a gap can't shrink and grow again by more than the way between, ``ways``.
-    """
-    samples, begin = with_next(near)
-    gaps = gap_bounds(pair, samples)
-    return near[(gaps[begin] + gaps[begin + 1] - ways) / 2 <= -least]
