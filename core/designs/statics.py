@@ -157,15 +157,6 @@ def check_weight(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         )
 
 
-def describe_weight(material: Material, robot: Robot) -> str:
-    """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
-    payload, moment = f"{mass_limit(robot, material)[0]:g} kg", f"{moment_limit(robot):g} N m"
-    return f"""\
-- Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
-  weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist
-  with {moment}: its mass in kg times {GRAVITY:g} times the distance in metres of its centre of mass from the mount."""
-
-
 def spring_share(material: Material) -> float:
     """Compute which share of a bought spring's energy, torque and force springs of a material may have.
 

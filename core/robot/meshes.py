@@ -21,7 +21,6 @@ from core.design import Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Color, Mesh, Pose, Shape
 from core.robot.description import assembled
-from core.robot.kinematics import open_mounts
 from core.support.files import write_whole
 from core.values.descriptions import ONE, RobotShape
 from core.values.robots import Robot
@@ -128,13 +127,3 @@ def solids(tool: Tool, *, loose: bool = False) -> dict[str, list[tuple[Component
         mount, pose = placed[component.name]
         by_mount.setdefault(mount, []).append((component, component.shape.to_trimesh().apply_transform(pose.matrix)))
     return by_mount
-
-
-def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
-    """The components as the arm holds them at home: x forward, y left, z up, in metres from the flange."""
-    mounts = open_mounts(robot, True) if tool.gripper else {}
-    held = []
-    for mount, placed in solids(tool).items():
-        for component, solid in placed:
-            held.append((component, solid.apply_transform(mounts[mount].matrix) if mount in mounts else solid))
-    return held

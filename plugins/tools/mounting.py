@@ -39,11 +39,21 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
         mount=describe_mount(brief),
         frame=" or ".join(f"`{mount}`" for mount in Tool(gripper=brief.gripper).mounts),
         elites=brief.elites,
-        weight="" if material.density_kg_m3 is None else statics.describe_weight(material, robot),
+        weight="" if material.density_kg_m3 is None else describe_weight(material, robot),
         payload=statics.mass_limit(robot, material)[0],
         share=statics.spring_share(material),
         **given,
     )
+
+
+def describe_weight(material: Material, robot: Robot) -> str:
+    """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
+    payload, moment = f"{statics.mass_limit(robot, material)[0]:g} kg", f"{statics.moment_limit(robot):g} N m"
+    return f"""\
+- Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
+  weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist
+  with {moment}: its mass in kg times {statics.GRAVITY:g} times the distance in metres of its centre of mass
+  from the mount."""
 
 
 def _write(template: str, /, **given: Any) -> str:

@@ -11,10 +11,10 @@ import trimesh
 from PIL import Image as Pillow
 from scipy import ndimage
 
-from core.design import GRIPPER_MOUNTS, Tool
+from core.design import GRIPPER_MOUNTS, Component, Tool
 from core.geometry import Array, Box, Mesh, Pose
 from core.robot.kinematics import open_mounts
-from core.robot.meshes import as_held
+from core.robot.meshes import solids as solids_of
 from core.scene import Body, Camera, Geom
 from core.simulation.pictures import nearness
 from core.values.robots import Robot
@@ -54,6 +54,16 @@ def painted(tool: Tool, robot: Robot) -> list[Painted]:
     else:
         bearing = [Painted(robot.flange.disc.to_trimesh(), ROBOT)]
     return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool, robot))]
+
+
+def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
+    """The components as the arm holds them at home: x forward, y left, z up, in metres from the flange."""
+    mounts = open_mounts(robot, True) if tool.gripper else {}
+    held = []
+    for mount, placed in solids_of(tool).items():
+        for component, solid in placed:
+            held.append((component, solid.apply_transform(mounts[mount].matrix) if mount in mounts else solid))
+    return held
 
 
 def draw(

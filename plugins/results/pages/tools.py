@@ -16,7 +16,7 @@ from core.designs.reading import read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import Material, Robot, ToolRepresentation
-from core.robot.meshes import as_held
+from plugins.results.pages.drawing import as_held
 from plugins.results.pages.runs import FinishedRun
 
 _FARTHEST, _THINNEST = 100.0, 1e-6  # metres

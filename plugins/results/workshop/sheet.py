@@ -16,12 +16,11 @@ from core.design import RIGID_MOUNT, Tool
 from core.designs.statics import flange_moment
 from core.geometry import Array
 from core.interfaces import Task
-from core.robot.meshes import as_held
 from core.scene import Camera, Scene
 from core.simulation.pictures import png
 from core.support.cli import write_bytes
 from core.values.robots import Robot
-from plugins.results.pages.drawing import Painted, draw, painted
+from plugins.results.pages.drawing import Painted, as_held, draw, painted
 from plugins.results.pages.page import data_address, render
 from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.motion import PlayedMotion, Sampled

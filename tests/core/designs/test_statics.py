@@ -10,12 +10,13 @@ from core.config.compose import load
 from core.design import Component, DesignError, Tool
 from core.designs.composer import as_markdown
 from core.designs.rules import check_tool
-from core.designs.statics import Beams, check_weight, describe_weight, flange_moment, moment_limit
+from core.designs.statics import Beams, check_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.prompt import compose
 from core.robot.kinematics import arm_of
 from core.values.materials import PAPER, Material
+from plugins.tools.mounting import describe_weight
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 

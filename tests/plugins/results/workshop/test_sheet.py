@@ -9,7 +9,7 @@ import pytest
 
 from core.design import Tool
 from core.plugins import installed
-from core.robot.meshes import as_held
+from plugins.results.pages.drawing import as_held
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import Load, Strength, strength
