@@ -41,20 +41,6 @@ def test_placed_follows_the_chain_of_parents():
     np.testing.assert_allclose(placed["c"][1].matrix, a.pose.matrix @ b.pose.matrix @ c.pose.matrix, atol=1e-12)
 
 
-def test_attachments_are_placed_in_the_frame_of_their_own_finger():
-    placed = Tool((box("l", LEFT), box("r", RIGHT, (1, 0, 0)), box("rr", "r", (1, 0, 0))), gripper=True).placed()
-    assert [mount for mount, _ in placed.values()] == [LEFT, RIGHT, RIGHT]
-    assert placed["rr"][1].position.tolist() == [2, 0, 0]
-
-
-def test_the_bare_arm_is_a_tool_of_nothing():
-    assert Tool().placed() == {}
-    assert Tool().mass == 0
-    assert Tool((box("a", mass=0.1), box("b", mass=0.2))).mass == pytest.approx(0.3)
-    assert Tool().mounts == (RIGID_MOUNT,)
-    assert Tool(gripper=True).mounts == GRIPPER_MOUNTS
-
-
 @pytest.mark.parametrize(
     ("components", "gripper", "reason"),
     [
@@ -86,11 +72,6 @@ def test_ids_tell_generation_agent_strategy_and_plan():
 
 
 keys = st.tuples(*[st.integers(0, 200)] * 4)
-
-
-@given(keys, keys)
-def test_ids_are_one_to_one_with_keys(one, other):
-    assert (candidate(*one).id == candidate(*other).id) == (one == other)
 
 
 def ok(reward, distance, key=(0, 0, 0, 0)):
@@ -174,8 +155,3 @@ REFUSED = Trial("mujoco", status="rejected")
 def test_rollouts_of_an_evaluation(status, trials, count):
     evaluation = Evaluation(Candidate(None, np.zeros((1, 6))), status, trials=trials)
     assert evaluation.rollouts == count
-
-
-def test_rewards_by_engine():
-    evaluation = Evaluation(Candidate(None, np.zeros((1, 6))), "ok", trials=THREE)
-    assert evaluation.by_engine == {"mujoco": [0.1, 0.2], "sapien": [0.0]}

@@ -12,7 +12,6 @@ from core.geometry import Pose
 from core.goals import goals_margins, goals_reward, goals_shares, needs_trace
 from core.scene import Body, Box, Elastic, Filling, Goal, Joint, Scene, Soft, State, Trace
 from core.task import Task, margins_of
-from core.values.states import TRACE_HZ
 
 RED = (1, 0, 0, 1)
 DRAWER = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
@@ -251,14 +250,6 @@ def test_margins_say_how_far_the_end_is_from_the_limits_of_goals():
     assert margins(Goal(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}  # no tolerance, no room
 
 
-def test_margins_of_several_bodies_and_goals():
-    either = {"bodies": ("cube", "other"), "place": (0.5, -0.3, None), "tolerance": 0.04}
-    assert margins(Goal(**either), end=START)["other off its place"][2] == -1
-    assert margins(Goal(**either, any=True), end=START)["cube off its place"][2] == 1
-    goals = [Goal(bodies=(name,), place=(0.5, -0.3, None), tolerance=0.04) for name in ("cube", "other")]
-    assert list(margins(*goals, end=START, every=False)) == ["cube off its place"]
-
-
 def test_margins_of_what_must_not_be_touched_or_pressed():
     forces = {("tool", "case"): np.array([0.0, 5.0])}
     gaps = {"other": np.array(0.005)}
@@ -270,16 +261,6 @@ def test_margins_of_what_must_not_be_touched_or_pressed():
     }
     touched = replace(trace, touching={("tool", "blade", "other"): np.array([False, True])})
     assert margins(avoid, end=START, trace=touched) == {"clearance to other": (0.0, 0.0, -1.0)}
-
-
-def test_margins_of_speed_and_time():
-    goal = Goal(bodies=("cube",), place=(0.7, None, None), by_s=4 / TRACE_HZ)
-    trace = film(START, shifted(0.5), shifted(1), shifted(1), shifted(1))
-    assert margins(goal, end=shifted(1), trace=trace)["time to fulfil cube"][2] == 0.5
-    assert margins(goal, end=START, trace=film(*[START] * 9))["time to fulfil cube"][2] <= -0.5
-    moving = at(cube=(0.5, -0.3, 0.05))
-    moving = replace(moving, linear_velocities=np.full_like(moving.positions, 0.01 / np.sqrt(3)))
-    assert margins(Goal(bodies=("cube",), rest=True), end=moving)["speed of cube"] == (0.5, 1.0, 0.5)
 
 
 @pytest.mark.parametrize(("reward", "success", "margin"), [(0.975, 0.95, 0.5), (0.95, 0.95, 0.0), (0.9, 0.95, -1.0)])

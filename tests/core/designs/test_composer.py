@@ -19,18 +19,16 @@ import prompts
 from core.config.compose import load, node
 from core.config.schemas import EVOLUTION, GIVEN, INITIAL, SYSTEM, TOOLS, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool, Trial
-from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown
+from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, floor, table
-from core.simulation.rollout import RolloutSettings
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
-from plugins.tools.urdf.representation import UrdfTools
-from tests.panda import ARM, PANDA, on_panda
+from tests.panda import PANDA, on_panda
 
 pytestmark = pytest.mark.slow
 
@@ -148,20 +146,6 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
     assert schema not in words(PromptComposer().compose(brief, [PICTURE], schema=False))  # the model gets it otherwise
 
 
-def test_parts_come_in_order() -> None:
-    rules = ["Tool rules", "Action rules", "Action diversity", "Workspace", "Spawn rules", "Frames", "Units", "Output"]
-    end = ["The task: PushCube"]
-    assert headings(prompt()) == ["Mission", "Procedure", *rules, *end]
-    evolved = headings(prompt(elites=ELITES))
-    assert evolved == ["Mission", "Procedure", "Evolution rules", *rules, *end]
-
-
-def test_without_a_picture_none_is_mentioned() -> None:
-    messages = PromptComposer().compose(make_brief())
-    assert all(isinstance(part, Text) for message in messages for part in message.parts)
-    assert "picture" not in words(messages).lower()
-
-
 def test_elites_are_shown() -> None:
     text = prompt(elites=ELITES)
     _, _, (first, second) = elites_in(text)
@@ -196,21 +180,6 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     assert first["details"] == {"trials": lines, "engines": {"one": engine}, "cost": None}
     assert "details" not in second
     assert "`details` holds what a reward was combined from" in text
-
-
-@pytest.mark.parametrize(("tie", "reward", "left"), [(0.005, 0.994, False), (0.005, 0.996, True), (0.05, 0.96, True)])
-@pytest.mark.parametrize("given", [False, True])
-def test_only_distance_is_left_to_gain(tie: float, reward: float, left: bool, given: bool) -> None:
-    elites = (replace(make_elite(0, reward), distance_m=1.234), make_elite(1, 0.5))
-    brief = make_brief(elites=elites, **({"representation": GivenBar(), "n_tool": 1} if given else {}))
-    text = words(PromptComposer(tie=tie).compose(brief))
-    assert ("nothing but distance is left to gain" in text) == left
-    assert ("The best went 1.23 m." in text) == left
-    assert f"Rewards within {tie:g} of the highest count as equal" in text
-    if not given:
-        rules = text.partition("# Evolution rules")[2].partition("\n# ")[0]
-        assert ("shortens it" in rules) == left
-        assert ("from a higher reward" in rules) != left
 
 
 def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_change_a_little() -> None:
@@ -297,26 +266,6 @@ def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
     assert "parents" in answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
 
 
-class NoTool(GivenBar):
-    def given(self, task: Task) -> Tool:
-        return Tool(gripper=True, name="bare gripper", description="the hand")
-
-
-@pytest.mark.parametrize("n_action", [1, 4])
-def test_without_a_tool_none_is_mentioned(n_action: int) -> None:
-    brief = make_brief(representation=NoTool(), n_tool=1, n_action=n_action, gripper=True)
-    text = words(PromptComposer().compose(brief, [PICTURE]))
-    prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL).replace("There is no tool, and none can be designed.", "")
-    assert not re.search(r"\btools?\b", prose.partition("# Mission")[2])
-    assert "at (0.4, -0.2, 0.2) with roll, pitch, yaw (0, 0, 0)" in prose  # home
-    assert "finger tips" in prose
-
-
-def test_pictures_become_links_in_markdown() -> None:
-    message = Message("user", (Text("a\n\n"), PICTURE, Text("b\n\n"), Picture(b"", "elite")))
-    assert as_markdown(message) == "a\n\n![scene](scene.png)\n\nb\n\n![elite](elite.png)\n\n"
-
-
 # --- a person's idea --------------------------------------------------------------------------------------------
 
 
@@ -340,14 +289,6 @@ def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
     assert order.index("The colleague's instructions") < order.index("Procedure")
 
 
-def test_samples_are_marked_as_such_and_the_mark_is_left_out() -> None:
-    file = FOLDER.parent / "docs" / "ideas" / "one_book_layperson.md"
-    assert file.read_text(encoding="utf-8").startswith("<!-- An example, written for this project")
-    text = words(PromptComposer(settings_of("human", f"prompt.file={file}")).compose(make_brief()))
-    assert file.read_text(encoding="utf-8").partition("-->")[2].strip() in text
-    assert "<!--" not in text
-
-
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
@@ -367,13 +308,6 @@ def test_files_that_hold_no_idea(tmp_path: Path, content: bytes | None, reason: 
         PromptComposer(settings_of("human", f"prompt.file={file}"))
     assert str(error.value).startswith(f"prompt.file={file}")
     assert "\n" not in str(error.value)
-
-
-def test_an_idea_that_is_not_used_and_a_missing_one() -> None:
-    with pytest.raises(UsageError, match=r"prompt\.file=x\.md is not used by this prompt; add prompt=human"):
-        PromptComposer(PromptSettings(file="x.md"))
-    with pytest.raises(UsageError, match=r"prompt\.file is empty; give the text file"):
-        PromptComposer(settings_of("human"))
 
 
 def test_evolution_alone_needs_elites() -> None:
@@ -401,12 +335,6 @@ def test_a_repair_shows_the_reply_and_its_problem() -> None:
 # --- one elite, or of the other kind ----------------------------------------------------------------------------
 
 
-def test_one_elite_can_only_be_mutated() -> None:
-    text = prompt(elites=ELITES[:1])
-    assert "mutation" in text
-    assert "crossover" not in text
-
-
 @pytest.mark.parametrize("gripper", [False, True])
 def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
     same = words(PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),))))
@@ -431,17 +359,6 @@ def test_each_template_is_used() -> None:
     used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, *TOOLS, REPAIR, CRITIC}
     used |= {*human.initial, *human.evolution, *human.given}
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
-
-
-def test_the_default_choice_is_the_default() -> None:
-    assert settings_of("vlmgineer") == PromptSettings(name="vlmgineer")
-
-
-def test_parts_can_be_chosen() -> None:
-    chosen = PromptSettings(system=[], initial=["units", "context", "frames"])
-    messages = PromptComposer(chosen).compose(make_brief())
-    assert [message.role for message in messages] == ["user"]
-    assert headings(words(messages)) == ["Units", "The task: PushCube", "Frames"]
 
 
 def from_folder(folder: Path) -> PromptComposer:
@@ -537,43 +454,8 @@ def test_offspring_name_their_parents(count: int) -> None:
 
 # --- the numbers in the templates -------------------------------------------------------------------------------
 
-PARTS = (np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]))  # in front, to the left, hanging below
-DIRECTIONS = {
-    "stays": (0, 0, 0),
-    "goes up": (0, 0, 1),
-    "goes down": (0, 0, -1),
-    "swings left": (0, 1, 0),
-    "swings back": (-1, 0, 0),
-}
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> None:
-    """The template's table, compared with the arm at a turned waypoint."""
-    rows = re.findall(r"^\| \+(\w+) \| (.+) \| (.+) \| (.+) \|$", (FOLDER / "frames.md.j2").read_text(), re.MULTILINE)
-    name, *motions = rows[axis]
-    assert name == ("roll", "pitch", "yaw")[axis]
-    position, turn = np.array([0.5, 0.0, 0.4]), sign * 0.3 * np.eye(3)[axis]
-    solution = ARM.inverse(Pose.xyz_rpy(position, turn), ARM.home)
-    assert solution.error_m < 1e-4
-    pose = ARM.forward(solution.joints)
-    for part, motion in zip(PARTS, motions, strict=True):
-        (direction,) = (way for text, way in DIRECTIONS.items() if motion.startswith(text))
-        shift = pose.apply(0.3 * part) - (position + 0.3 * part)
-        across = shift - (shift @ part) * part  # without the part along the radius
-        np.testing.assert_allclose(across, sign * 0.3 * np.sin(0.3) * np.array(direction), atol=1e-3)
-
 
 # --- the rules as the templates state them ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("penetration", ["forbid", "warn"])
-def test_what_collides_is_stated_as_it_is_checked(penetration: str) -> None:
-    text = words(PromptComposer(rollout=RolloutSettings(penetration=penetration)).compose(make_brief()))
-    assert ("or the tool into the arm, is rejected without a trial" in text) == (penetration == "forbid")
-    assert ("earns 0: don't" in text) == (penetration == "forbid")
-    assert ("Arm and tool do not collide with each other" in text) == (penetration != "forbid")
 
 
 # --- other arms -------------------------------------------------------------------------------------------------
@@ -586,53 +468,6 @@ def for_robot(robot: Robot, **changes: Any) -> Brief:
     task = PushCube()
     task.robot = robot
     return make_brief(task=task, **changes)
-
-
-def prose(brief: Brief) -> str:
-    """The composed text without code, the schema and the names of links."""
-    return re.sub(r"```.*?```|`.*?`", "", words(PromptComposer().compose(brief, [PICTURE])), flags=re.DOTALL)
-
-
-class Flange(GivenBar):
-    def given(self, task: Task) -> Tool:
-        return Tool(name="bare flange", description="the flange")
-
-
-@pytest.mark.parametrize(
-    "brief",
-    [
-        pytest.param(for_robot(UR5), id="initial"),
-        pytest.param(for_robot(UR5, elites=ELITES), id="evolution"),
-        pytest.param(for_robot(UR5, representation=UrdfTools()), id="urdf"),
-        pytest.param(for_robot(UR5, representation=GivenBar(), n_tool=1), id="given"),
-        pytest.param(for_robot(UR5, representation=Flange(), n_tool=1), id="bare"),
-    ],
-)
-def test_an_arm_without_a_gripper(brief: Brief) -> None:
-    text = prose(brief)
-    assert "A robot arm with 6 joints, the Universal Robots UR5, stands at the origin of the world." in text
-    assert not re.search(r"\b(grip|finger|hand\b)", text)
-    assert "None" not in text
-    assert "| forearm_link on upper_arm_link | turns about y |" in text
-    assert "| forearm_link | -" in text or brief.n_tool == 1  # around the mount
-    assert "gripper" not in json.dumps(answer_schema(brief))
-    if isinstance(brief.representation, Flange):
-        assert "the flange" in text
-        assert not re.search(r"\btools?\b", text.partition("# Mission")[2].replace("There is no tool, and none", ""))
-
-
-def test_a_base_that_stands_elsewhere() -> None:
-    robot = replace(UR5, base=Pose.xyz_rpy((0.1, -0.1, 0.05), (0.0, 0.0, 0.4)))
-    text, usual = prose(for_robot(robot)), prose(for_robot(UR5))
-    for part in (
-        "stands at (0.1, -0.1, 0.05) in the world.",
-        "straight ahead of it (roll = 0, yaw = 0.4), by height z in\nmetres in the world",
-        "turned by yaw 0.4: straight ahead of it is (cos 0.4, sin 0.4, 0).",
-    ):
-        assert part in text
-        assert part not in usual
-    assert "origin of the world" not in text
-    assert "the origin is the arm's base" not in text
 
 
 @pytest.mark.parametrize("robot", [PANDA, replace(UR5, flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))])

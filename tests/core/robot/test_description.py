@@ -5,14 +5,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.robot.description import assemble, assembled, write
 from core.values.urdf import read_description
 from plugins.conformance.shapes import bowl, prism
-from plugins.robots.descriptions import robots_folder
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
 
 LEFT, RIGHT = GRIPPER_MOUNTS
@@ -89,21 +87,6 @@ def test_the_rigid_mount_takes_the_hands_place():
     link7, virtual = frame_pose(rigid, "panda_link7"), frame_pose(rigid, RIGID_MOUNT)
     np.testing.assert_allclose((link7.inverse() @ virtual).position, [0, 0, 0.107], atol=1e-9)
     np.testing.assert_allclose(virtual.position, frame_pose(hand, "panda_hand").position, atol=1e-9)
-
-
-def test_the_bare_hand_is_what_there_is_without_a_tool():
-    assert assembled(PANDA, None) == assembled(PANDA, Tool(gripper=True))
-    assert {"panda_hand", *GRIPPER_MOUNTS} <= set(links(None))
-
-
-@every_tool
-def test_components_stand_where_the_tool_places_them(tool):
-    if tool is None:
-        return
-    model = model_of(tool)
-    for name, (mount, pose) in tool.placed().items():
-        expected = frame_pose(model, mount) @ pose
-        np.testing.assert_allclose(frame_pose(model, name).matrix, expected.matrix, atol=1e-7)
 
 
 # --- inertia ----------------------------------------------------------------------------------------------------
@@ -192,26 +175,3 @@ def test_every_urdf_is_one_tree(tool, fused):
         assert (again.links[name].inertial, again.links[name].visuals) == (link.inertial, link.visuals)
     movable = 9 if tool is None or tool.gripper else 7
     assert pin.buildModelFromXML(assemble(PANDA, tool, fused=fused)).nq == movable
-
-
-def test_mesh_paths_are_the_callers_to_choose():
-    asked = []
-
-    def name(path):
-        asked.append(path)
-        return f"meshes/{path.name}"
-
-    text = assemble(PANDA, RIGID, mesh_path=name)
-    assert asked
-    assert all(path.is_absolute() and path.is_file() for path in asked)
-    named = [mesh.get("filename") for mesh in etree.fromstring(text).iter("mesh")]
-    assert sorted(named) == sorted(f"meshes/{path.name}" for path in asked)
-    assert str(robots_folder()) not in text
-    assert "package://" not in text
-
-
-def test_visuals_can_be_left_out():
-    whole, bare = (assemble(PANDA, RIGID, visuals=visuals) for visuals in (True, False))
-    assert whole.count("<visual>") > 8
-    assert "<visual>" not in bare
-    assert whole.count("<collision>") == bare.count("<collision>") > 8

@@ -8,9 +8,9 @@ import pytest
 from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory
-from core.scene import Scene, table
+from core.scene import Scene
 from core.solids.penetration import findings
-from core.solids.record_rate import coarse_samples, refined_samples, sample_hz, subset, thinnest
+from core.solids.record_rate import coarse_samples, refined_samples, sample_hz, subset
 from core.solids.tracks import SAMPLE_HZ
 from tests.core.solids.test_penetration import WALL, body, recording, straight
 from tests.panda import ARM, PANDA
@@ -34,12 +34,6 @@ def test_fast_and_thin_tools_are_looked_at_more_often(thick, seconds, hz):
     assert sample_hz(PANDA, stick(thick), turn(seconds), thin=1.0) == hz
 
 
-def test_so_are_tools_that_meet_something_thin():
-    assert sample_hz(PANDA, stick(0.02), turn(1.0), thin=0.001) > sample_hz(PANDA, stick(0.02), turn(1.0), thin=0.02)
-    assert thinnest(Scene((table(), WALL))) == pytest.approx(0.01)
-    assert thinnest(Scene(())) == np.inf
-
-
 def test_samples_are_added_where_they_are_wanted():
     film = recording(Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))), path(161), hz=400.0)
     few = coarse_samples(film)
@@ -50,12 +44,6 @@ def test_samples_are_added_where_they_are_wanted():
     assert sorted(set(more) - set(few)) == [52, 56, 60, *range(81, 96)]
     assert np.array_equal(subset(film, more).times, film.times[more])
     assert np.array_equal(subset(film, more).states.positions, film.states.positions[more])
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 17, 18])
-def test_the_first_and_the_last_sample_are_always_looked_at(count):
-    film = recording(Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))), path(count + 1), hz=400.0)
-    assert coarse_samples(film)[[0, -1]].tolist() == [0, count]
 
 
 def path(count):

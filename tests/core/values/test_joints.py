@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
-from core.scene import Body, Box, Drive, Joint, Latch, Scene, State
-from core.values.joints import Placement, multiply, rotate
+from core.scene import Body, Box, Drive, Joint, Latch, Scene
+from core.values.joints import Placement
 
 RED = (1, 0, 0, 1)
 numbers = st.floats(-1.0, 1.0)
@@ -81,29 +81,11 @@ def test_an_angle_beyond_half_a_turn_is_told_by_the_range():
     assert placed.read(placed.carry(np.array([4.5]), np.zeros(1), world), world).position == pytest.approx(4.5)
 
 
-def test_many_worlds_are_read_at_once():
-    scene = two(Joint("j", "slider", "b", axis=(1, 0, 0)))
-    state = scene.complete(State.stack([scene.state()] * 4))
-    assert state.joint("j").position.shape == (4,)
-    assert state[2].joint("j").position.shape == ()
-    with pytest.raises(KeyError, match="no joint 'door' in the state; there are: j"):
-        state.joint("door")
-
-
 def test_a_chain_is_listed_from_its_root_and_travels():
     chain = (Joint("tip", "hinge", "c", "b"), Joint("root", "hinge", "a"), Joint("middle", "hinge", "b", "a"))
     scene = Scene((body("a"), body("b"), body("c")), chain)
     assert [placed.joint.name for placed in scene.ordered_joints] == ["root", "middle", "tip"]
     assert pickle.loads(pickle.dumps(scene)).joints == chain
-
-
-def test_quaternions_turn_as_scipys_do():
-    rng = np.random.default_rng(0)
-    one, other = Rotation.random(4, rng=rng), Rotation.random(4, rng=rng)
-    a, b = one.as_quat(scalar_first=True), other.as_quat(scalar_first=True)
-    points = rng.normal(size=(4, 3))
-    assert rotate(a, points) == pytest.approx(one.apply(points))
-    assert rotate(multiply(a, b), points) == pytest.approx((one * other).apply(points))
 
 
 # --- what moves by itself ---------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,22 +11,16 @@ from omegaconf import OmegaConf
 
 from core.config.compose import load, tool_part
 from core.design import Component, Tool
-from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
-from core.plugins import installed
 from core.search.orchestration import run
 from core.values.materials import PAPER, Material
 from plugins.fitness.transfer import configured
 from plugins.results.pages.runs import read_run
 from plugins.results.pages.tools import best_tool
-from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
 
-SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
-NAMES = sorted(file.stem for file in (Path(__file__).parents[3] / "conf" / "material").glob("*.yaml"))
 PLA = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6)
 SHAPES = [Box((0.02, 0.03, 0.1)), Sphere(0.02), Cylinder(0.01, 0.1), Capsule(0.01, 0.1)]
 SHAPES += [Mesh.from_trimesh(Box((0.02, 0.03, 0.1)).to_trimesh())]
@@ -35,17 +28,6 @@ SHAPES += [Mesh.from_trimesh(Box((0.02, 0.03, 0.1)).to_trimesh())]
 
 def material_of(*words):
     return tool_part(load("evaluate", ["task=BringCube", *words])).create().material
-
-
-def test_the_materials_are_there():
-    assert {"paper", "pla", "petg", "abs", "pa12", "aluminium", "steel"} <= {*NAMES}
-    for name in NAMES:
-        made_of = material_of(f"material={name}")
-        assert made_of.name == name
-        assert (made_of.density_kg_m3 is None) == (name == "paper")
-    assert material_of() == PAPER
-    assert material_of("material=pla") == PLA
-    assert material_of("material=steel").infill == 1
 
 
 def test_a_box_is_weighed_by_its_walls_and_infill():
@@ -71,20 +53,6 @@ def test_paper_leaves_a_tool_as_it_is():
     made = PLA.made(tool)
     assert (made.friction, made.mass) == (0.5, pytest.approx(1240 * (1e-3 - 0.8 * 0.0976**3)))
     assert replace(PAPER, friction=0.2).made(tool) == replace(tool, friction=0.2)
-
-
-def test_todays_tools_keep_their_hashes():
-    tool = Tool((Component("a", "tool_mount", Pose(), Box((0.02, 0.02, 0.1))),))
-    assert tool.content == "817c6544f7b2613577390cc004b92ef4"
-    assert replace(tool, friction=0.4).content != tool.content
-    spawn = SpawnRules(on_panda(load_task("BringCube")), 0)
-    (solution,) = read_designs(load_designs(SOLUTION), tool_part(load("evaluate", ["task=BringCube"])).create(), spawn)
-    assert solution.tool.content == "bddf9775015da286e83055555bd9035e"
-    assert solution.content == "683b3711724c85048ccace5185b7fe5c"
-
-
-def load_task(name):
-    return installed().create("task", name)
 
 
 @pytest.mark.parametrize(
@@ -118,19 +86,6 @@ def test_a_stored_material_that_is_none_gets_one_line(stored):
     with pytest.raises(UserError, match="material") as error:
         tool_part(OmegaConf.create({"tool": {"name": "urdf"}, "material": stored}))
     assert "\n" not in str(error.value)
-
-
-def test_a_configuration_without_a_material_means_paper():
-    assert tool_part(OmegaConf.create({"tool": {"name": "urdf"}})).create().material == PAPER
-
-
-def test_a_given_tool_is_weighed():
-    words = ["task=BringCube", "tool=rlbench", "material=pla", "executor.workers=1"]
-    representation = tool_part(load("evaluate", words)).create()
-    document = {"strategies": [{"action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}]}
-    (candidate,) = read_designs(document, representation, SpawnRules(on_panda(load_task("BringCube")), 0))
-    (bar,) = candidate.tool.components
-    assert bar.mass == pytest.approx(1240 * PLA.volume_of(bar.shape)) != 0.005
 
 
 @pytest.fixture(scope="module")

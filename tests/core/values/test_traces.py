@@ -98,13 +98,6 @@ def test_held_is_by_the_robot_and_off_all_that_is_fixed():
     assert both().held("cube").tolist() == [[False, True, True, True], [False] * 4]
 
 
-def test_one_world_of_many():
-    world = both()[0]
-    assert world.shape == (4,)
-    assert world.contact("cube", "robot").tolist() == ONE.contact("cube", "robot").tolist()
-    assert world.force_n("cube") == 9
-
-
 def test_a_body_that_is_not_there():
     for ask in (ONE.touched, ONE.force_n, ONE.held):
         with pytest.raises(KeyError, match="no body 'dog' in the trace; there are: tray, cube, table"):
