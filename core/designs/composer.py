@@ -68,9 +68,9 @@ class PromptComposer:
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
         self.tie, self.judged = tie, judged.strip()
-        for name in ("generation_characters", "critic"):
-            if getattr(settings, name) < 0:
-                raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
+        for name, most in (("generation_characters", settings.generation_characters), ("critic", settings.critic)):
+            if most < 0:
+                raise UsageError(f"prompt.{name} must be 0 or greater, got {most}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
         self.level: Level = installed().extension("level", settings.told, "prompt.told")()
@@ -272,22 +272,14 @@ def _entry(
     warnings = [sight.text(warning) for warning in elite.warnings]
     if elite.shown is not None and elite.observation is not None:
         return data | elite_feedback(elite.shown, elite.observation, sight) | {"warnings": warnings}
-    return data | {
-        **({"moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()}} if sight.numbers else {}),
-        "missed_m": _rounded(elite.ik_error_m),
-        "missed_rad": _rounded(elite.ik_error_rad),
-        "lag_rad": _rounded(elite.tracking_error_rad),
-        "warnings": warnings,
-    }
+    errors = {"missed_m": elite.ik_error_m, "missed_rad": elite.ik_error_rad, "lag_rad": elite.tracking_error_rad}
+    moved = {"moved_m": elite.moved_m} if sight.numbers else {}
+    return data | _figures({**moved, **errors, "warnings": warnings})
 
 
 def _figures(value: Any) -> Any:
-    """Round the numbers of a JSON value."""
-    if isinstance(value, dict):
-        return {key: _figures(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_figures(item) for item in value]
-    return _rounded(value) if isinstance(value, float) else value
+    """Round the numbers of a JSON value; nan, which JSON has not, becomes null."""
+    return json.loads(json.dumps(value), parse_float=lambda text: _rounded(float(text)), parse_constant=lambda _: None)
 
 
 def _rounded(number: float) -> float | None:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.statics import MAX_GAP_M, Beams, check_joints, check_weight, corners, mass_limit
+from core.designs.statics import MAX_GAP_M, Beams, check_joints, check_weight, corners
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation, Waypoints
@@ -78,10 +78,7 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         _check_component(component)
         if material.density_kg_m3 is None:
             _check_mass(component)
-    if material.density_kg_m3 is not None:
-        check_weight(tool, robot, material)
-    elif tool.mass > (limit := mass_limit(robot, material))[0]:
-        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {limit[1]}")
+    check_weight(tool, robot, material)
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)

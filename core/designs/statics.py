@@ -22,7 +22,7 @@ from core.geometry import Array, Compound, Cylinder, Pose, Shape, mass_propertie
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, open_mounts
 from core.robot.solids import Solid, signed_distance, solid_geometry
-from core.values.materials import PAPER, Material
+from core.values.materials import Material
 
 # Of joints. An engine's step is 2 to 5 ms: a spring or a damper that acts faster than that shakes or explodes in some.
 # How strong springs may be follows from those that one can buy or print; docs/materials.md has the sources.
@@ -137,8 +137,8 @@ def mass_limit(robot: Robot, material: Material) -> tuple[float, str]:
     return robot.payload_kg, f"the arm carries at most {robot.payload_kg:g} kg"
 
 
-def check_weight(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
-    """Refuse a tool that is too heavy for an arm or its material's budget, or too far out for its weight.
+def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
+    """Refuse a tool that is too heavy for an arm or its material's budget, or of a real one too far out for its weight.
 
     Raises:
         DesignError: with the figures, and the component that weighs most.
@@ -149,7 +149,7 @@ def check_weight(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     if tool.mass > most_kg:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {why}; {mend}")
     moment, most = flange_moment(tool, robot), moment_limit(robot)
-    if moment > most:
+    if material.density_kg_m3 is not None and moment > most:
         raise DesignError(
             f"the tool, of {tool.mass:.3g} kg, turns the wrist with {moment:.3g} N m, its centre of mass being "
             f"{moment / GRAVITY / tool.mass:.3g} m from the mount; at most {most:g} N m are allowed; {mend}, or bring "

@@ -1,7 +1,4 @@
-"""Place the joints and links of the robot, and compute forward and inverse kinematics up to its tool mount.
-
-Pinocchio solves one instant after the other; where many are placed at once, numpy needs a tenth of its time.
-"""
+"""Place the joints and links of the robot, and compute forward and inverse kinematics up to its tool mount."""
 
 from __future__ import annotations
 
@@ -30,16 +27,12 @@ class RobotModel:
 
     Attributes:
         axes: for each joint, the direction that it turns about (3,), and that it moves along (3,), in its frame.
-        turning: (3, J - 1, 3, 3), the parts of the joints' rotations in their parents' frames: the constant one, the
-            one times the sine and the one times 1 - the cosine of the joint's value (Rodrigues).
         links: the number of the joint that moves a link, and the link's pose in that joint's frame.
     """
 
     model: Any  # Pinocchio's, and its ``data``
     data: Any
     axes: tuple[tuple[Array, Array], ...]
-    turning: Array
-    moving: Array  # (2, J - 1, 3), the same of their positions: the constant part and the one times the value
     parents: tuple[int, ...]  # for each joint, the number of the one before it
     supports: tuple[frozenset[int], ...]  # for each joint, itself and the joints before it
     links: dict[str, tuple[int, Pose]]
@@ -81,12 +74,7 @@ def _load(robot: Robot, tool: Tool) -> RobotModel:
         joint.calc(data, pin.neutral(model))
         motion = np.asarray(data.S).reshape(6)
         axes.append((motion[3:], motion[:3]))
-    placements = list(model.jointPlacements)[1:]
-    fixed, cross = np.array([at.rotation for at in placements]), np.array([pin.skew(about) for about, _ in axes[1:]])
-    turning = np.array([fixed, fixed @ cross, fixed @ cross @ cross])
-    along = [at.rotation @ along for at, (_, along) in zip(placements, axes[1:], strict=True)]
-    moving = np.array([[at.translation for at in placements], along])
-    return RobotModel(model, model.createData(), tuple(axes), turning, moving, tuple(model.parents), supports, links)
+    return RobotModel(model, model.createData(), tuple(axes), tuple(model.parents), supports, links)
 
 
 def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
@@ -106,19 +94,13 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
 
     ``joints`` are as `joint_values` orders them.
     """
-    values = joints.T[:, :, None]
-    shares = np.concatenate([np.ones_like(values), np.sin(values), 1 - np.cos(values)], axis=2)
-    turns = (shares @ robot.turning.swapaxes(0, 1).reshape(-1, 3, 9)).reshape(*shares.shape, 3)
-    rotations, positions = np.empty((len(turns) + 1, *turns.shape[1:])), np.zeros((len(turns) + 1, *turns.shape[1:3]))
-    rotations[0] = np.eye(3)
-    for joint, turn in enumerate(turns, start=1):
-        np.matmul(rotations[robot.parents[joint]], turn, out=rotations[joint])
-    before = rotations[list(robot.parents[1:])]
-    shifts = rotate(before, robot.moving[0])
-    if (sliding := robot.moving[1].any(axis=1)).any():
-        shifts[sliding] += values[sliding] * rotate(before[sliding], robot.moving[1][sliding])
-    for joint, shift in enumerate(shifts, start=1):
-        np.add(positions[robot.parents[joint]], shift, out=positions[joint])
+    count = robot.model.njoints
+    rotations, positions = np.empty((count, len(joints), 3, 3)), np.empty((count, len(joints), 3))
+    for k, values in enumerate(joints):
+        pin.forwardKinematics(robot.model, robot.data, values)
+        for joint, placement in enumerate(robot.data.oMi):
+            rotations[joint, k] = placement.rotation
+            positions[joint, k] = placement.translation
     return rotations, positions
 
 

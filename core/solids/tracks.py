@@ -87,14 +87,6 @@ class Track:
         begins = np.where(np.append(False, still), 0, np.arange(len(self.positions)))
         return cast("list[int]", np.maximum.accumulate(begins).tolist())
 
-    def at_samples(self, values: Array, samples: Indices) -> Array:
-        """Choose ``samples`` of the rows' values (T, ...); there is one for all of a solid that never moves."""
-        return values[samples] if len(self.positions) > 1 else values
-
-    def frames(self, samples: Indices) -> tuple[Array, Array]:
-        """Return the rotations and positions of its frame at samples."""
-        return self.at_samples(self.rotations, samples), self.at_samples(self.positions, samples)
-
     def at(self, k: int, share: float) -> tuple[Any, Array]:
         """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""
         if len(self.positions) == 1:

@@ -49,9 +49,9 @@ def test_attachments_to_the_fingers_are_weighed_where_the_open_fingers_are():
 
 
 def test_what_is_too_heavy_is_refused_with_the_figures():
-    check_weight(rigid(box(mass=1.0), box("b", mass=1.9, parent="a")), PANDA)
+    check_weight(rigid(box(mass=1.0), box("b", mass=1.9, parent="a")), PANDA, SOLID)
     with pytest.raises(DesignError) as error:
-        check_weight(rigid(box(mass=1.0), box("b", mass=2.1, parent="a")), PANDA)
+        check_weight(rigid(box(mass=1.0), box("b", mass=2.1, parent="a")), PANDA, SOLID)
     assert str(error.value) == (
         "the tool weighs 3.1 kg; the arm carries at most 3 kg; component 'b' weighs most, 2.1 kg: make parts thinner, "
         "shorter or fewer"
@@ -71,9 +71,9 @@ def test_a_budget_of_material_is_a_limit_too_and_the_prompt_names_it(material):
 
 
 def test_what_turns_the_wrist_is_refused_with_the_figures():
-    check_weight(rigid(box(at=(0.61, 0, 0), mass=2.0)), PANDA)
+    check_weight(rigid(box(at=(0.61, 0, 0), mass=2.0)), PANDA, SOLID)
     with pytest.raises(DesignError) as error:
-        check_weight(rigid(box(at=(0.7, 0, 0), mass=2.0)), PANDA)
+        check_weight(rigid(box(at=(0.7, 0, 0), mass=2.0)), PANDA, SOLID)
     assert str(error.value) == (
         "the tool, of 2 kg, turns the wrist with 13.7 N m, its centre of mass being 0.7 m from the mount; at most "
         "12 N m are allowed; component 'a' weighs most, 2 kg: make parts thinner, shorter or fewer, or bring heavy "

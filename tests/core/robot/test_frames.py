@@ -1,33 +1,11 @@
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from core.design import Tool
-from core.robot.description import assemble
 from core.robot.kinematics import link_frames, robot_model
-from tests.panda import ARM_JOINTS, FINGER_JOINTS, PANDA
+from tests.panda import PANDA
 
 RNG = np.random.default_rng(3)
-
-
-@pytest.mark.parametrize("gripper", [True, False])
-def test_links_are_where_pinocchio_has_them(gripper):
-    model = pin.buildModelFromXML(assemble(PANDA, Tool(gripper=gripper), visuals=False))
-    data = model.createData()
-    arm, fingers = RNG.uniform(-2, 2, (5, 7)), RNG.uniform(0, 0.04, (5, 2))
-    found = link_frames(PANDA, Tool(gripper=gripper), arm, fingers)
-    for t in range(5):
-        q = pin.neutral(model)
-        for name, value in zip((*ARM_JOINTS, *FINGER_JOINTS), (*arm[t], *fingers[t]), strict=True):
-            if model.existJointName(name):
-                q[model.joints[model.getJointId(name)].idx_q] = value
-        pin.framesForwardKinematics(model, data, q)
-        bodies = [n for n, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
-        assert {model.frames[n].name for n in bodies} == set(found)
-        for n in bodies:
-            rotations, positions = found[model.frames[n].name]
-            assert np.allclose(rotations[t], data.oMf[n].rotation, atol=1e-12)
-            assert np.allclose(positions[t], data.oMf[n].translation, atol=1e-12)
 
 
 @pytest.mark.parametrize("gripper", [True, False])
