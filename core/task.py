@@ -18,6 +18,7 @@ from core.scene import Camera, Goal, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
 from core.values.messages import Picture
+from core.values.observations import Sight
 from core.values.robots import Robot
 
 
@@ -127,6 +128,10 @@ class Level(ABC):
     @abstractmethod
     def values(self, task: Task, seed: int) -> dict[str, Any]:
         """Return what is said of a task and the layout of ``seed``: any of `NOTHING_TOLD`."""
+
+    def sight(self, task: Task, seed: int) -> Sight:
+        """Return what feedback may say of the bodies of the layout of ``seed``."""
+        return Sight()
 
     def draw(self, task: Task, seed: int, render: Callable[..., Any]) -> tuple[Picture, ...]:
         """Draw the layout, where texts have no numbers: ``render`` takes ``camera``, ``width`` and ``height``.

@@ -25,7 +25,6 @@ from core.design import TIE, Evaluation, Tool
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
-from core.designs.sight import ALL, Sight
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
 from core.plugins import installed
@@ -33,6 +32,7 @@ from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.support.files import read_text
 from core.support.text import clean, function_source, short_numbers
 from core.task import NOTHING_TOLD, Level
+from core.values.observations import Sight
 
 SUFFIX = ".md.j2"
 REPAIR, CRITIC = "repair", "critic"
@@ -153,8 +153,7 @@ class PromptComposer:
         Raises:
             UserError: the template fails.
         """
-        if not self.level.numbers:
-            problem = Sight.of(request.brief.task, request.brief.scene_seed).text(problem)
+        problem = self.level.sight(request.brief.task, request.brief.scene_seed).text(problem)
         message = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
         text = reply.text[:MAX_REPEATED]
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
@@ -171,7 +170,7 @@ class PromptComposer:
         # Numbers are all that plans for a given tool differ in.
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
-        sight = ALL if self.level.numbers else Sight.of(task, brief.scene_seed)
+        sight = self.level.sight(task, brief.scene_seed)
         more = installed().extensions_of("prompt_value").items()
         return {
             **{name: value(brief, mounted, self.rollout, self.engine) for name, value in more},
@@ -239,7 +238,7 @@ def elites_text(
     task: Task,
     *,
     numbers: bool,
-    sight: Sight = ALL,
+    sight: Sight,
 ) -> str:
     """Write elites as JSON, each list of numbers and each innermost object on one line.
 

@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from core.design import Evaluation, Trial, best_first
-from core.designs.sight import ALL, Sight
 from core.interfaces import Brief, Contact, Observation, Task
 from core.support.text import by_reason, clean, short_numbers
+from core.values.observations import Sight
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
 _CONTACTS, _BODIES, _LAYOUTS, _OUTCOMES = 8, 4, 3, 6  # of an elite, at most
 _IN_A_LINE = 2  # bodies, and touches
 _REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
 _REASONS = 3  # of candidates without a line of their own
+ALL = Sight()
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
+
+from core.support.text import short_numbers
 
 Class = Literal["solved", "placed", "forbidden", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
 
@@ -40,6 +42,21 @@ class Moved:
     by: Point
     to: Point
     tilt_deg: float
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What feedback may say of bodies: all of it."""
+
+    numbers: ClassVar[bool] = True  # of bodies
+
+    def text(self, text: str) -> str:
+        """Return a text without what may not be said."""
+        return text
+
+    def way(self, moved: Moved) -> str:
+        """Describe a body's way."""
+        return f"by ({short_numbers(moved.by, 3, ', ')}) to ({short_numbers(moved.to, 3, ', ')})"
 
 
 @dataclass(frozen=True)

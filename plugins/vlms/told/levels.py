@@ -9,8 +9,10 @@ from typing import Any
 from core.interfaces import Image, Picture, Task
 from core.scene import Body
 from core.task import NOTHING_TOLD, Level
+from core.values.observations import Sight
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.depth import depth_picture
+from plugins.vlms.told.sight import Hidden
 from plugins.vlms.told.source import BODY, class_source, helpers, layout_table, task_source
 from plugins.vlms.told.views import calibrated_pictures
 
@@ -62,6 +64,9 @@ class Pictures(Told):
 
     def of_one(self, task: Task, seed: int) -> dict[str, Any]:
         return {"description": task.in_words, "layout": bodies_table(task, seed)}
+
+    def sight(self, task: Task, seed: int) -> Sight:
+        return Hidden.of(task, seed)
 
     def draw(self, task: Task, seed: int, render: Callable[..., Image]) -> tuple[Picture, ...]:
         return calibrated_pictures(task, seed, render)

@@ -17,12 +17,12 @@ from core.designs.feedback import (
     outcome_of,
     trial_lines,
 )
-from core.designs.sight import Sight
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
 from core.scene import Camera
 from core.values.margins import Margin
 from core.values.observations import Moved
+from plugins.vlms.told.sight import Hidden
 from tests.core.designs.test_composer import make_brief
 
 SEEN = Observation(
@@ -126,7 +126,7 @@ def test_of_several_goals_that_count_each_has_its_share_and_no_number_of_a_body(
     (line,) = lines(tried(trials=(trial,)))
     assert "0.500 missed; of the goals door 99 %, cube (goal 1) 0 %; cube by" in line
     assert elite_feedback(trial, SEEN)["goals"] == {"door": "99 %", "cube (goal 1)": "0 %"}
-    sight = Sight(("door", "cube", "can"), Camera())
+    sight = Hidden(("door", "cube", "can"), Camera())
     assert "of the goals door 99 %, cube (goal 1) 0 %; cube in the picture" in generation_lines(
         (tried(trials=(trial,)),), 1000, sight
     )

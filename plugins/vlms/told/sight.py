@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from core.interfaces import Task
 from core.scene import Camera
-from core.support.text import short_numbers
-from core.values.observations import Moved
+from core.values.observations import Moved, Sight
 
 _SIZE = 640, 480  # pixels, of which ways are shares
 _SHARE = 0.01  # of the picture; a shorter way is not seen
@@ -22,20 +21,17 @@ _LIST = re.compile(r"[(\[]\s*[-+\d.e]+(?:\s*,\s*[-+\d.e]+)+\s*[)\]]")
 
 
 @dataclass(frozen=True)
-class Sight:
-    """What feedback may say of bodies: all of it, or no number of those with these ``names``, seen by a camera."""
+class Hidden(Sight):
+    """Feedback without numbers of the bodies with these ``names``; their ways are as a camera shows them."""
 
-    names: tuple[str, ...] = ()
-    camera: Camera = field(default_factory=Camera)
+    numbers = False
+    names: tuple[str, ...]
+    camera: Camera
 
     @classmethod
-    def of(cls, task: Task, seed: int) -> Sight:
-        """Hide the numbers of a layout's bodies; their ways are as the task's camera shows them."""
+    def of(cls, task: Task, seed: int) -> Hidden:
+        """Hide the numbers of a layout's bodies, seen by the task's camera."""
         return cls(tuple(body.name for body in task.scene(seed).bodies), task.camera)
-
-    @property
-    def numbers(self) -> bool:
-        return not self.names
 
     def text(self, text: str) -> str:
         """Take the numbers out of a text that speaks of a body of the scene; seconds and counts stay."""
@@ -44,10 +40,7 @@ class Sight:
         return _NUMBER.sub("some", _LIST.sub("somewhere", text))
 
     def way(self, moved: Moved) -> str:
-        """Describe a body's way, or hidden as shares of the picture's width and height."""
-        if self.numbers:
-            by, to = (short_numbers(vector, 3, ", ") for vector in (moved.by, moved.to))
-            return f"by ({by}) to ({to})"
+        """Describe a body's way as shares of the picture's width and height."""
         end = np.array(moved.to)
         (x, y), (to_x, to_y) = self.camera.project(np.stack([end - moved.by, end]), *_SIZE)
         ways = ((to_x - x) / _SIZE[0], ("right", "left"), "width"), ((y - to_y) / _SIZE[1], ("up", "down"), "height")
@@ -57,6 +50,3 @@ class Sight:
             if abs(share) >= _SHARE
         ]
         return f"in the picture {' and '.join(seen)}" if seen else "not seen in the picture"
-
-
-ALL = Sight()
