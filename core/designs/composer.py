@@ -273,7 +273,8 @@ def _entry(
         return data | elite_feedback(elite.shown, elite.observation, sight) | {"warnings": warnings}
     errors = {"missed_m": elite.ik_error_m, "missed_rad": elite.ik_error_rad, "lag_rad": elite.tracking_error_rad}
     moved = {"moved_m": elite.moved_m} if sight.numbers else {}
-    return data | _figures({**moved, **errors, "warnings": warnings})
+    data |= _figures({**moved, **errors})
+    return data | {"warnings": warnings}
 
 
 def _figures(value: Any) -> Any:
