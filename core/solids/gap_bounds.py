@@ -1,7 +1,4 @@
-"""Bound the gaps between two solids at many samples at once.
-
-Along any direction the gap between two convex solids is no larger than their distance.
-"""
+"""Find which solids of a rollout may meet, and when, by boxes around them."""
 
 from __future__ import annotations
 
@@ -10,9 +7,8 @@ from collections.abc import Collection
 import numpy as np
 import numpy.typing as npt
 
-from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
-from core.robot.solids import corners
-from core.solids.tracks import SMOOTH, Indices, Track, Tracks, lengths
+from core.geometry import Array
+from core.solids.tracks import Indices, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
 
@@ -120,30 +116,3 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     """
     points = far + reach
     return (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
-
-
-def spans(track: Track, directions: Array) -> tuple[Array, Array]:
-    """Where a solid begins and ends along K directions (N, 3, K) of its frame, from the frame's origin: (N, K) each."""
-    if isinstance(track.shape, SMOOTH):
-        far = reach(track.shape, directions)
-        return -far, far
-    along = corners(track.geometry) @ directions.swapaxes(0, 1).reshape(3, -1)  # one product is fast
-    count = directions.shape[::2]
-    return along.min(axis=0).reshape(count), along.max(axis=0).reshape(count)
-
-
-def reach(shape: Shape, directions: Array) -> Array:
-    """How far a shape extends from its middle along K directions (N, 3, K) of its frame: (N, K)."""
-    match shape:
-        case Box(size):
-            extents: Array = (np.abs(directions) * (np.asarray(size) / 2)[:, None]).sum(axis=1)
-        case Cylinder(radius, length):
-            across = np.sqrt(directions[:, 0] ** 2 + directions[:, 1] ** 2)
-            extents = radius * across + length / 2 * np.abs(directions[:, 2])
-        case Capsule(radius, length):
-            extents = radius + length / 2 * np.abs(directions[:, 2])
-        case Sphere(radius):
-            extents = np.full((len(directions), directions.shape[2]), radius)
-        case _:
-            raise TypeError(shape)
-    return extents

@@ -9,15 +9,16 @@ downward, and no longer than the sheet is thick.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Array, Capsule, Cylinder, Sphere
+from core.robot.solids import corners
 from core.solids.bodies import ROBOT, Solids
-from core.solids.gap_bounds import spans
 from core.solids.tracks import Indices, Pair, Track, Tracks, angles, lengths
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
@@ -95,7 +96,16 @@ class Side:
 
 
 def _extent(track: Track, direction: Array) -> float:
-    return float(spans(track, direction[None, :, None])[1][0, 0])
+    """How far a solid extends from its frame's origin along a direction (3,) of the frame, metres."""
+    x, y, z = direction.tolist()
+    match track.shape:
+        case Sphere(radius):
+            return radius
+        case Capsule(radius, length):
+            return radius + length / 2 * abs(z)
+        case Cylinder(radius, length):
+            return radius * math.hypot(x, y) + length / 2 * abs(z)
+    return float((corners(track.geometry) @ direction).max())
 
 
 def find_passage(

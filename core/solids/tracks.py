@@ -13,7 +13,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Array, Box, Capsule, Cylinder, Sphere
+from core.geometry import Array
 from core.interfaces import Recording
 from core.robot.kinematics import joint_frames, joint_values, place, robot_model, rotate
 from core.robot.solids import WORLD
@@ -22,7 +22,6 @@ from core.solids.bodies import ROBOT, Solids, all_solids, scene_solids
 from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0
-SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
 _REQUEST = coal.DistanceRequest()
 
 Indices = npt.NDArray[np.intp]
