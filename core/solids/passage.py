@@ -97,7 +97,7 @@ class Side:
 
 def _extent(track: Track, direction: Array) -> float:
     """How far a solid extends from its frame's origin along a direction (3,) of the frame, metres."""
-    x, y, z = direction.tolist()
+    x, y, z = map(float, direction)
     match track.shape:
         case Sphere(radius):
             return radius
