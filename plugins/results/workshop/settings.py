@@ -38,8 +38,6 @@ class Fit:
         sleeve_mm: the gap between a sleeve and the finger, on each side.
         insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
         joint_mm: the gap in a dovetail between parts, on each side.
-        axle_mm: the diameter of the pin in a hinge.
-        hinge_mm: the gap between the two links of a hinge, and about the pin in one of them.
 
     Raises:
         UsageError: a number is negative or not finite, or a wall is 0.
@@ -50,11 +48,9 @@ class Fit:
     sleeve_mm: float = 0.2
     insert_mm: float = 4.0
     joint_mm: float = 0.1
-    axle_mm: float = 3.0
-    hinge_mm: float = 0.2
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            low, high = (0.8, 500) if name in ("plate_mm", "insert_mm", "axle_mm") else (0, 5)
+            low, high = (0.8, 500) if name in ("plate_mm", "insert_mm") else (0, 5)
             if not low <= value <= high:
                 raise UsageError(f"fit.{name} must be {low} to {high} mm, got {value}")

@@ -19,7 +19,7 @@ from core.support.cli import write_bytes
 from core.values.materials import PAPER, Material
 from core.values.robots import Robot
 from plugins.results.workshop.cutting import Dovetails, cut
-from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, make_hinges, on_finger, weighed
+from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, on_finger, weighed
 from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_3mf, to_stl
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import (
@@ -67,8 +67,8 @@ class PrintedTool:
 
     @property
     def faults(self) -> list[str]:
-        """What speaks against it, and what to change, a line each."""
-        return [str(check) for check in printable(self.parts, self.checks) if check.passed is False]
+        """What speaks against it or is left to do, and what to change, a line each."""
+        return [str(check) for check in printable(self.parts, self.checks) if not check.passed]
 
     def file(self, number: int) -> str:
         return f"part_{number + 1}_of_{len(self.parts)}.stl"
@@ -115,18 +115,17 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     if material.metal:
         printer, fit = Printer([MILLED_MM] * 3, printer.min_wall_mm, "milled"), replace(fit, insert_mm=CORE_MM)
     links = links_of(tool)
-    hinges = make_hinges(links, fit, printer)
     fitted = []
     for link in links:
-        fix = partial(_mounted, robot, link, fit, hinges.cuts.get(link.bearer, ()))
+        fix = partial(_mounted, robot, link, fit)
         fitted.append(_fuse(link, printer, fix, partial(_divide, link, printer, fit)))
     numbers = itertools.count(1)
     parts = [p for each in fitted for p in each.printed((f"part_{n}" for n in numbers), printer, material)]
     joints = [joint for each in fitted for joint in each.joints]
     checks = [check for each in fitted for check in (*each.mount.checks, _faithful(each))]
     checks += [Check(f"joint {n}", joint.tails > 0, str(joint)) for n, joint in enumerate(joints, 1)]
-    checks += [*_apart(fitted), *hinges.checks]
-    hardware = [*(item for each in fitted for item in each.mount.hardware), *hinges.hardware]
+    checks += [*_apart(fitted), *_joints(links)]
+    hardware = [item for each in fitted for item in each.mount.hardware]
     taken = [component.name for component in tool.components]
     added = [component for each in fitted for component in weighed(each.mount, each.link, taken, material)]
     mounted = replace(tool, components=(*tool.components, *added))
@@ -142,14 +141,13 @@ def _single(solid: Any) -> Check:
     return Check("one piece", count == 1, "one body" if count == 1 else f"it falls into {count} pieces")
 
 
-def _mounted(robot: Robot, link: ToolLink, fit: Fit, hinges: Sequence[Placed], solid: Any) -> Mount:
-    """Fit a link's solid to what bears it: the flange, a finger, or the link that it is hinged to."""
-    mount = Mount(solid)
+def _mounted(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
+    """Fit a link's solid to the flange or the finger that bears it."""
     if link.bearer == RIGID_MOUNT:
-        mount = at_flange(robot, link, solid, fit)
-    elif link.bearer in GRIPPER_MOUNTS:
-        mount = on_finger(robot, link, solid, fit)
-    return replace(mount, solid=mount.solid - union(hinges), taking=(*mount.taking, *hinges))
+        return at_flange(robot, link, solid, fit)
+    if link.bearer in GRIPPER_MOUNTS:
+        return on_finger(robot, link, solid, fit)
+    return Mount(solid)
 
 
 def print_bodies(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
@@ -204,15 +202,22 @@ def _offset(placed: Placed, by: float) -> Any:
 
 
 def _apart(links: Sequence[Body]) -> list[Check]:
-    """Check that bodies that joints part do not share space at rest."""
+    """Check that bodies do not share space at rest, apart from those of one joint, which a workshop makes."""
     checks = []
     for one, other in itertools.combinations(links, 2):
-        if one.link.mount == other.link.mount:
+        joined = one.link.bearer == other.link.parent or other.link.bearer == one.link.parent
+        if one.link.mount == other.link.mount and not joined:
             shared = (one.mount.solid ^ other.mount.solid).volume()
             said = f"{one.link.name} and {other.link.name} share {shared / 1000:.2f} cm³ at rest"
             if shared >= _NOTHING_MM3:
                 checks.append(Check("apart", False, said))
     return checks
+
+
+def _joints(links: Sequence[ToolLink]) -> list[Check]:
+    """Say of each joint that it is not part of the solids."""
+    joints = [(link.name, link.joint.kind) for link in links if link.joint is not None]
+    return [Check(f"joint of {name}", None, f"the {kind} is to be made by the workshop") for name, kind in joints]
 
 
 def write_tool(made: PrintedTool, checks: Sequence[Check], folder: Path) -> PrintedTool:

@@ -27,7 +27,7 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "screws": "narrow or move what is below them",
     "finger": "move the attachment beyond the fingertip, or make it wider than the finger",
     "as simulated": "make hollow components thicker, or of simple shapes",
-    "joint of": "make one link 5 mm wider on both sides of the other, about the axis, or make it by hand",
+    "joint of": "each of its links is a closed body of its own",
     "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
     "apart": "leave a gap between them",
     "weight": "simulate it with material= what it is made of",
