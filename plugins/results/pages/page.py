@@ -32,11 +32,9 @@ _LIGHT_INK = "#e6edf3"  # on a dark page, as in page.css
 def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
     """Render a template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
     style, script = _text("page.css"), _text("tables.js") + (_text("viewer.js") if viewer else "")
-    live = values.get("state") is not None
-    script += _text("live.js") if live else ""
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
-        "base-uri 'none'; form-action 'none'" + ("; connect-src 'self'" if live else "")
+        "base-uri 'none'; form-action 'none'"
     )
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_text),

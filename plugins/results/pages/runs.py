@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from core.config.trust import read_stored_yaml
-from core.design import TIE, ranked
 from core.errors import UserError
 from core.store.database import FILE, is_held
-from core.store.reader import StoredEvaluation, StoredRun, rollouts
+from core.store.reader import StoredEvaluation, StoredRun
 from core.store.rows import Best, RunFigures
 from core.support.text import by_reason, clean
 
@@ -148,30 +147,6 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         first = next((f"; the first reason: {e.reason}" for e in store.evaluations() if e.status != "ok"), "")
         return LeftOutRun(folder, "failed", f"no candidate could be tried{short(first)}", figures.task, config)
     return FinishedRun(folder, figures, config)
-
-
-def read_so_far(folder: Path) -> FinishedRun | None:
-    """Read a run that goes on as if it had ended with its last whole generation; None: nothing earned a reward yet.
-
-    Raises:
-        UserError: the folder holds no store, or one that can't be read.
-    """
-    store = StoredRun(folder)
-    config, generations = store.config(), store.generations()
-    done = [e for e in store.evaluations() if e.design[0] < len(generations)]
-    tried = [e for e in done if e.status == "ok"]
-    tie = config.get("evolution", {}).get("tie", TIE)
-    for best in ranked(tried, lambda e: (e.reward, e.distance_m), tie)[:1]:
-        figures = RunFigures(
-            *(_task(folder, config), config["seed"], generations),
-            *(sum(e.status != "rejected" for e in done), store.seconds()),
-            vlm=config["vlm"]["name"],
-            best=Best(best.reward, best.distance_m, best.design[0], best.candidate),
-            tie=tie,
-            rollouts=sum(rollouts(done)),
-        )
-        return FinishedRun(folder, figures, config)
-    return None
 
 
 def short(text: str) -> str:

@@ -18,12 +18,10 @@ from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_e
 from plugins.results.report.results import Results
 from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify
-from plugins.results.report.watch import PORT, watch
 
 USAGE = (
     "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [name=NAME] [entries=[FILE.json,...]] "
-    "[verify=FILE.json], or RUN_FOLDER watch=true [port=N]; FOLDER, or "
-    "runs=FOLDER, is a run's or holds runs, as a multirun's does"
+    "[verify=FILE.json]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
 
 
@@ -36,16 +34,12 @@ class ReportConfig:
         name: of the entry of a benchmark; empty: the method's (docs/benchmark.md).
         entries: results files of other entries, to compare.
         verify: a results file whose designs are tried again, in some minutes.
-        watch: serve the page of one run, also while it goes on, until Ctrl-C.
-        port: of this machine, with ``watch``; 0: any.
     """
 
     output: str = "report"
     name: str = ""
     entries: list[str] = field(default_factory=list)
     verify: str = ""
-    watch: bool = False
-    port: int = PORT
 
 
 def report(
@@ -92,11 +86,6 @@ def show(results: Results) -> None:
 def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
     cfg = load("report", overrides, ReportConfig)
-    if cfg.watch:
-        if len(folders) != 1:
-            raise UsageError(f"{len(folders)} folders given; watch=true shows one run; {USAGE}")
-        watch(folders[0], cfg.port)
-        return
     if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
     claimed = Path(cfg.verify) if cfg.verify else None

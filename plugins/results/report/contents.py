@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -35,13 +35,8 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     return films
 
 
-def contents(
-    results: Results, folder: Path, title: str = "Tools and their rewards", status: Sequence[str] = ()
-) -> dict[str, Callable[[], bytes]]:
-    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``.
-
-    ``status``: of a run that goes on, lines of which the first changes when there is more to see.
-    """
+def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
+    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
     listed = tables(results)
     drawn = figure_pages(results)
     prints = tool_prints(results)
@@ -52,9 +47,8 @@ def contents(
         "report.html.j2",
         folder,
         [in_viewer(shown.winner, shown.title) for shown in prints],
-        title=title,
-        summary=status or [f"{runs} of {methods} on {tasks}."],
-        state=status[0] if status else None,
+        title="Tools and their rewards",
+        summary=f"{runs} of {methods} on {tasks}.",
         films=_films(results),
         prints=prints,
         root=folder,

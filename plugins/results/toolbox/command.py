@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,12 +18,9 @@ from core.config.compose import load, node
 from core.designs.reading import save_design
 from core.errors import UsageError, UserError
 from core.geometry import Array
-from core.simulation.pictures import png
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.support.text import number
 from core.values.plans import TaskPlans
-from plugins.results.pages.drawing import draw, painted
-from plugins.results.pages.page import data_address, render
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
 from plugins.results.toolbox.trials import OF_RUN, Cell, Held, Nodes, attempt, groups, nodes_of, tools_of
@@ -30,7 +29,8 @@ USAGE = (
     "usage: vlmgineer toolbox FOLDER [FOLDER ...] [output=DIR] [tasks=[NAME,...]] [good=0.9] [top=1] "
     "[KEY=VALUE ...]; FOLDER is a run's or holds runs, and other keys are those of core.run"
 )
-PAGE = "index.html"
+CHOSEN = "chosen"
+TABLE = "rewards.csv"
 
 
 @dataclass
@@ -52,7 +52,7 @@ class ToolboxConfig:
 
 @dataclass(frozen=True, eq=False)
 class Toolbox:
-    """What each tool earned, by task; and the best set of each size, as indices of tools."""
+    """What each tool earned, by task; and ``sets`` of one tool and more, as indices of tools."""
 
     tools: list[Held]
     tasks: Nodes
@@ -62,7 +62,7 @@ class Toolbox:
 
     @property
     def chosen(self) -> list[int]:
-        """The smallest set that does all that any tool does."""
+        """A small set that does all that any tool does."""
         return self.sets[-1] if self.sets else []
 
     @property
@@ -105,17 +105,17 @@ def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -
 
 
 def write(found: Toolbox, output: Path) -> None:
-    """Write the page, and the chosen tools with their plans."""
-    pictures = [png(draw(painted(tool.tool, tool.representation.robot))) for tool in found.tools]
-    if (output / PAGE).exists():
-        shutil.rmtree(output / "chosen", ignore_errors=True)  # another set may have been chosen
-    for place, index in enumerate(found.chosen, 1):
-        folder = output / "chosen" / f"{place}_{found.tools[index].name}"
-        write_bytes(folder / "picture.png", pictures[index])
-        _write_chosen(found, index, folder)
-    shown = [data_address(picture) for picture in pictures]
-    text = render("toolbox.html.j2", output, title="A toolbox", found=found, pictures=shown)
-    write_bytes(output / PAGE, text.encode())
+    """Write the rewards as a table, and the chosen tools with their plans."""
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(["tool", *found.tasks])
+    for tool, rewards in zip(found.tools, found.rewards, strict=True):
+        writer.writerow([tool.name, *rewards.tolist()])
+    write_bytes(output / TABLE, table.getvalue().encode())
+
+    shutil.rmtree(output / CHOSEN, ignore_errors=True)  # another set may have been chosen
+    for index in found.chosen:
+        _write_chosen(found, index, output / CHOSEN / found.tools[index].name)
 
 
 def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
@@ -146,4 +146,4 @@ def main(words: list[str]) -> None:
     output = Path(cfg.output)
     write(found, output)
     show(found)
-    say(str(output / PAGE))
+    say(str(output / TABLE))
