@@ -65,7 +65,7 @@ def _checked_addition(word: str, known: set[str], elsewhere: bool) -> str:
     if top == "hydra" or rest[:1] in ("@", "/") or (not rest and top not in known and (elsewhere or top in _groups())):
         return word
     plain, steps = word[found.end() :], rest.split(".")[1:]
-    checked = top in known and top in KINDS and not (len(steps) > 1 and steps[0] in KINDS[top].own_keys)
+    checked = top in known and top in KINDS and not (len(steps) > 1 and steps[0] in KINDS[top].defaults)
     return f"++{plain}" if checked and steps else plain
 
 
@@ -123,7 +123,7 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
     """Turn Hydra's complaint about ``overrides`` into one line that says what is possible."""
     if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        return choices(group, choice, error.options)
+        return UsageError(f"{choices(group, choice, error.options)}{installed().failed}")
     if isinstance(error, MissingMandatoryValue):
         return UsageError(f"{error.full_key} has no value; give one with {error.full_key}=VALUE")
     found = re.search(r"Could not override '([^']+)'", str(error))
@@ -138,7 +138,7 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
         return UsageError(f"can't read {word}; put its value in quotes: '{word.partition('=')[0]}=\"...\"'")
     if isinstance(cause, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(cause)}"
-    return UsageError(message)
+    return UsageError(f"{message}{installed().failed}")
 
 
 def _unknown_key(key: str, name: str, overrides: Sequence[str]) -> UsageError | None:
@@ -195,7 +195,7 @@ def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
     group = KINDS[str(kind)]
-    others = ("name", *group.own_keys)
+    others = ("name", *group.defaults)
     given = [(str(k), v) for k, v in settings.items() if k not in others and not OmegaConf.is_missing(config, k)]
     return PluginPart(group.name, settings["name"], tuple(given))
 

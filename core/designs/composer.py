@@ -73,7 +73,7 @@ class PromptComposer:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {most}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
-        self.level: Level = installed().extension("level", settings.told, "prompt.told")()
+        self.level: Level = installed().factory("level", settings.told, "prompt.told")()
         if settings.photographs not in PHOTOGRAPHS:
             raise choices("value", settings.photographs, PHOTOGRAPHS, "prompt.photographs")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
@@ -171,7 +171,7 @@ class PromptComposer:
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
         sight = self.level.sight(task, brief.scene_seed)
-        more = installed().extensions_of("prompt_value").items()
+        more = installed().factories("prompt_value").items()
         return {
             **{name: value(brief, mounted, self.rollout, self.engine) for name, value in more},
             "given": given,

@@ -13,8 +13,7 @@ import pluggy
 
 from core.errors import RAISED, UserError
 from core.hooks import Command, hookimpl
-from core.plugins.discovery import Offer
-from core.plugins.registry import Plugins, describe_part, installed, offer_of
+from core.plugins.registry import Offer, Plugins, describe_part, installed, offer_of
 from core.support.cli import say
 
 
@@ -22,37 +21,26 @@ class PluginError(Exception):
     """A plugin raised an exception that it may not raise; the message names both."""
 
 
-def culprit(error: BaseException, plugins: Plugins | None = None) -> Offer | None:
-    """Return the offer of the part that is deepest in the exception's traceback; None: there is none in it.
+def describe_failure(error: BaseException, plugins: Plugins | None = None) -> str | None:
+    """Name what a plugin raised, and the part that is deepest in the traceback, in one line.
 
-    A part's code is its methods, and the module of its factory.
+    A part's code is its methods, and the module of its factory. None: no plugin is in the traceback, or the error
+    names it already.
     """
-    found = plugins or installed()
-    modules: dict[str, Offer] = {}
-    for offer in (*found.offers.values(), *found.extensions.values()):
-        modules.setdefault(_module(offer), offer)
+    if isinstance(error, PluginError):
+        return None
+    modules = {_module(offer): offer for offer in (plugins or installed()).offers.values()}
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
-        blamed = offer_of(frame.f_locals.get("self")) or modules.get(frame.f_globals.get("__name__", ""))
-        if blamed is not None:
-            return blamed
+        offer = offer_of(frame.f_locals.get("self")) or modules.get(frame.f_globals.get("__name__", ""))
+        if offer is not None:
+            return f"{offer.kind} {offer.name!r} of {offer.distribution} raised {type(error).__name__}: {error}"
     return None
 
 
 def _module(offer: Offer) -> str:
     factory = offer.factory.main if isinstance(offer.factory, Command) else offer.factory
     return factory.partition(":")[0] if isinstance(factory, str) else factory.__module__
-
-
-def describe_failure(error: BaseException, plugins: Plugins | None = None) -> str | None:
-    """Name the plugin and what it raised, in one line.
-
-    None: no plugin is in the traceback, or the error names it already.
-    """
-    offer = None if isinstance(error, PluginError) else culprit(error, plugins)
-    if offer is None:
-        return None
-    return f"{offer.kind} {offer.name!r} of {offer.distribution} raised {type(error).__name__}: {error}"
 
 
 @contextmanager
@@ -92,8 +80,7 @@ class Guard:
         for attribute in dir(listener):
             options = hub.parse_hookimpl_opts(listener, attribute)
             if options is not None:
-                event = options.get("specname") or attribute
-                guarded = self._guarded(event, getattr(listener, attribute))
+                guarded = self._guarded(attribute, getattr(listener, attribute))
                 setattr(self, attribute, hookimpl(**options)(guarded))
 
     def _guarded(self, event: str, function: Callable[..., None]) -> Callable[..., None]:

@@ -30,7 +30,7 @@ class Kind(Generic[T]):
     """A kind of part.
 
     Attributes:
-        own_keys: the keys of its configuration that are no settings of the part: the program itself reads them.
+        defaults: the keys of its configuration that are no settings of the part, since the program itself reads them.
         checked: what its conformance checks take: the part, a function that makes one, or the `PluginPart`.
     """
 
@@ -39,8 +39,7 @@ class Kind(Generic[T]):
     interface: type[T] | None  # the class of its parts; None: a part implements some of `core.hooks.Events`
     attributes: tuple[str, ...] = ()  # what its parts have beside methods
     provided: tuple[str, ...] = ()  # the arguments of its factories that the program provides; the others are settings
-    own_keys: tuple[str, ...] = ()
-    defaults: Mapping[str, Any] = field(default_factory=dict)  # of those own keys that every part of the kind has
+    defaults: Mapping[str, Any] = field(default_factory=dict)
     checked: Literal["made", "factory", "named"] = "made"
 
     def __str__(self) -> str:
@@ -70,10 +69,9 @@ TASK = Kind(
     "tasks",
     Task,
     attributes=("name", "description", "goals"),
-    own_keys=("tool_kinds", "paper"),
     defaults={"tool_kinds": ["rigid"], "paper": PAPER_BUDGET},
 )
-ROBOT = Kind("robot", "robots", Robot, own_keys=("base",), defaults={"base": [0.0, 0.0, 0.0, 0.0]})
+ROBOT = Kind("robot", "robots", Robot, defaults={"base": [0.0, 0.0, 0.0, 0.0]})
 SIMULATOR = Kind("sim", "simulators", Simulator)
 MODEL = Kind("vlm", "vlms", VLM, attributes=("model",))
 TOOL = Kind("tool", "tool_representations", ToolRepresentation)
@@ -83,7 +81,6 @@ EVOLUTION = Kind(
     "evolution_strategies",
     EvolutionStrategy,
     provided=("designer", "budget"),
-    own_keys=("refine",),
     defaults={"refine": 0},
     checked="factory",
 )
@@ -98,18 +95,20 @@ KINDS: dict[str, Kind[Any]] = {
 }
 """All kinds by their config group."""
 
+HOOKS = {kind.hook: kind.name for kind in KINDS.values()}
+HOOKS |= {"levels": "level", "prompt_values": "prompt_value", "exports": "export"}
+"""What each hook of `core.hooks` offers."""
+
 
 def _check_listener(part: object, offer: str) -> None:
     hub = event_hub()
     try:
         hub.register(part)
+        hub.check_pending()
     except pluggy.PluginValidationError as error:
         raise UserError(f"{offer}: {' '.join(str(error).split())}") from error
-    known = [name for name in vars(Events) if not name.startswith("_")]
-    received = {caller.name for caller in hub.get_hookcallers(part) or ()}
-    if not received & set(known):
-        raise UserError(f"{offer} receives no event: {type(part).__qualname__} implements none of {', '.join(known)}")
-    hub.unregister(part)
+    if not hub.get_hookcallers(part):
+        raise UserError(f"{offer} receives no event: {type(part).__qualname__} implements nothing of core.hooks.Events")
 
 
 def event_hub() -> pluggy.PluginManager:

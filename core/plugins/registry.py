@@ -1,79 +1,150 @@
-"""Make parts by name, with their settings checked."""
+"""Load plugins by their entry points, and make the parts that they offer, by name and with checked settings."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib
+import importlib.metadata
+import importlib.util
 import inspect
-import math
-import os
+import pkgutil
 import typing
 import weakref
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Generic, overload
+from typing import Any, TypeVar, overload
 
+import pluggy
 import pydantic
-from typing_extensions import TypeVar
 
 from core.errors import RAISED, UsageError, UserError, choices
-from core.geometry import Pose
-from core.hooks import PROJECT, Command
+from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
-from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
-from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
+from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
 from core.values.materials import PAPER, Material
 
-_NAMED = ("missing", "unexpected_keyword_argument")  # errors about a key of a setting, which their text doesn't name
 Settings = Mapping[str, Any] | None
 T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True, default=Any)
 
 
-class Plugins(Discovery):
-    """The installed plugins; makes their parts."""
+@dataclass(frozen=True)
+class Offer:
+    """One part that can be made: its kind (config group) and name, the plugin that offers it, and its factory."""
+
+    kind: str
+    name: str
+    entry_point: str
+    distribution: str
+    factory: Factory | Command
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name!r} of {self.distribution} (hook {KINDS[self.kind].hook!r})"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A plugin, or one of its hooks, that could not be used, and why."""
+
+    entry_point: str
+    distribution: str
+    reason: str
+
+
+class Plugins:
+    """The installed plugins; makes their parts.
+
+    A plugin that fails is kept in ``failures`` with the reason, and the others are not affected.
+
+    Attributes:
+        offers: what is offered, by kind and name. The first offer of a name is kept.
+        configs: packages of Hydra configs, by distribution.
+        failures: what could not be loaded.
+    """
+
+    def __init__(self) -> None:
+        self.offers: dict[tuple[str, str], Offer] = {}
+        self.configs: dict[str, list[str]] = {}
+        self.failures: list[Failure] = []
+
+        entries = importlib.metadata.entry_points(group=PROJECT)
+        found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
+        found.sort(key=lambda pair: pair[1] != PROJECT)  # no other package replaces a built-in part
+        for entry, distribution in found:
+            try:
+                plugin = entry.load()
+            except RAISED as error:  # a third-party import may raise anything
+                reason = f"import failed: {type(error).__name__}: {error}"
+                self.failures.append(Failure(entry.name, distribution, reason))
+            else:
+                self.register(plugin, entry.name, distribution)
+
+    def register(self, plugin: Any, name: str, distribution: str) -> None:
+        """Add the offers of ``plugin``, a module or an object, as if an entry point ``name`` had named it."""
+        manager = pluggy.PluginManager(PROJECT)
+        manager.add_hookspecs(Parts)
+        manager.add_hookspecs(Configs)
+        try:
+            manager.register(plugin, name)
+            manager.check_pending()
+        except pluggy.PluginValidationError as error:
+            self.failures.append(Failure(name, distribution, " ".join(str(error).split())))
+            return
+
+        hooks = manager.get_hookcallers(plugin)
+        if not hooks:
+            reason = f"{plugin!r} implements no hook; possible: {', '.join(HOOKS)}"
+            self.failures.append(Failure(name, distribution, reason))
+        for hook in hooks or ():
+            try:
+                for given in hook():
+                    self._add(hook.name, given, name, distribution)
+            except RAISED as error:  # a third-party hook may raise anything
+                reason = f"hook {hook.name!r} failed: {type(error).__name__}: {error}"
+                self.failures.append(Failure(name, distribution, reason))
+
+    def _add(self, hook: str, given: Any, entry_point: str, distribution: str) -> None:
+        """Add what a hook returned."""
+        if hook == "config_path":
+            if not given.startswith("pkg://") or importlib.util.find_spec(given.removeprefix("pkg://")) is None:
+                raise ValueError(
+                    f'it gave {given!r}; expected a package that holds YAML files, "pkg://my_package.conf"'
+                )
+            self.configs.setdefault(distribution, []).append(given)
+            return
+
+        kind = HOOKS[hook]
+        for part, factory in dict(given).items():
+            offer = Offer(kind, part, entry_point, distribution, factory)
+            kept = self.offers.setdefault((kind, part), offer)
+            if kept is not offer:
+                reason = f"{kind} {part!r} is taken by {kept.entry_point} of {kept.distribution}"
+                self.failures.append(Failure(entry_point, distribution, reason))
 
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
         return sorted(name for group, name in self.offers if group == kind)
 
-    def ready(self, kind: str) -> list[str]:
-        """Return the names of the parts of a kind that can be made without settings, sorted."""
-        return [name for name in self.names(kind) if not _needed(inspect.signature(self.factory(kind, name)))]
-
-    def factory(self, kind: str, name: str) -> Callable[..., Any]:
-        """Return the factory of the part ``name`` of a kind.
+    def factory(self, kind: str, name: str, where: str = "") -> Callable[..., Any]:
+        """Return the factory of the part ``name`` of a kind, or of what a hook of `core.hooks.Configs` offers.
 
         Raises:
-            UserError: there is no part of that name, or it can't be imported.
+            UserError: there is none of that name, which a setting ``where`` gave; or it can't be imported.
         """
         offer = self.offers.get((kind, name))
         if offer is None:
-            raise UserError(f"{choices(kind, name, self.names(kind))}{self._missing()}")
+            raise UsageError(f"{choices(kind, name, self.names(kind), where)}{self.failed}")
         if isinstance(offer.factory, Command):
-            return lambda command=offer.factory: command
+            return lambda: offer.factory
         return _imported(offer, offer.factory)
 
-    def extension(self, kind: str, name: str, where: str = "") -> Any:
-        """Import what is offered by a hook of `core.hooks.Configs`, such as a ``level``.
+    @property
+    def failed(self) -> str:
+        """What failed to load, to be added to an error about something that is not there."""
+        return "".join(f"; plugin {failure.entry_point!r} failed: {failure.reason}" for failure in self.failures)
 
-        Raises:
-            UserError: there is none, named in a setting ``where``, or it can't be imported.
-        """
-        offers = {other: offer for (own, other), offer in self.extensions.items() if own == kind}
-        if name not in offers:
-            raise UsageError(f"{choices(kind, name, offers, where)}{self._missing()}")
-        return _imported(offers[name], offers[name].factory)  # type: ignore[arg-type]
-
-    def _missing(self) -> str:
-        """Say why something may not be there."""
-        failed = "".join(f"; plugin {f.entry_point!r} failed to load: {f.reason}" for f in self.failures)
-        return failed + (f"; {SWITCH}={os.environ[SWITCH]} leaves out other plugins" if SWITCH in os.environ else "")
-
-    def extensions_of(self, kind: str) -> dict[str, Any]:
-        """Import all that is offered by such a hook, by name; see `extension`."""
-        return {name: self.extension(kind, name) for own, name in self.extensions if own == kind}
+    def factories(self, kind: str) -> dict[str, Callable[..., Any]]:
+        """Return all factories of a kind by name; see `factory`."""
+        return {name: self.factory(kind, name) for name in self.names(kind)}
 
     def run_command(self, name: str, arguments: list[str]) -> int | None:
         """Call a command with its arguments, and return its exit status; None: 0.
@@ -82,8 +153,8 @@ class Plugins(Discovery):
             UserError: there is no command of that name, it can't be imported, or what it raises itself.
         """
         command = self.create(COMMAND, name)
-        main: Callable[[list[str]], int | None] = _imported(self.offers["command", name], command.main)
-        return main(arguments)
+        main = _imported(self.offers["command", name], command.main)
+        return typing.cast(int | None, main(arguments))
 
     @overload
     def create(self, kind: Kind[T], name: str, settings: Settings = ..., **given: Any) -> T: ...
@@ -108,18 +179,17 @@ class Plugins(Discovery):
                 no part of that kind. The message names the distribution.
         """
         group = str(kind)
-        factory, offer = self.factory(group, name), self.offers[group, name]
+        factory = self.factory(group, name)
+        offer = self.offers[group, name]
         checked = check_settings(factory, settings or {}, f"{group}={name}", given)
-        left = sorted(getattr(factory, "__abstractmethods__", ()))
-        if left:
-            raise UserError(f"{offer} can't be made: {factory.__qualname__} lacks {', '.join(left)}")
         try:
             part = factory(**checked, **given)
-        except (UserError, KeyboardInterrupt):
+        except UserError:
             raise
         except RAISED as error:  # a third-party factory may raise anything
             raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
         KINDS[group].check(part, str(offer))
+
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
         if isinstance(part, Task | ToolRepresentation):
@@ -130,16 +200,15 @@ class Plugins(Discovery):
 
     @cached_property
     def default_robot(self) -> Robot:
-        """The first robot that this project's own plugins offer, or else the first that any offers.
+        """The first robot that is offered, one of this project's own if it offers any.
 
         Raises:
             UserError: no plugin offers a robot.
         """
-        offers = [offer for offer in self.offers.values() if offer.kind == "robot"]
-        if not offers:
-            raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
-        first = next((offer for offer in offers if offer.distribution == PROJECT), offers[0])
-        return self.create(ROBOT, first.name)
+        for kind, name in self.offers:
+            if kind == "robot":
+                return self.create(ROBOT, name)
+        raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
 
 
 def check_settings(
@@ -151,7 +220,7 @@ def check_settings(
         UserError: a setting that is unknown, missing, or of the wrong type.
     """
     signature = inspect.signature(factory)
-    parameters = [
+    possible = [
         name
         for name, parameter in signature.parameters.items()
         if name not in given and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
@@ -159,44 +228,34 @@ def check_settings(
     hints = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
     checked: dict[str, Any] = {}
     for name, value in settings.items():
-        if name not in parameters:
-            raise choices("setting", name, parameters, where)
+        if name not in possible:
+            raise choices("setting", name, possible, where)
         try:
             checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(value)
         except pydantic.ValidationError as error:
             first = error.errors()[0]
-            reason = f"{first['msg']}: {first['loc'][-1]}" if first["type"] in _NAMED else first["msg"]
+            reason = ": ".join([*map(str, first["loc"]), first["msg"]])
             raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
-    for name in _needed(signature):
-        if name not in checked and name not in given:
-            raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(parameters)}")
+    for name in possible:
+        if name not in checked and signature.parameters[name].default is inspect.Parameter.empty:
+            raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}")
     return checked
-
-
-def _needed(signature: inspect.Signature) -> list[str]:
-    """Return the names of the parameters without a default."""
-    return [
-        name
-        for name, parameter in signature.parameters.items()
-        if parameter.default is parameter.empty
-        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    ]
 
 
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
     """Import what a text ``"module:attribute"`` names.
 
     Raises:
-        UserError: it can't be imported.
+        UserError: it can't be imported, or can't be called.
     """
-    if not isinstance(what, str):
-        return what
-    module, _, attribute = what.partition(":")
+    owner = f"{offer.kind} {offer.name!r} of {offer.distribution}"
     try:
-        return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
+        found = pkgutil.resolve_name(what) if isinstance(what, str) else what
     except RAISED as error:  # a third-party import may raise anything
-        reason = f"can't be imported: {type(error).__name__}: {error}"
-        raise UserError(f"{offer.kind} {offer.name!r} of {offer.distribution} {reason}") from error
+        raise UserError(f"{owner} can't be imported: {type(error).__name__}: {error}") from error
+    if not callable(found):
+        raise UserError(f"{owner} is {found!r}; it must be callable, or a text 'module:attribute'")
+    return typing.cast(Callable[..., Any], found)
 
 
 _made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()
@@ -211,67 +270,10 @@ def offer_of(part: object) -> Offer | None:
 
 def describe_part(part: object) -> str:
     """Name a part that was made here by its kind, name, distribution and hook; others by their class."""
-    offer = offer_of(part)
-    return str(offer) if offer is not None else f"{type(part).__module__}.{type(part).__qualname__}"
+    return str(offer_of(part) or f"{type(part).__module__}.{type(part).__qualname__}")
 
 
 @lru_cache(maxsize=1)
 def installed() -> Plugins:
-    """Find the plugins of this environment, once per process.
-
-    Raises:
-        UserError: a module hides one of this project's packages, or `SWITCH` names a plugin that is not installed.
-    """
-    check_own_packages()
+    """Find the plugins of this environment, once per process."""
     return Plugins()
-
-
-@dataclass(frozen=True)
-class PluginPart(Generic[T_co]):
-    """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`.
-
-    A task or tool representation is made for ``robot`` (None: the default robot) and weighs by ``material``.
-    """
-
-    kind: str
-    name: str
-    settings: tuple[tuple[str, Any], ...] = ()
-    robot: RobotPart | None = None
-    material: Material = PAPER
-
-    def __hash__(self) -> int:  # settings may be lists and mappings
-        return hash((self.kind, self.name))
-
-    def create(self, **given: Any) -> T_co:
-        made_for = {"robot": self.robot and _robot(self.robot), "material": self.material}
-        part: T_co = installed().create(self.kind, self.name, dict(self.settings), **(made_for | given))
-        return part
-
-
-@dataclass(frozen=True)
-class RobotPart(PluginPart[Robot]):
-    """A robot by name and settings, and where its base stands: x, y, z in metres, and yaw in radians."""
-
-    base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
-    __hash__ = PluginPart.__hash__
-
-    def create(self, **given: Any) -> Robot:
-        return replace(super().create(**given), base=self.pose)
-
-    @property
-    def pose(self) -> Pose:
-        """The base's pose in the world.
-
-        Raises:
-            UsageError: ``base`` is not four finite numbers.
-        """
-        numbers = [n for n in self.base if isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n)]
-        if len(numbers) != 4 or len(self.base) != 4:
-            raise UsageError(f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}")
-        return Pose.xyz_rpy(numbers[:3], (0.0, 0.0, numbers[3])) if any(numbers) else Pose()
-
-
-@lru_cache(maxsize=16)
-def _robot(part: RobotPart) -> Robot:
-    """Make a robot once per process, so that what is computed from it is found again."""
-    return part.create()

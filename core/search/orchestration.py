@@ -233,7 +233,7 @@ def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: b
         plan = resolve(candidate.plan, task, this.seed, this.settings)
         motion = plan_task_motion(plan, task, this.settings)
         save_design(candidate, this.representation, folder)
-        for export in installed().extensions_of("export").values():
+        for export in installed().factories("export").values():
             export(candidate, task.robot, motion, folder)
         if film and result.stopped != INTERRUPTED:
             try:

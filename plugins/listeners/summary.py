@@ -151,7 +151,7 @@ def _settings(run: Run) -> Iterable[str]:
     from core.config.compose import load
 
     config = {key: run.config.get(key) or {} for key in (*_CHOSEN, "rollout")}
-    config["task"] = {key: value for key, value in config["task"].items() if key not in TASK.own_keys}
+    config["task"] = {key: value for key, value in config["task"].items() if key not in TASK.defaults}
     words = [f"{kind}={config[kind]['name']}" for kind in _CHOSEN if "name" in config[kind]]
     try:
         usual = load("evaluate", words)

@@ -1,4 +1,4 @@
-"""Signals, closed output, and what --help imports."""
+"""Signals, closed output, and what lists import."""
 
 import math
 import os
@@ -59,8 +59,8 @@ def test_output_that_can_not_be_written():
 SLOW = {"scipy", "trimesh", "coal", "pinocchio", "matplotlib", "rerun", "mujoco", "pybullet", "sapien", "litellm"}
 
 
-@pytest.mark.parametrize("words", [["core.run", "--help"], ["core.plugins"]], ids=" ".join)
-def test_help_and_lists_import_nothing_that_only_runs_need(words):
+@pytest.mark.parametrize(("words", "said"), [(["core", "--help"], "conformance"), (["core.plugins"], "BringCube")])
+def test_lists_import_nothing_that_only_runs_need(words, said):
     program = f"""
 import atexit, runpy, sys
 atexit.register(lambda: sys.stderr.write(" ".join({SLOW | {"ray"}} & sys.modules.keys())))
@@ -68,7 +68,7 @@ sys.argv = {words}
 runpy.run_module({words[0]!r}, run_name="__main__", alter_sys=True)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert "BringCube" in done.stdout
+    assert said in done.stdout
     assert (done.returncode, done.stderr) == (0, "")
 
 

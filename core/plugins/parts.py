@@ -1,0 +1,72 @@
+"""Name a part with its settings, so that each worker process can make its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Generic
+
+import pydantic
+from typing_extensions import TypeVar
+
+from core.errors import UsageError
+from core.geometry import Pose
+from core.interfaces import Robot
+from core.plugins.registry import installed
+from core.values.materials import PAPER, Material
+
+T_co = TypeVar("T_co", covariant=True, default=Any)
+_Number = pydantic.FiniteFloat
+_BASE = pydantic.TypeAdapter(tuple[_Number, _Number, _Number, _Number], config={"strict": True})
+
+
+@dataclass(frozen=True)
+class PluginPart(Generic[T_co]):
+    """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`.
+
+    A task or tool representation is made for ``robot`` (None: the default robot) and weighs by ``material``.
+    """
+
+    kind: str
+    name: str
+    settings: tuple[tuple[str, Any], ...] = ()
+    robot: RobotPart | None = None
+    material: Material = PAPER
+
+    def __hash__(self) -> int:  # settings may be lists and mappings
+        return hash((self.kind, self.name))
+
+    def create(self, **given: Any) -> T_co:
+        made_for = {"robot": self.robot and _robot(self.robot), "material": self.material}
+        part: T_co = installed().create(self.kind, self.name, dict(self.settings), **(made_for | given))
+        return part
+
+
+@dataclass(frozen=True)
+class RobotPart(PluginPart[Robot]):
+    """A robot by name and settings, and where its base stands: x, y, z in metres, and yaw in radians."""
+
+    base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    __hash__ = PluginPart.__hash__
+
+    def create(self, **given: Any) -> Robot:
+        return replace(super().create(**given), base=self.pose)
+
+    @property
+    def pose(self) -> Pose:
+        """The base's pose in the world.
+
+        Raises:
+            UsageError: ``base`` is not four finite numbers.
+        """
+        try:
+            x, y, z, yaw = _BASE.validate_python(self.base)
+        except pydantic.ValidationError as error:
+            raise UsageError(f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}") from error
+        return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw)) if any(self.base) else Pose()
+
+
+@lru_cache(maxsize=16)
+def _robot(part: RobotPart) -> Robot:
+    """Make a robot once per process, so that what is computed from it is found again."""
+    return part.create()
