@@ -215,7 +215,8 @@ def test_example_plugin_works(tmp_path, monkeypatch, capsys):
     monkeypatch.syspath_prepend(tmp_path)
     import my_plugin
 
-    plugins = Plugins({"my_plugin": my_plugin})
+    plugins = Plugins()
+    plugins.register(my_plugin, "my_plugin", "this process")
     listener = plugins.create("listener", "shout", {"mark": "?"})
     listener.generation_finished(type("Generation", (), {"index": 3}))
     assert capsys.readouterr().out == "generation 3 is done?\n"
@@ -256,7 +257,8 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     import my_task
 
-    plugins = Plugins({"my_task": my_task})
+    plugins = Plugins()
+    plugins.register(my_task, "my_task", "this process")
     assert plugins.configs["this process"] == ["pkg://my_task.conf"]
     assert not [failure for failure in plugins.failures if failure.entry_point == "my_task"]
     assert "PullBlock" in plugins.names("task")

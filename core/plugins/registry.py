@@ -124,6 +124,10 @@ class Plugins:
         """Return the names of the parts of a kind, sorted."""
         return sorted(name for group, name in self.offers if group == kind)
 
+    def ready(self, kind: str) -> list[str]:
+        """Return the names of the parts of a kind that can be made without settings, sorted."""
+        return [name for name, factory in self.factories(kind).items() if not _needed(inspect.signature(factory))]
+
     def factory(self, kind: str, name: str, where: str = "") -> Callable[..., Any]:
         """Return the factory of the part ``name`` of a kind, or of what a hook of `core.hooks.Configs` offers.
 
@@ -236,10 +240,20 @@ def check_settings(
             first = error.errors()[0]
             reason = ": ".join([*map(str, first["loc"]), first["msg"]])
             raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
-    for name in possible:
-        if name not in checked and signature.parameters[name].default is inspect.Parameter.empty:
+    for name in _needed(signature):
+        if name not in checked and name not in given:
             raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}")
     return checked
+
+
+def _needed(signature: inspect.Signature) -> list[str]:
+    """Return the names of the parameters without a default."""
+    return [
+        name
+        for name, parameter in signature.parameters.items()
+        if parameter.default is parameter.empty
+        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    ]
 
 
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
