@@ -11,9 +11,17 @@ import numpy as np
 from core.design import DesignError
 from core.designs.planning import look
 from core.designs.rules import check_plan
-from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Perception, Waypoints
+from core.interfaces import ActionPlan, ActionRepresentation, Perception, Waypoints
 from core.support.text import shorten
-from plugins.conformance.checking import WILD, LengthOnly, as_json, brief, expect, read_or_refused, some_task
+from plugins.conformance.checking import (
+    WILD,
+    LengthOnly,
+    as_json,
+    brief,
+    expect,
+    read_or_refused,
+    some_task,
+)
 
 _DRAWS = 200
 
@@ -54,25 +62,6 @@ def check_plans_that_fit_the_schema_are_read(representation: ActionRepresentatio
             same = pickle.loads(pickle.dumps(plan)).resolve(seen)  # noqa: S301  # our own
             expect(np.array_equal(same.poses, waypoints.poses), "a plan that was pickled means other waypoints")
     expect(sound, f"of {2 * _DRAWS} plans of the schema's form none was read")
-
-
-def check_anchored_waypoints_keep_their_meaning(representation: ActionRepresentation) -> None:
-    """Waypoints that are anchored to bodies mean the same in their layout."""
-    seen = look(some_task(), 0, Perception())
-    rows = np.random.default_rng(0).uniform(-0.5, 0.5, (8, 7))
-    rows[:, 6] = rows[:, 6] > 0
-    names = ["world", *seen.poses]
-    anchors = [Anchor(names[i % len(names)], axes="anchor" if i % 2 else "world") for i in range(len(rows))]
-    for gripper in (False, True):
-        literal = Waypoints(rows if gripper else rows[:, :6])
-        try:
-            data = representation.anchor(literal, anchors, seen)
-        except DesignError:
-            continue
-        as_json(data, "what anchor returned")
-        meant = representation.parse(data, gripper=gripper).resolve(seen).poses
-        same = meant.shape == literal.poses.shape and np.allclose(meant, literal.poses, atol=1e-4)
-        expect(same, "waypoints that anchor wrote are others in the layout that they are from")
 
 
 def check_nonsense_is_refused_with_a_reason(representation: ActionRepresentation) -> None:

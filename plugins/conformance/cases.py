@@ -14,7 +14,7 @@ from core.geometry import Array
 from core.interfaces import Recording, Rollout, Simulator
 from core.scene import Body, Joint, Scene, State
 from plugins.conformance.checking import near
-from plugins.conformance.worlds import BARE, film, run, still, turn
+from plugins.conformance.worlds import BARE, film, run, still
 
 FILM_HZ = 100.0
 
@@ -88,16 +88,6 @@ def moved(name: str) -> Measure:
     return measure
 
 
-def turned(name: str) -> Measure:
-    """By how much a body is turned in the end, rad."""
-    return lambda played: turn(played.states[0].pose(name), played.states[-1].pose(name))
-
-
-def moved_and_turned(name: str) -> Measure:
-    """How far a body ends from where it was put, m, and by how much it is turned, rad."""
-    return lambda played: np.array([moved(name)(played), turned(name)(played)])
-
-
-def height(name: str) -> Measure:
-    """How high a body ends, m."""
-    return lambda played: played.states.position(name)[-1, 2]
+def velocity(name: str) -> Measure:
+    """A body's velocity at the end, (3,) m/s."""
+    return lambda played: played.states.linear_velocity(name)[-1]

@@ -6,6 +6,7 @@ import json
 import math
 import traceback
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any, SupportsFloat
 
@@ -172,15 +173,13 @@ def simulators() -> Iterator[tuple[str, Simulator]]:
     Raises:
         UserError: there is none.
     """
-    offers, count = [offer for offer in installed().offers.values() if offer.kind == "sim"], 0
+    made = False
+    offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
     for offer in sorted(offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)):
-        try:
-            simulator = PluginPart("sim", offer.name).create()
-        except UserError:  # for example an engine whose library is not installed
-            continue
-        count += 1
-        yield offer.name, simulator
-    if not count:
+        with suppress(UserError):  # for example an engine whose library is not installed
+            yield offer.name, PluginPart("sim", offer.name).create()
+            made = True
+    if not made:
         raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
 
 

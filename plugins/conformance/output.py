@@ -13,7 +13,6 @@ from core.interfaces import Image, JointTrajectory, Outcome, Rollout, Simulator
 from core.scene import table
 from plugins.conformance.checking import between, expect, near
 from plugins.conformance.worlds import (
-    BARE,
     HAND,
     Bodies,
     cube,
@@ -56,40 +55,28 @@ def digest(simulator: Simulator) -> str:
 
 
 def check_same_job_gives_same_bits(simulator: Simulator) -> None:
-    """The same job gives the same bits twice in a row, and after other tools and worlds."""
+    """The same job gives the same bits twice in a row, and after pictures, other tools and worlds."""
     first = digest(simulator)
     expect(digest(simulator) == first, "the same job, played twice in a row, gave different numbers")
     wait(simulator, table(), cube(at=(0.5, 0, 0.3)), tool=HAND)
+    simulator.render(_row(), tool=stick(0.25), width=32, height=24)
     simulator.rollout(_row(), [Rollout(stick(0.2), _push().trajectory)])
     wait(simulator, make_body("box", Box((0.1, 0.2, 0.3)), (0.6, 0, 1.0), mass=2.0))
     expect(digest(simulator) == first, "the same job gave different numbers after jobs with other tools and worlds")
 
 
 def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
-    """Jobs of one batch do not affect each other."""
+    """Jobs of one batch do not affect each other, nor does one that breaks: its targets are not numbers."""
     task = _row()
-    jobs = [_push(), Rollout(BARE, still(), settle_s=0.1), Rollout(HAND, still(), settle_s=0.1), _push()]
-    together = [bits(outcome) for outcome in simulator.rollout(task, jobs)]
-    alone = [bits(simulator.rollout(task, [job])[0]) for job in jobs]
-    expect(together == alone, "a job in a batch gave other numbers than it gives alone")
-    expect(together[0] == together[3], "the same job, twice in a batch, gave different numbers")
-    expect(simulator.rollout(task, []) == [], "no jobs must give no outcomes")
-
-
-def check_broken_job_hurts_no_other(simulator: Simulator) -> None:
-    """A job with targets that are not numbers gives an error, and its neighbours stay as they are without it."""
     arms = np.stack([still().arm[0], np.full_like(still().arm[0], np.nan)])
     broken = Rollout(stick(0.25), JointTrajectory(np.array([0.0, 1.0]), arms, opened(2)))
-    before, failed, after = simulator.rollout(_row(), [_push(), broken, _push()])
-    expect(failed.error, "a job whose targets are not numbers must give an outcome with an error")
-    expect(failed.start is None and failed.end is None, "an outcome with an error must have no states")
-    expect(bits(before) == bits(after), "a broken job changed what came after it")
-
-
-def check_pictures_do_not_affect_rollouts(simulator: Simulator) -> None:
-    first = digest(simulator)
-    simulator.render(_row(), tool=stick(0.25), width=32, height=24)
-    expect(digest(simulator) == first, "the same job gave different numbers after a picture was drawn")
+    jobs = [_push(), Rollout(HAND, still(), settle_s=0.1), broken, _push()]
+    outcomes = simulator.rollout(task, jobs)
+    expect(outcomes[2].error, "a job whose targets are not numbers must give an outcome with an error")
+    expect(outcomes[2].end is None, "an outcome with an error must have no states")
+    for number in (0, 1, 3):
+        (alone,) = simulator.rollout(task, [jobs[number]])
+        expect(bits(alone) == bits(outcomes[number]), "a job in a batch gave other numbers than it gives alone")
 
 
 def check_start_is_after_settling(simulator: Simulator) -> None:
@@ -119,10 +106,6 @@ def check_recordings(simulator: Simulator) -> None:
         recording = film(outcome)
         near(f"the times between samples at {rate} Hz, s", np.diff(recording.times), 1 / rate, 0.005)
         near("when a recording of 0.5 s of settling begins, and of 1 s ends", recording.times[[0, -1]], (-0.5, 1), 0.01)
-        count = len(recording.times)
-        _expect_shape("a recording's arm", recording.arm, (count, 7))
-        _expect_shape("a recording's fingers", recording.fingers, (count, 2))
-        _expect_shape("a recording's positions", recording.states.positions, (count, 1, 3))
         near("where a recording begins, m", recording.states.position("cube")[0], (0.6, 0.0, 0.3), 1e-6)
         near("where a recording ends, m", recording.states.positions[-1], end(outcome).positions, 0.0)
     expect(wait(simulator, seconds=0.01).recording is None, "without a rate nothing must be recorded")
@@ -135,17 +118,11 @@ def check_pictures(simulator: Simulator) -> None:
     plain = draw()
     _expect_shape("a picture of 160 by 120", plain, (120, 160, 3))
     expect(plain.dtype == np.uint8, f"a picture is of {plain.dtype}, not of uint8")
-    between("how many levels a picture has", len(np.unique(plain)), 50)
-
-    spawn = task.scene(0).state()
     moved = task.scene(0).state()
     moved.positions[0] = 0.8, 0.2, 0.05
     changes: list[tuple[str, dict[str, Any], int, int]] = [  # and from how many to how many pixels change
         ("a cube that was moved", {"state": moved}, 20, 3000),
-        ("the state at spawn", {"state": spawn}, 0, 0),
         ("other joints", {"arm": np.array([0.5, 0, 0, -1.5, 0, 1.5, 0.7])}, 200, 160 * 120),
-        ("closed fingers", {"fingers": np.zeros(2)}, 1, 160 * 120),
-        ("an arm without a hand", {"tool": BARE}, 20, 160 * 120),
         ("a tool", {"tool": stick(0.4)}, 20, 160 * 120),
         ("the same again", {}, 0, 0),
     ]

@@ -21,18 +21,15 @@ def check_it_has_a_name(vlm: VLM) -> None:
 
 
 def check_each_request_has_its_reply(vlm: VLM) -> None:
-    expect(list(vlm.complete([])) == [], "no requests have replies")
     sent = requests()
     replies = list(vlm.complete(sent))
     for reply in replies:
         expect(isinstance(reply, Reply), f"complete returned a {type(reply).__name__}, not a Reply")
-        expect(isinstance(reply.text, str), f"a reply's text is a {type(reply.text).__name__}")
-        expect(reply.error is None or reply.error.strip(), "a reply's error is empty")
         for count in (reply.prompt_tokens, reply.completion_tokens, reply.cost_usd):
             between("what a reply counts, tokens or dollars", count or 0, 0)
-    ids = sorted(reply.request_id for reply in replies)
-    wanted = [one.id for one in sent]
-    expect(ids == wanted, f"the requests {', '.join(wanted)} had replies to {', '.join(ids) or 'none'}")
+    ids = ", ".join(sorted(reply.request_id for reply in replies))
+    wanted = ", ".join(request.id for request in sent)
+    expect(ids == wanted, f"the requests {wanted} had replies to {ids or 'none'}")
 
 
 def check_a_request_has_an_estimate(vlm: VLM) -> None:

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere, mass_properties
-from plugins.conformance.shapes import bowl, prism
+from tests.shapes import bowl, prism
 
 lengths = st.floats(-10, 10)
 vectors = st.tuples(lengths, lengths, lengths)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Box, Capsule, Compound, Cylinder, Sphere, resized
-from plugins.conformance.shapes import bowl, prism
+from tests.shapes import bowl, prism
 
 ROUND = [Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3)]
 SHAPES = [Box((0.1, 0.2, 0.3)), *ROUND, prism(7, 0.1, 0.2), bowl(0.1, 0.01)]

@@ -9,9 +9,10 @@ from core.designs.rules import SpawnRules, check_tool, mount_solids
 from core.designs.statics import check_joints, moved
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
-from plugins.conformance.joints import hinged, sliding, tongs
+from plugins.conformance.joints import hinged, sliding
 from tests.core.designs.test_rules import CubeOnTable
 from tests.panda import PANDA, on_panda
+from tests.tongs import tongs
 
 
 def hinge(**given):

@@ -37,7 +37,7 @@ WRONG = {
     ),
     "no torque": (
         lambda: rewritten(('effort="28"', 'effort="0"')),
-        {"limits are there": "joint 'wrist_1_joint' has the speed 3.14159265358979 and the effort 0.0"},
+        {"limits are there": "joint 'wrist_1_joint' can't move: "},
     ),
     "a joint of nobody": (
         lambda: ur5(arm_joints=ur5().arm_joints[:5], **{name: getattr(ur5(), name)[:5] for name in NUMBERS}),
@@ -67,17 +67,9 @@ WRONG = {
         lambda: rewritten(('xyz="0 0.0912 0.01634"', 'xyz="0 0.9 0"')),
         {"inertias are physical": "lies from the middle of its shapes, m: 0.8"},
     ),
-    "a picture as collision shape": (
-        lambda: rewritten(("collision/base.stl", "visual/base.dae")),
-        {"collision shapes are read by every engine": "convert it to STL"},
-    ),
-    "an arm in itself": (
-        lambda: ur5(home=(-0.22, -0.5, 3.1, -1.4, -1.5708, -0.22)),
-        {"shapes are clear of each other at home": "is inside 'wrist_"},
-    ),
     "an outstretched arm": (
         lambda: ur5(home=(0.0, -1.5708, 0.0, -1.5708, -1e-4, 0.0)),
-        {"posture stays along straight lines": "choose a home away from limits and from an outstretched arm"},
+        {"straight lines are reached": "choose a home away from limits and from an outstretched arm"},
     ),
     "weak motors": (
         lambda: rewritten(*WEAK),

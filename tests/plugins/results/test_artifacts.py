@@ -9,9 +9,9 @@ from core.geometry import Box, Pose
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
-from plugins.conformance.shapes import bowl
 from plugins.results.artifacts import copied, save_files, tool_mesh
 from tests.panda import FINGER_OPEN, PANDA
+from tests.shapes import bowl
 
 FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)
 

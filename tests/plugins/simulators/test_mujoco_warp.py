@@ -32,13 +32,11 @@ from tests.panda import FINGER_OPEN
 ROOT = Path(__file__).parents[3]
 CHECKS = (
     output.check_batch_gives_what_each_job_alone_gives,
-    output.check_broken_job_hurts_no_other,
-    robot.check_tool_stops_at_a_wall,
+    robot.check_tool_stops_at_what_it_is_pushed_at,
     robot.check_arm_follows_its_trajectory,
     robot.check_gripper_lifts_what_it_can,
     bodies.check_free_fall,
     joints.check_joints_of_tools_move_as_formulas_say,
-    joints.check_sprung_tongs_pick_up_a_cube,
     shapes.check_hollow_tool_is_hollow,
     output.check_start_is_after_settling,
     output.check_states_name_the_free_bodies_in_order,

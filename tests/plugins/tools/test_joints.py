@@ -11,9 +11,10 @@ from core.design import DesignError, ToolJoint
 from core.interfaces import Brief
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
-from plugins.conformance.joints import hinge, hinged, sliding, tongs
+from plugins.conformance.joints import hinge, hinged, sliding
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
+from tests.tongs import tongs
 
 NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 SPRUNG = ToolJoint("hinge", (0.6, 0.0, 0.8), -1.0, 2.0, (0.01, 0.02, 0.1), 0.01, 0.02, 0.1, 0.3)

@@ -7,12 +7,12 @@ import trimesh
 from core.design import Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
-from plugins.conformance.joints import tongs
-from plugins.conformance.shapes import bowl, prism
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import box, manifold, to_mesh, union
 from plugins.results.workshop.tool import make_tool, write_tool
 from tests.panda import PANDA
+from tests.shapes import bowl, prism
+from tests.tongs import tongs
 
 PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
 
