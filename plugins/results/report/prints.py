@@ -38,7 +38,7 @@ class ToolPrint:
     def files(self) -> dict[str, Callable[[], bytes]]:
         """The design, and STL and 3MF files in millimetres, laid on the plate; each with what makes it."""
         design = json.dumps({"strategies": [self.winner.design]}, indent=2) + "\n"
-        files: dict[str, Callable[[], bytes]] = {f"{part.name}.stl": partial(to_stl, part) for part in self.parts}
+        files: dict[str, Callable[[], bytes]] = {part.file: partial(to_stl, part) for part in self.parts}
         files |= {"tool.3mf": partial(to_3mf, self.parts), "design.json": design.encode}
         return {(self.folder / name).as_posix(): make for name, make in files.items()}
 

@@ -47,8 +47,7 @@ class PrintedPart:
     """A solid to print.
 
     Attributes:
-        name: of the part.
-        link: the name of the link that it is part of.
+        name: of the link of the tool that it is.
         solid: a Manifold in the frame of its mount.
         mesh: as it lies on the plate, centred, its lowest point at 0.
         to_mount: (4, 4) from the mesh to the frame of its mount, millimetres.
@@ -58,7 +57,6 @@ class PrintedPart:
     """
 
     name: str
-    link: str
     solid: Any
     mesh: trimesh.Trimesh
     to_mount: Array
@@ -67,12 +65,16 @@ class PrintedPart:
     checks: tuple[Check, ...]
 
     @property
+    def file(self) -> str:
+        return f"{self.name}.stl"
+
+    @property
     def ready(self) -> bool:
         return all(check.passed for check in self.checks)
 
 
 def print_part(
-    name: str, link: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
+    name: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
 ) -> PrintedPart:
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
     mesh, plate = to_mesh(solid), printer.plate_mm
@@ -89,7 +91,7 @@ def print_part(
     )
     metres = Mesh(np.asarray(lying.vertices) / 1000, np.asarray(lying.faces))
     mass_g = 1000 * material.volume_of(metres) * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
-    return PrintedPart(name, link, solid, lying, back, weld_mm, mass_g, checks)
+    return PrintedPart(name, solid, lying, back, weld_mm, mass_g, checks)
 
 
 def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer) -> Check:

@@ -37,7 +37,6 @@ class Fit:
         clearance_mm: by how much a screw's bore is wider than its thread: 0.6 is ISO 273's medium.
         sleeve_mm: the gap between a sleeve and the finger, on each side.
         insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
-        joint_mm: the gap in a dovetail between parts, on each side.
 
     Raises:
         UsageError: a number is negative or not finite, or a wall is 0.
@@ -47,7 +46,6 @@ class Fit:
     clearance_mm: float = 0.6
     sleeve_mm: float = 0.2
     insert_mm: float = 4.0
-    joint_mm: float = 0.1
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -78,15 +78,14 @@ def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dic
         "pieces": [
             {
                 "name": part.name,
-                "file": made.file(number),
+                "file": part.file,
                 "size_mm": np.round(part.mesh.extents, 2).tolist(),
                 "volume_cm3": round(float(part.mesh.volume) / 1000, 3),
                 "mass_g": round(part.mass_g, 2),
                 "to_mount": np.round(part.to_mount, 6).tolist(),
             }
-            for number, part in enumerate(made.parts)
+            for part in made.parts
         ],
-        "joints": [str(joint) for joint in made.joints],
         "hardware": list(made.hardware),
         "flange": _flange(robot) if RIGID_MOUNT in tool.mounts else None,
         "parts": sorted(components, key=lambda part: part.get("safety") or math.inf),

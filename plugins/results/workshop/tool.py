@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import manifold3d
-import numpy as np
 import trimesh
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
@@ -18,7 +17,6 @@ from core.geometry import Compound
 from core.support.cli import write_bytes
 from core.values.materials import PAPER, Material
 from core.values.robots import Robot
-from plugins.results.workshop.cutting import Dovetails, cut
 from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, on_finger, weighed
 from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_3mf, to_stl
 from plugins.results.workshop.settings import Fit, Printer
@@ -40,7 +38,6 @@ from plugins.results.workshop.verdicts import printable
 EXACT_MM = 0.1  # by which the solid may differ from what was simulated
 SAME_FILE = 0.001  # of its volume, by which a part read back from its file may differ
 SAME_WEIGHT = 0.2
-MILLED_MM = 2000.0  # of metal no part is cut to a printer's plate
 _NOTHING_MM3 = 1.0
 
 
@@ -51,7 +48,6 @@ class PrintedTool:
     tool: Tool
     parts: tuple[PrintedPart, ...]
     checks: tuple[Check, ...]
-    joints: tuple[Dovetails, ...]
     hardware: tuple[str, ...]
     mounted: Tool
     material: Material
@@ -70,9 +66,6 @@ class PrintedTool:
         """What speaks against it or is left to do, and what to change, a line each."""
         return [str(check) for check in printable(self.parts, self.checks) if not check.passed]
 
-    def file(self, number: int) -> str:
-        return f"part_{number + 1}_of_{len(self.parts)}.stl"
-
 
 @dataclass(frozen=True, eq=False)
 class Body:
@@ -82,27 +75,20 @@ class Body:
         mount: the solid, fitted to what bears it.
         weld_mm: by how much its components were moved out to become one.
         whole: the check that it is in one piece.
-        cuts: the Manifolds that it is cut into, ``joints`` what joins them.
     """
 
     link: ToolLink
     mount: Mount
     weld_mm: float
     whole: Check
-    cuts: Sequence[Any]
-    joints: Sequence[Dovetails] = ()
 
-    def printed(self, names: Iterable[str], printer: Printer, material: Material) -> list[PrintedPart]:
-        """Lay the parts on a printer's plate, and check them."""
-        checks = [self.whole] if len(self.cuts) == 1 else map(_single, self.cuts)
-        return [
-            print_part(name, self.link.name, solid, self.weld_mm, whole, printer, material)
-            for solid, whole, name in zip(self.cuts, checks, names, strict=False)
-        ]
+    def printed(self, printer: Printer, material: Material) -> PrintedPart:
+        """Lay it on a printer's plate, and check it."""
+        return print_part(self.link.name, self.mount.solid, self.weld_mm, self.whole, printer, material)
 
 
 def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
-    """Make each rigid link of a tool one closed solid, as it was simulated: neither fitted to an arm nor cut."""
+    """Make each rigid link of a tool one closed solid, as it was simulated: not fitted to an arm."""
     return [_fuse(link, printer or Printer()) for link in links_of(tool)]
 
 
@@ -113,17 +99,11 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         UserError: the robot's flange can't be fitted.
     """
     if material.metal:
-        printer, fit = Printer([MILLED_MM] * 3, printer.min_wall_mm, "milled"), replace(fit, insert_mm=CORE_MM)
+        fit = replace(fit, insert_mm=CORE_MM)
     links = links_of(tool)
-    fitted = []
-    for link in links:
-        fix = partial(_mounted, robot, link, fit)
-        fitted.append(_fuse(link, printer, fix, partial(_divide, link, printer, fit)))
-    numbers = itertools.count(1)
-    parts = [p for each in fitted for p in each.printed((f"part_{n}" for n in numbers), printer, material)]
-    joints = [joint for each in fitted for joint in each.joints]
+    fitted = [_fuse(link, printer, partial(_mounted, robot, link, fit)) for link in links]
+    parts = [body.printed(printer, material) for body in fitted]
     checks = [check for each in fitted for check in (*each.mount.checks, _faithful(each))]
-    checks += [Check(f"joint {n}", joint.tails > 0, str(joint)) for n, joint in enumerate(joints, 1)]
     checks += [*_apart(fitted), *_joints(links)]
     hardware = [item for each in fitted for item in each.mount.hardware]
     taken = [component.name for component in tool.components]
@@ -133,12 +113,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         printed, simulated = grams(parts), 1000 * mounted.mass
         said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
-    return PrintedTool(tool, tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material)
-
-
-def _single(solid: Any) -> Check:
-    count = len(solid.decompose())
-    return Check("one piece", count == 1, "one body" if count == 1 else f"it falls into {count} pieces")
+    return PrintedTool(tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material)
 
 
 def _mounted(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
@@ -152,34 +127,23 @@ def _mounted(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
 
 def print_bodies(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
     """Lay the `bodies` of a tool on a printer's plate, and check them."""
-    return [body.printed([body.link.name], printer, material)[0] for body in bodies(tool, printer)]
+    return [body.printed(printer, material) for body in bodies(tool, printer)]
 
 
-def _fuse(
-    link: ToolLink,
-    printer: Printer,
-    fix: Callable[[Any], Mount] = Mount,
-    divide: Callable[[Mount], tuple[list[Any], list[Dovetails]]] = lambda mount: ([mount.solid], []),
-) -> Body:
-    """Weld a link by as little as makes it and its mount one body whose parts, as they lie on the plate, are closed."""
+def _fuse(link: ToolLink, printer: Printer, fix: Callable[[Any], Mount] = Mount) -> Body:
+    """Weld a link by as little as makes it and its mount one body that is closed, also as it lies on the plate."""
     for weld, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
         shapes = link.grown(weld, uneven)
         mount = fix(union(shapes))
-        cuts, joints = divide(mount)
-        laid = (lay(to_mesh(part), printer.plate_mm)[0] for part in cuts)
-        if len(mount.solid.decompose()) == 1 and closed(to_mesh(mount.solid)) and all(map(closed, laid)):
+        mesh = to_mesh(mount.solid)
+        single = len(mount.solid.decompose()) == 1
+        if single and closed(mesh) and closed(lay(mesh, printer.plate_mm)[0]):
             break
     names = [*link.names, *(f"mount {n}" for n in range(len(mount.adding)))]
     whole = joined(names, [*shapes, *widened(mount.adding, weld)], weld, printer)
-    if whole.passed and len(mount.solid.decompose()) > 1:
-        whole = _single(mount.solid)
-    return Body(link, mount, weld, whole, cuts, joints)
-
-
-def _divide(link: ToolLink, printer: Printer, fit: Fit, mount: Mount) -> tuple[list[Any], list[Dovetails]]:
-    """Cut a solid to the plate, away from what mounts it."""
-    corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
-    return cut(mount.solid, printer, fit, link.axes, corners)
+    if whole.passed and not single:
+        whole = Check("one piece", False, f"it falls into {len(mount.solid.decompose())} pieces")
+    return Body(link, mount, weld, whole)
 
 
 def _faithful(fitted: Body) -> Check:
@@ -232,8 +196,8 @@ def write_tool(made: PrintedTool, checks: Sequence[Check], folder: Path) -> Prin
     if not made.parts:
         return made
     most = 0.0  # of what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed
-    for number, part in enumerate(made.parts):
-        write_bytes(file := folder / made.file(number), to_stl(part))
+    for part in made.parts:
+        write_bytes(file := folder / part.file, to_stl(part))
         read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid
         most = max(most, float(((read - whole).volume() + (whole - read).volume()) / whole.volume()))
     same = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")

@@ -69,7 +69,7 @@ def test_what_is_too_thin_costs_no_rollout_and_its_reason_names_the_wall(scoop):
 def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
     evaluator = moving_ball()
     (alone,) = evaluator([scoop])
-    (found,) = fitness(evaluator)([scoop])  # longer than the plate: it is cut, as an export cuts it
+    (found,) = fitness(evaluator, plate_mm=PLATE)([scoop])
     assert (found.status, found.reason) == ("ok", "")
     assert alone.reward - 0.02 < found.reward <= alone.reward
     assert found.figures["safety_factor"] > 2
@@ -104,7 +104,7 @@ def test_neighbours_are_judged_each_for_itself(scoop):
     evaluator = moving_ball()
     found = fitness(evaluator, plate_mm=PLATE)([stay, unread, scoop])
     assert [of.status for of in found] == ["rejected", "rejected", "ok"]
-    assert "walls, part_1: thinnest 0.6" in found[0].reason
+    assert "walls, tool: thinnest 0.6" in found[0].reason
     assert found[1].reason == "the tool is missing"
     assert evaluator.tried == [scoop.id]
 
@@ -130,7 +130,7 @@ def test_the_prompt_names_the_constraints():
     text = "".join(as_markdown(message) for message in compose(load("prompt", words)).messages)
     for said in (
         "2 times in each of the engines",
-        "no wall thinner than 0.8 mm. What does not fit into 250 x 210 x 220 mm, however it is laid, is cut",
+        "no wall thinner than 0.8 mm. It fits into 250 x 210 x 220 mm",
         "at most 3 kg, and 12 N m about the mount",
         "pla bears 26 MPa",
         "the arm keeps 5 mm from itself and from all that is fixed",

@@ -29,6 +29,7 @@ ANCHORED = "tests/tasks/anchored"
 
 def exported(folder, *words, task="OneBook"):
     given = [f"designs={ANCHORED}/{task}.json", f"task={task}", "tool=boxes", f"output={folder}", "sims=[mujoco]"]
+    given.append("printer.plate_mm=[500,500,500]")
     (found,) = export(configured([*given, *words]))
     return found
 
@@ -58,7 +59,7 @@ def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
     assert found.printed.printed.mass == pytest.approx(sum(part.mass_g for part in found.printed.parts) / 1000)
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
-    assert {"part_1_of_2.stl", "part_2_of_2.stl", "tool.3mf", "assembly.md"} <= names
+    assert {"tool.stl", "tool.3mf", "assembly.md"} <= names
 
 
 def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatch, capsys):
