@@ -18,11 +18,12 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from core.design import Tool
 from core.support.text import clean, number
+from core.values.robots import Robot
 from plugins.results.pages.drawing import painted
 from plugins.results.pages.figure import INK
 from plugins.results.pages.formats import links, printed, relative
-from plugins.results.pages.tools import Winner, size
 
 _LONGEST = 20_000  # characters of any text
 _SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is drawn
@@ -81,10 +82,10 @@ def data_address(picture: bytes, format_: str = "png") -> Markup:
     return Markup(f"data:image/{format_};base64,{base64.b64encode(picture).decode()}")  # noqa: S704
 
 
-def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
-    """A tool for the viewer: triangles and sharp edges in tenths of millimetres."""
+def in_viewer(tool: Tool, robot: Robot, name: str, said: str) -> dict[str, Any]:
+    """A tool for the viewer: triangles and sharp edges in tenths of millimetres, and what is ``said`` below it."""
     solids = []
-    for each in painted(winner.tool, winner.robot):
+    for each in painted(tool, robot):
         mesh = each.solid
         sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
         solids.append(
@@ -95,6 +96,5 @@ def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
                 "edges": np.asarray(sharp).ravel().tolist(),
             }
         )
-    summary = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
-    caption = f"{winner.tool.description} ({summary})" if winner.tool.description else summary
+    caption = f"{tool.description} ({said})" if tool.description else said
     return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}

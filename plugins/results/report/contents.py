@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
 from core.support.files import read_untrusted
+from core.support.text import number
 from plugins.results.pages.formats import to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
+from plugins.results.pages.tools import size
 from plugins.results.report.figures import comparable, figure_pages
-from plugins.results.report.prints import tool_prints
+from plugins.results.report.prints import ToolPrint, tool_prints
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
 from plugins.results.report.tables import REASONS, tables
@@ -35,6 +38,12 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     return films
 
 
+def _in_viewer(shown: ToolPrint) -> dict[str, Any]:
+    winner = shown.winner
+    said = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
+    return in_viewer(winner.tool, winner.robot, shown.title, said)
+
+
 def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
     """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
     listed = tables(results)
@@ -46,7 +55,7 @@ def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
     page = render(
         "report.html.j2",
         folder,
-        [in_viewer(shown.winner, shown.title) for shown in prints],
+        [_in_viewer(shown) for shown in prints],
         title="Tools and their rewards",
         summary=f"{runs} of {methods} on {tasks}.",
         films=_films(results),

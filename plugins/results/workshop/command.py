@@ -38,7 +38,7 @@ from plugins.results.artifacts import save_files
 from plugins.results.workshop.clearance import NEAR_M, Nearest, clearance, margins, payload
 from plugins.results.workshop.motion import STEP_S, PlayedMotion, Sampled, approach, cut, play, sample, to_csv, to_json
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.ros import PACKAGE, write_package
+from plugins.results.workshop.ros import write_messages
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import write_sheet
 from plugins.results.workshop.texts import filled, write_programs
@@ -244,7 +244,7 @@ def _write(made: Export, written: PrintedTool, representation: ToolRepresentatio
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     write_bytes(output / "CHECKLIST.md", checklist(made).encode())
-    write_package(robot, made.printed.printed, made.motion, made.scene, output / "ros2" / PACKAGE)
+    write_messages(robot, made.motion, made.scene, output / "ros2")
     write_programs(robot, made.payload, made.moves, output / "programs")
     save_design(made.candidate, representation, output / "design")
     save_files(made.candidate, robot, made.planned, output / "design")

@@ -1,46 +1,31 @@
-"""Write a motion, a tool and a scene for ROS 2 and MoveIt: messages as YAML, and a small package."""
+"""Write a motion and a scene for ROS 2 and MoveIt: messages as YAML."""
 
 from __future__ import annotations
 
 import math
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from lxml import etree
 
-from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
-from core.robot.description import tool_urdf
 from core.scene import Scene, Soft
 from core.support.cli import write_bytes
 from core.values.robots import Robot
-from plugins.results.artifacts import copied
 from plugins.results.workshop.motion import Sampled
-from plugins.results.workshop.texts import text_of
 
-PACKAGE = "vlmgineer_tool"  # as in the templates, too
-PREFIX = "prefix:=tool_"  # of its links and joints, so that no name meets one of the arm
 _EVERY_S = 0.01  # between two points: a controller joins them by splines of fifth degree
 
 
-def write_package(robot: Robot, tool: Tool, motion: Sampled, scene: Scene, folder: Path) -> None:
-    """Write a package: the tool as a xacro macro, the motion and the scene as messages, a launch file.
+def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) -> None:
+    """Write the motion and the scene.
 
     Raises:
         UserError: a file can't be written.
     """
-    for name, text in {
-        "package.xml": text_of("package.xml"),
-        "CMakeLists.txt": text_of("CMakeLists.txt"),
-        "launch/scene.launch.py": text_of("scene.launch.py.txt"),
-        "config/trajectory.yaml": _yaml(trajectory_message(robot, motion)),
-        "config/scene.yaml": _yaml(scene_message(robot, scene)),
-        "urdf/tool.urdf.xacro": tool_macro(tool, folder / "urdf"),
-    }.items():
-        write_bytes(folder / name, text.encode())
+    write_bytes(folder / "trajectory.yaml", _yaml(trajectory_message(robot, motion)).encode())
+    write_bytes(folder / "scene.yaml", _yaml(scene_message(robot, scene)).encode())
 
 
 def _yaml(message: dict[str, Any]) -> str:
@@ -108,23 +93,3 @@ def _point(position: Array) -> dict[str, float]:
 def _rounded(values: Array) -> list[float]:
     found: list[float] = np.round(values, 7).tolist()
     return found
-
-
-def tool_macro(tool: Tool, folder: Path) -> str:
-    """Return the tool as a xacro macro of the links that bear it and a prefix; its meshes go to ``folder``."""
-    mesh_path = partial(copied, folder=folder)
-    text = tool_urdf(tool, mesh_path=lambda mesh: f"package://{PACKAGE}/urdf/{mesh_path(mesh)}")
-    root = etree.fromstring(f"<tool>{text}</tool>")
-    parameters = {mount: "mount" if mount == RIGID_MOUNT else mount for mount in tool.mounts}
-    for element in root.iter("link", "joint", "parent", "child", "mimic"):
-        key = {"link": "name", "joint": "name", "mimic": "joint"}.get(str(element.tag), "link")
-        name = str(element.get(key))
-        element.set(key, f"${{{parameters[name]}}}" if name in parameters else f"${{prefix}}{name}")
-    for element in root:
-        element.tail = None
-    space = "http://www.ros.org/wiki/xacro"
-    macro = etree.Element("robot", nsmap={"xacro": space}, name=PACKAGE)
-    inner = etree.SubElement(macro, f"{{{space}}}macro", name="tool", params=" ".join([*parameters.values(), PREFIX]))
-    inner.extend(list(root))
-    etree.indent(macro, "  ")
-    return '<?xml version="1.0"?>\n' + str(etree.tostring(macro, encoding="unicode")) + "\n"

@@ -9,7 +9,6 @@ from dataclasses import replace
 from unittest.mock import create_autospec
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import yaml
 from markdown_it import MarkdownIt
@@ -77,7 +76,7 @@ def test_the_message_is_one_of_ros(made):
     folder, found = made
     store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
     types = store.types
-    data = yaml.safe_load((folder / "ros2/vlmgineer_tool/config/trajectory.yaml").read_text())
+    data = yaml.safe_load((folder / "ros2/trajectory.yaml").read_text())
     duration, point = types["builtin_interfaces/msg/Duration"], types["trajectory_msgs/msg/JointTrajectoryPoint"]
     stamp, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
     points = [
@@ -97,27 +96,9 @@ def test_the_message_is_one_of_ros(made):
     assert np.allclose(read.points[-1].positions, found.motion.positions[-1], atol=1e-6)
 
 
-def test_the_tool_is_a_macro_that_xacro_reads(made, tmp_path):
-    folder, found = made
-    xacrodoc = pytest.importorskip("xacrodoc")
-    tool = folder / "ros2/vlmgineer_tool/urdf/tool.urdf.xacro"
-    whole = tmp_path / "whole.urdf.xacro"
-    whole.write_text(
-        '<robot name="whole" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        f'<xacro:include filename="{tool}"/><link name="flange"/><xacro:tool mount="flange"/></robot>'
-    )
-    text = xacrodoc.XacroDoc.from_file(str(whole)).to_urdf_string()
-    model = pin.buildModelFromXML(text)
-    mass = sum(inertia.mass for inertia in model.inertias)
-    assert mass == pytest.approx(found.candidate.tool.mass) or model.njoints == 1
-    for component in found.candidate.tool.components:
-        assert f'name="tool_{component.name}"' in text
-    assert all(link.startswith(("flange", "tool_")) for link in re.findall(r'<link name="([^"]*)', text))
-
-
 def test_the_scene_is_that_of_the_task(made):
     folder, found = made
-    data = yaml.safe_load((folder / "ros2/vlmgineer_tool/config/scene.yaml").read_text())
+    data = yaml.safe_load((folder / "ros2/scene.yaml").read_text())
     objects = {of["id"]: of for of in data["world"]["collision_objects"]}
     scene: Scene = found.task.scene(0)
     assert set(objects) == {body.name for body in scene.bodies}
@@ -126,7 +107,6 @@ def test_the_scene_is_that_of_the_task(made):
         assert len(of.get("primitives", [])) + len(of.get("meshes", [])) == len(parts)
         assert list(of["pose"]["position"].values()) == pytest.approx(body.pose.position, abs=1e-6)
         assert of["header"]["frame_id"] == "panda_link0"
-    compile((folder / "ros2/vlmgineer_tool/launch/scene.launch.py").read_text(), "launch", "exec")
 
 
 def test_the_program_for_franky_plays_the_samples(made, monkeypatch):
