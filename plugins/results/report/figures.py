@@ -12,7 +12,7 @@ from core.store.reader import rollouts
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wrapped
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import deviation, interval
+from plugins.results.report.statistics import interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,10 +26,7 @@ def figure_pages(results: Results) -> list[FigurePage]:
     if not results.groups:
         return []
     tasks, methods = comparable(results)
-    pages = [
-        by_generation(results.runs[0]) if len(results.runs) == 1 else rewards(results),
-        anytime(results, tasks, methods),
-    ]
+    pages = [rewards(results), anytime(results, tasks, methods)]
     return [page for page in pages if page is not None]
 
 
@@ -58,7 +55,7 @@ def _legend(figure: Figure, ax: Axes) -> None:
 
 
 def rewards(results: Results) -> FigurePage:
-    """Grouped bars of the average with whiskers, and every run as a dot."""
+    """Grouped bars of the average, and every run as a dot."""
     tasks, methods = results.tasks, results.methods
 
     def paint() -> Figure:
@@ -67,16 +64,10 @@ def rewards(results: Results) -> FigurePage:
         for i, method in enumerate(methods):
             groups = results.of(method)
             places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
-            means, spreads = [fmean(g.rewards) for g in groups], [deviation(g.rewards) or 0.0 for g in groups]
+            means = [fmean(g.rewards) for g in groups]
             ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **_look(results, method, "hatch"))
-            known = [j for j, spread in enumerate(spreads) if spread]
-            clipped = [(min(spreads[j], means[j]), min(spreads[j], max(0.0, 1.0 - means[j]))) for j in known]
-            if known:
-                x, y = np.take(places, known), np.take(means, known)
-                ax.errorbar(x, y, np.transpose(clipped), color=INK, capsize=2.5, lw=1, ls="none")
             for place, g in zip(places, groups, strict=True):
-                x = place + step * (np.linspace(-0.25, 0.25, len(g.rewards)) if len(g.rewards) > 1 else np.zeros(1))
-                ax.plot(x, g.rewards, "o", ms=3, mfc="none", mec=INK, mew=0.6, clip_on=False)
+                ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, mfc="none", mec=INK, mew=0.6, clip_on=False)
         ax.set(ylim=(0, 1.02), yticks=np.linspace(0, 1, 6), ylabel="reward (0 to 1)", xlim=(-0.5, len(tasks) - 0.5))
         ax.grid(axis="y")
         aslant = max(len(task) for task in tasks) > max(3 * len(methods), 10)
@@ -87,23 +78,6 @@ def rewards(results: Results) -> FigurePage:
         return figure
 
     return FigurePage("rewards", "Reward by task and method", paint)
-
-
-def by_generation(run: FinishedRun) -> FigurePage:
-    """The rewards of a run's generations."""
-
-    def paint() -> Figure:
-        figure = new_figure(6.4, 3.2)
-        ax, x = figure.subplots(), range(len(run.figures.generations))
-        ax.step(x, run.best_so_far(len(x)), where="post", color=COLORS[2], label="best so far")
-        rewards = [(g.best_reward, g.mean_reward) for g in run.figures.generations]
-        for y, label in zip(np.array(rewards, dtype=np.float64).T, ("best", "mean"), strict=True):
-            ax.plot(x, y, "o-", ms=4, label=f"{label} of the generation")
-        ax.set(ylim=(0, 1.02), ylabel="reward (0 to 1)", xlabel="generation", xticks=x[:: 1 + len(x) // 16])
-        _legend(figure, ax)
-        return figure
-
-    return FigurePage("rewards_by_generation", "Reward by generation", paint)
 
 
 def _course(run: FinishedRun) -> tuple[Array, Array]:

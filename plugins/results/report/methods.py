@@ -59,7 +59,7 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
 
 
 def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Return the shortest list of settings that distinguishes the method of each (task, configuration).
+    """Name the method of each (task, configuration) by the settings that distinguish methods.
 
     Choices (``tool=none``) distinguish methods wherever they differ. Another setting does where two runs of one task
     with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
@@ -75,11 +75,8 @@ def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str
         alike[task, *(setting.get(key) for key in choices)].append(setting)
     others = sorted({key for setting in settings for key in setting} - set(choices))
     varying += [key for key in others if any(len(_values(runs, key)) > 1 for runs in alike.values())]
-    methods = [tuple(setting.get(key) for key in varying) for setting in settings]
-    if not varying:
-        return [" ".join(_say(key, setting.get(key)) for key in choices[:3]) for setting in settings]
-    names = _shortest(list(dict.fromkeys(methods)), varying)
-    return [names[method] for method in methods]
+    named_by = varying or choices[:3]
+    return [" ".join(_say(key, setting.get(key)) for key in named_by) for setting in settings]
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -95,17 +92,6 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
     return {setting.get(key) for setting in settings}
-
-
-def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tuple[str | None, ...], str]:
-    names = {}
-    for method in methods:
-        differences = [{i for i in range(len(keys)) if other[i] != method[i]} for other in methods if other != method]
-        chosen = set(range(len(keys)))
-        for i in reversed(range(len(keys))):  # leave out what can be, the last rather than the first
-            chosen -= {i} if all(found & (chosen - {i}) for found in differences) else set()
-        names[method] = " ".join(_say(keys[i], method[i]) for i in sorted(chosen))
-    return names
 
 
 def _say(key: str, value: str | None) -> str:

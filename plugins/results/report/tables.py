@@ -6,11 +6,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from functools import wraps
 from statistics import fmean
-from typing import Any
 
 from core.design import ranked
 from core.store.reader import Key, StoredEvaluation, StoredRequest
-from core.values.efforts import front as unbeaten
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.runs import reasons as why
@@ -28,7 +26,7 @@ def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
     makers = (rewards, methods, generations, reasons, lineage, tools, runs, left_out, models)
     every = [
-        *(make(results) for make in (*makers, front, costs)),
+        *(make(results) for make in (*makers, costs)),
         *entry_tables(results.entries),
         verification(results.verified),
     ]
@@ -213,21 +211,6 @@ def tools(results: Results) -> Iterator[tuple[Cell, ...]]:
             *(winner.tool.description, winner.use, winner.candidate),
             CellLink(winner.run.folder.name, winner.run.folder),
         )
-
-
-@_table("task|mass (g):1|motion (s):2|lean:3|method|seed:0|candidate")
-def front(results: Results) -> Iterator[tuple[Cell, ...]]:
-    """What holds and is not beaten in mass without a longer motion, of all candidates that ``fitness=lean`` judged."""
-    judged: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
-    for g in results.groups:
-        for run in g.runs if all(run.config.get("fitness", {}).get("name") == "lean" for run in g.runs) else ():
-            for each in run.store.evaluations():
-                known = each.details.figures
-                if each.status == "ok" and {"lean", "motion_s", "mass_kg"} <= known.keys():
-                    cost = (1000 * known["mass_kg"], known["motion_s"], known["lean"])
-                    judged[g.task].append((*cost, g.method, run.seed, each.candidate))
-    for task, own in judged.items():
-        yield from ((task, *own[n]) for n in unbeaten([(row[0], row[1]) for row in own]))
 
 
 @_table("folder|task|status|reason")

@@ -36,5 +36,5 @@ def test_one_run_is_enough_for_a_report(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.5]])
     report([tmp_path / "run"], tmp_path / "out")
     drawn = {f.stem for f in (tmp_path / "out" / "data").glob("*.png")}
-    assert drawn == {"rewards_by_generation"}
+    assert drawn == {"rewards"}
     assert read_csv(tmp_path / "out" / "data" / "methods.csv")[0]["IQM, low"] == ""

@@ -32,12 +32,12 @@ def labels(*configs, tasks=None):
     return label([((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)])
 
 
-def test_methods_are_named_by_the_least_that_tells_them_apart():
+def test_methods_are_named_by_the_choices_that_differ():
     assert labels(config(), config(evolution="sampling"), config(tool="none"), config(tool="rlbench")) == [
         "tool=urdf evolution=vlmgineer",
-        "evolution=sampling",
-        "tool=none",
-        "tool=rlbench",
+        "tool=urdf evolution=sampling",
+        "tool=none evolution=vlmgineer",
+        "tool=rlbench evolution=vlmgineer",
     ]
     assert labels(config(), config(sim="sapien")) == ["sim=pybullet", "sim=sapien"]
     assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
