@@ -15,7 +15,6 @@ from plugins.results.pages.formats import to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
 from plugins.results.pages.tools import size
 from plugins.results.report.figures import comparable, figure_pages
-from plugins.results.report.prints import ToolPrint, tool_prints
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
 from plugins.results.report.tables import REASONS, tables
@@ -38,29 +37,29 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     return films
 
 
-def _in_viewer(shown: ToolPrint) -> dict[str, Any]:
-    winner = shown.winner
-    said = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
-    return in_viewer(winner.tool, winner.robot, shown.title, said)
+def _in_viewer(results: Results) -> list[dict[str, Any]]:
+    """The best tools, to turn around."""
+    shown = []
+    for (task, method), winner in results.tools.best.items():
+        said = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
+        shown.append(in_viewer(winner.tool, winner.robot, f"{task}, {method}: {winner.name}", said))
+    return shown
 
 
 def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
     """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
     listed = tables(results)
     drawn = figure_pages(results)
-    prints = tool_prints(results)
     drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
     counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
     runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
     page = render(
         "report.html.j2",
         folder,
-        [_in_viewer(shown) for shown in prints],
+        _in_viewer(results),
         title="Tools and their rewards",
         summary=f"{runs} of {methods} on {tasks}.",
         films=_films(results),
-        prints=prints,
-        root=folder,
         warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
         tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
@@ -71,8 +70,6 @@ def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
         shared=comparable(results)[0],
     )
     files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
-    for shown in prints:
-        files |= shown.files()
     csv = {table.name: to_csv(table, folder / DATA) for table in listed}
     files |= {f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace") for name, text in csv.items()}
     files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}

@@ -5,10 +5,8 @@ Nothing here commands a robot.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +29,7 @@ from core.robot.trajectory import Motion
 from core.scene import Scene
 from core.simulation.rollout import Evaluator
 from core.simulation.together import of_task
+from core.store.database import writing
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.values.materials import Material
@@ -144,43 +143,35 @@ def export(cfg: DictConfig) -> list[Export]:
         UserError: the design or a setting can't be used, there is something in the folder, or it can't be written.
     """
     check_seed(cfg.seed)
-    with whole(Path(cfg.output)) as output:
-        task, representation = task_part(cfg).create(), tool_part(cfg).create()
-        best = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))[0]
-        if best.candidate.tool is None or best.candidate.problem is not None:
-            raise UserError(f"the design can't be used: {best.candidate.problem}")
-        fit, printer = node(cfg.fit, Fit), node(cfg.printer, Printer)
-        printed = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
-        exports = [_play(cfg, part, best, printed) for part in task_parts(cfg)]
+    output = new_folder(Path(cfg.output))
+    task, representation = task_part(cfg).create(), tool_part(cfg).create()
+    best = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))[0]
+    if best.candidate.tool is None or best.candidate.problem is not None:
+        raise UserError(f"the design can't be used: {best.candidate.problem}")
+    fit, printer = node(cfg.fit, Fit), node(cfg.printer, Printer)
+    printed = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
+    exports = [_play(cfg, part, best, printed) for part in task_parts(cfg)]
+    with writing(output):
         written = write_tool(printed, [check for made in exports for check in made.checks], output / "tool")
         for made in exports:
             _write(made, written, representation, output / made.task.name if len(exports) > 1 else output)
     return exports
 
 
-@contextlib.contextmanager
-def whole(folder: Path) -> Iterator[Path]:
-    """Give a folder beside ``folder`` to write to. At the end it becomes ``folder``; after an error it is removed.
-
-    Its name is always the same, so that what a killed export left there is found, and removed.
+def new_folder(folder: Path) -> Path:
+    """Make a folder to write to.
 
     Raises:
-        UserError: ``folder`` has something in it, or can't be written.
+        UserError: it has something in it, or can't be made.
     """
-    folder = folder.resolve()
-    beside = folder.with_name(f".{folder.name[:50]}.part")
-    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
     try:
-        if beside.exists():
-            shutil.rmtree(beside)
-        beside.mkdir(parents=True)
-        yield beside
-        beside.rename(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        written = any(folder.iterdir())
     except OSError as error:
         raise UserError(f"can't write {folder}: {error}") from error
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+    if written:
+        raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
+    return folder
 
 
 def _play(cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, printed: PrintedTool) -> Export:

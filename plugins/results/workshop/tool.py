@@ -15,7 +15,7 @@ import trimesh
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Compound
 from core.support.cli import write_bytes
-from core.values.materials import PAPER, Material
+from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, on_finger, weighed
 from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_3mf, to_stl
@@ -123,11 +123,6 @@ def _mounted(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
     if link.bearer in GRIPPER_MOUNTS:
         return on_finger(robot, link, solid, fit)
     return Mount(solid)
-
-
-def print_bodies(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
-    """Lay the `bodies` of a tool on a printer's plate, and check them."""
-    return [body.printed(printer, material) for body in bodies(tool, printer)]
 
 
 def _fuse(link: ToolLink, printer: Printer, fix: Callable[[Any], Mount] = Mount) -> Body:

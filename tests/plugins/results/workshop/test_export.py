@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import as_good, checklist, configured, export, main, whole
+from plugins.results.workshop.command import as_good, checklist, configured, export, main
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
@@ -178,21 +178,6 @@ def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_pa
     with pytest.raises(UserError, match="out has files in it already; choose another output="):
         exported(tmp_path / "out", "sims=[]")
     assert [file.name for file in tmp_path.rglob("*")] == ["out", "programs"]
-
-
-def test_what_a_killed_export_left_is_removed_by_the_next_one(tmp_path):
-    left = tmp_path / ".out.part" / "tool"
-    left.mkdir(parents=True)
-    (left / "half").touch()
-    with whole(tmp_path / "out") as beside:
-        (beside / "all").touch()
-    assert [file.name for file in tmp_path.rglob("*")] == ["out", "all"]
-
-
-def test_what_fails_half_way_leaves_no_folder(tmp_path):
-    with pytest.raises(UserError, match=r"can't write .*out: .*No such file"), whole(tmp_path / "out") as beside:
-        (beside / "there" / "half").write_text("a half")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_a_model_named_is_no_markup(made):

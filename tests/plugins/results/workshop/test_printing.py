@@ -7,11 +7,16 @@ import trimesh
 
 from core.design import Component, Tool
 from core.geometry import Box, Pose
+from core.values.materials import PAPER
 from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.tool import print_bodies
+from plugins.results.workshop.tool import bodies
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
+
+
+def print_bodies(tool, printer, material=PAPER):
+    return [body.printed(printer, material) for body in bodies(tool, printer)]
 
 
 def box(name, parent, at, size, rpy=(0, 0, 0)):

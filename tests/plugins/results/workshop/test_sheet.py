@@ -12,10 +12,11 @@ from core.plugins import installed
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import Load, Strength, strength
-from plugins.results.workshop.tool import PrintedTool, make_tool, print_bodies
+from plugins.results.workshop.tool import PrintedTool, make_tool
 from plugins.results.workshop.verdicts import strong
 from tests.panda import PANDA
 from tests.plugins.results.workshop.test_export import exported
+from tests.plugins.results.workshop.test_printing import print_bodies
 from tests.plugins.results.workshop.test_strength import NEWTONS, SOLID, bar
 
 PRINTER = Printer()
