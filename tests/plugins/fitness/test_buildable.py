@@ -62,8 +62,8 @@ def test_what_is_too_thin_costs_no_rollout_and_its_reason_names_the_wall(scoop):
     evaluator = moving_ball()
     (found,) = fitness(evaluator, min_wall_mm=30.0)([scoop])
     assert (found.status, found.reward, evaluator.tried) == ("rejected", 0.0, [])
-    assert "at least 30 mm; thicken the thinnest component" in found.reason
-    assert "at least 30 mm" in describe(found)
+    assert "held by a joint thinner than a wall" in found.reason
+    assert "let components overlap by more than a wall" in describe(found)
 
 
 def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
