@@ -6,13 +6,11 @@ What a process leaves that was killed is in the system's temporary folder, and t
 from __future__ import annotations
 
 import atexit
-import contextlib
-import errno
 import os
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from core.errors import UserError
@@ -21,7 +19,6 @@ from core.support.files import write_whole
 _folder: Path | None = None
 _maker: int | None = None  # the process that made the folder, and removes it: a forked one may not
 _lock = threading.Lock()
-_written: set[Path] = set()
 
 
 def scratch() -> Path:
@@ -38,7 +35,8 @@ def scratch() -> Path:
                 _maker = os.getpid()
             _folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
-            raise _no_room(error) from error
+            mend = "make room, or set TMPDIR to a folder that has it"
+            raise UserError(f"no temporary folder can be made: {error}; {mend}") from error
         return _folder
 
 
@@ -48,10 +46,7 @@ def temporary_folder() -> tempfile.TemporaryDirectory[str]:
     Raises:
         UserError: it can't be made.
     """
-    try:
-        return tempfile.TemporaryDirectory(dir=scratch())
-    except OSError as error:
-        raise _no_room(error) from error
+    return tempfile.TemporaryDirectory(dir=scratch())
 
 
 def use_scratch(folder: Path) -> None:
@@ -73,24 +68,4 @@ def write_once(file: Path, make: Callable[[], str]) -> Path:
     """Write the text that ``make`` returns, unless the file is there; return the file."""
     if not file.exists():
         write_whole(file, make().encode(), shared=True)
-    _written.add(file)
     return file
-
-
-@contextlib.contextmanager
-def intact(folder: Path) -> Iterator[None]:
-    """Check after the block that the files of `write_once` in a folder were there: an engine may not report it.
-
-    Raises:
-        FileNotFoundError: one was deleted meanwhile, in place of what was raised within.
-    """
-    try:
-        yield
-    finally:
-        for file in tuple(_written):
-            if file.parent == folder and not file.exists():
-                raise FileNotFoundError(errno.ENOENT, "a temporary file was deleted meanwhile", str(file))
-
-
-def _no_room(error: OSError) -> UserError:
-    return UserError(f"no temporary folder can be made: {error}; make room, or set TMPDIR to a folder that has it")

@@ -7,15 +7,12 @@ death of a worker is noticed at once, and costs nothing but its chunk.
 from __future__ import annotations
 
 import gc
-import mmap
 import multiprocessing
 import os
 import pickle
 import queue
-import shutil
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -36,11 +33,7 @@ B = TypeVar("B")
 
 # Threads of libraries in several workers would compete for the same cores. Read when a worker imports a library.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-_STARTS = 3  # tries to get a chunk into a process
-_START_S = 120.0  # for each
-_ROLLOUT_MB = 100  # least memory for rollouts, on top of what an idle worker holds
-# What a person, a scheduler or the system sends; a crash is another one.
-_SENT = {getattr(signal, f"SIG{name}", 0) for name in ("HUP", "INT", "QUIT", "KILL", "TERM", "XCPU", "PIPE")} - {0}
+_START_S = 120.0  # for a process to take its first chunk
 
 _spawn = multiprocessing.get_context("spawn")
 _reaping = threading.Lock()  # if two threads wait for one process, one does not get its exit code
@@ -77,8 +70,6 @@ class LocalExecutor(Executor):
 
     def close(self) -> None:
         for worker in self._pool:
-            worker.kill()
-        for worker in self._pool:
             worker.close()
         self._pool = []
 
@@ -87,21 +78,15 @@ class _Died(Exception):
     """A worker process ended by itself; says how."""
 
 
-class _Unusable(Exception):
-    """A worker process can't work as it is set up; says why."""
-
-
 class _Worker:
     """One process, started when it is needed, and started again when it has died."""
 
     def __init__(self, timeout_s: float | None, memory_mb: int | None) -> None:
         self._timeout_s = timeout_s
         self._memory_mb = memory_mb
-        self._used = False  # the process has had a chunk before
         self._calling = threading.Lock()
         self._process: SpawnProcess | None = None
         self._pipe: Connection[Any, Any] | None = None
-        self._folder: Path | None = None
         self._closed = False
 
     def call(self, function: Callable[[A], B], chunk: A) -> B | Exception:
@@ -112,21 +97,47 @@ class _Worker:
         """
         job = pickle.dumps((function, chunk))
         with self._calling:
-            result = self._try(job, chunk)
-            if self._used and not self._closed and isinstance(result, _Died | MemoryError | Fault):
+            fresh = self._hand_over(job)
+            result = self._result(chunk)
+            if not fresh and isinstance(result, _Died | MemoryError | Fault):
                 # Earlier chunks may have left something in the process that is to blame.
                 self._bury()
-                result = self._try(job, chunk)
-            self._used = True
+                self._hand_over(job)
+                result = self._result(chunk)
+
             if isinstance(result, MemoryError | Fault):
                 self._bury()
             if isinstance(result, MemoryError):
                 return RuntimeError(f"it took more memory than executor.memory_mb={self._memory_mb} allows")
             return RuntimeError(str(result)) if isinstance(result, _Died) else result
 
-    def _try(self, job: bytes, chunk: Any) -> Any:
-        """Return the process's result for the job, or an exception."""
-        self._hand_over(job)
+    def _hand_over(self, job: bytes) -> bool:
+        """Send the job to the process, or else to a new one; say if it is new.
+
+        Raises:
+            UserError: a new process does not take it.
+        """
+        if self._process is not None and self._sent(job) is None:
+            return False
+        self._start()
+        why = self._sent(job)
+        if why is not None:
+            self._bury()
+            raise UserError(f"worker processes can't be used: {why}")
+        return True
+
+    def _sent(self, job: bytes) -> str | None:
+        """Send the job, and wait until the process is ready for it; say why it is not."""
+        assert self._pipe is not None
+        try:
+            self._pipe.send_bytes(job)
+            refusal = self._receive(_START_S)
+        except (_Died, Fault, OSError) as error:
+            return str(error)
+        return None if refusal is None else str(refusal) or type(refusal).__name__
+
+    def _result(self, chunk: Any) -> Any:
+        """Return the process's result for the chunk, or an exception."""
         try:
             return self._receive(time_limit(self._timeout_s, chunk))
         except (_Died, Fault) as death:
@@ -135,39 +146,12 @@ class _Worker:
             self._bury()
             return RuntimeError(f"the rollout took longer than executor.timeout_s={self._timeout_s:g} and was given up")
 
-    def _hand_over(self, job: bytes) -> None:
-        """Send the job, until a process confirms it.
-
-        Raises:
-            UserError: no process does.
-        """
-        for attempt in range(1, _STARTS + 1):
-            try:
-                if self._process is None or not self._process.is_alive():
-                    self._start()
-                assert self._pipe is not None
-                self._pipe.send_bytes(job)
-                self._confirm()
-            except Exception as failure:  # a process may lack anything
-                self._bury()
-                if attempt == _STARTS or self._closed or isinstance(failure, _Unusable):
-                    why = str(failure) or type(failure).__name__
-                    raise UserError(f"worker processes can't be used: {why}") from failure
-            else:
-                return
-
-    def _confirm(self) -> None:
-        """Wait until the process is ready for the job; raise what keeps it from it."""
-        refusal = self._receive(_START_S)
-        if refusal is not None:
-            raise refusal
-
     def _start(self) -> None:
         self._bury()
         os.environ.update(_ONE_THREAD)
         with _reaping:
             if self._closed:
-                raise _Died("the executor is closed")
+                raise UserError("the executor is closed")
             if hasattr(signal, "pthread_sigmask"):  # not on Windows
                 resource_tracker.ensure_running()  # or it is started below, and lets signals through again
                 # The process inherits it: Ctrl-C is not for it, not even while it starts.
@@ -175,12 +159,10 @@ class _Worker:
             if multiprocessing.get_start_method() not in multiprocessing.get_all_start_methods():
                 # In a job of joblib it is joblib's own method, whose name a new process would not know.
                 multiprocessing.set_start_method("spawn", force=True)
-            self._folder = Path(tempfile.mkdtemp(prefix="worker-", dir=scratch()))
             self._pipe, theirs = _spawn.Pipe()
             with theirs:
-                arguments = [theirs, self._memory_mb, self._folder]
+                arguments = [theirs, self._memory_mb, scratch()]
                 self._process = _spawn.Process(target=_work, args=arguments, name="worker", daemon=True)
-                self._used = False
                 self._process.start()
 
     def _receive(self, timeout_s: float | None) -> Any:
@@ -201,43 +183,29 @@ class _Worker:
         except (EOFError, OSError):
             pass
         self._bury()
-        raise _death(process.exitcode)
+        if process.exitcode in (-signal.SIGTERM, -9):
+            raise Fault("the worker process died: it was killed, as the system does when memory runs out")
+        raise _Died(f"the worker process died (exit code {process.exitcode})")
 
     def _bury(self) -> None:
-        """End the process at once, and let go of all that belongs to it."""
-        if self._process is not None:
-            if self._process.pid is not None:  # it was started
-                self._process.kill()
-                with _reaping:
-                    self._process.join()
-            self._process = None
+        """End the process at once."""
+        if self._process is not None and self._process.pid is not None:  # it was started
+            self._process.kill()
+            with _reaping:
+                self._process.join()
         if self._pipe is not None:
             self._pipe.close()
-            self._pipe = None
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            self._folder = None
+        self._process = None
+        self._pipe = None
 
-    def kill(self) -> None:
+    def close(self) -> None:
         """End the process for good; a thread that waits for it gets `_Died`."""
         with _reaping:
             self._closed = True
             if self._process is not None and self._process.pid is not None:
                 self._process.kill()
-
-    def close(self) -> None:
-        """Wait until the process is gone, after `kill`."""
         with self._calling:
             self._bury()
-
-
-def _death(code: int | None) -> Exception:
-    """Describe the end of a process: a crash is its own, a signal that ends processes comes from elsewhere."""
-    if code is not None and -code in _SENT:
-        name = signal.Signals(-code).name
-        memory = "; the system kills processes when memory runs out" if name == "SIGKILL" else ""
-        return Fault(f"the worker process died: something else sent it {name}{memory}")
-    return _Died(f"the worker process died (exit code {code})")
 
 
 def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> None:
@@ -250,10 +218,8 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
         try:
             while True:
                 jobs.put(pipe.recv_bytes())
-        except (EOFError, OSError):
-            os._exit(0)
         finally:
-            os._exit(1)
+            os._exit(0)
 
     # In a thread, so that the pipe's end is noticed during a job too.
     threading.Thread(target=receive, name="jobs", daemon=True).start()
@@ -263,19 +229,19 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
         try:
             function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
             getattr(function, "prepare", lambda: None)()
-            if not begun:
-                begun = True
-                gc.freeze()  # what was imported stays: Python's garbage collector need not look there again and again
-                if memory_mb is not None:
-                    _limit_memory(memory_mb)
         except RAISED as error:
             pipe.send(portable(error))
             return
+        if not begun:
+            begun = True
+            gc.freeze()  # what was imported stays: Python's garbage collector need not look there again and again
+            if memory_mb is not None:
+                _limit_memory(memory_mb)
         pipe.send(None)
         try:
             result = pickle.dumps(function(chunk))
         except MemoryError:
-            result = pickle.dumps(MemoryError() if _has_room(memory_mb) else Fault("the machine has no memory left"))
+            result = pickle.dumps(MemoryError())
         except RAISED as error:
             result = pickle.dumps(portable(error))
         pipe.send_bytes(result)
@@ -287,41 +253,12 @@ def _limit_memory(memory_mb: int) -> None:
     """Limit the memory of the process's data, and write no core files.
 
     Addresses that are only reserved, as by graphics drivers, don't count.
-
-    Raises:
-        _Unusable: the process holds as much already, and could do nothing.
     """
     if sys.platform == "win32":
         return
     import resource
 
-    needed_mb = _data_mb() + _ROLLOUT_MB
-    if memory_mb < needed_mb:
-        raise _Unusable(
-            f"executor.memory_mb={memory_mb} is too small: a worker holds {needed_mb - _ROLLOUT_MB} MB before its "
-            f"first rollout; set at least executor.memory_mb={needed_mb}"
-        )
     for what, most in ((resource.RLIMIT_DATA, memory_mb * 2**20), (resource.RLIMIT_CORE, 0)):
         _, hard = resource.getrlimit(what)
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(what, (allowed, hard))
-
-
-def _data_mb() -> int:
-    """Measure the memory of this process's data, megabytes; 0 where the system does not say."""
-    try:
-        lines = Path("/proc/self/status").read_text().splitlines()
-    except OSError:
-        return 0
-    return next((int(line.split()[1]) // 1024 for line in lines if line.startswith("VmData:")), 0)
-
-
-def _has_room(memory_mb: int | None) -> bool:
-    """Say if the machine would give this process all the memory that its limit allows."""
-    if memory_mb is None:
-        return False
-    try:
-        mmap.mmap(-1, max(1, memory_mb - _data_mb() - 1) * 2**20).close()  # shared, which the limit leaves out
-    except OSError:
-        return False
-    return True

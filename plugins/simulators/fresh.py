@@ -35,35 +35,20 @@ class FreshWorlds(Simulator):
 
     @abstractmethod
     def build(self, task: Task, job: Rollout) -> FreshWorld:
-        """Build the job's world.
-
-        Raises:
-            FileNotFoundError: something cleans the temporary folder.
-        """
-
-    @abstractmethod
-    def forget(self) -> None:
-        """Take a new folder for files, of which none is known yet."""
+        """Build the job's world."""
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._play(task, job) for job in jobs]
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> FreshWorld:
-        return self._world(task, Rollout(tool, at_home(task), seed))
+        return self.build(task, Rollout(tool, at_home(task), seed))
 
     def _play(self, task: Task, job: Rollout) -> Outcome:
         try:
-            world = self._world(task, job)
+            world = self.build(task, job)
             outcome = play(world, job)
         except self.refusal as error:
             return Outcome(None, None, error=f"{self.title}: {error}")
         if world.forces and outcome.recording:
             return replace(outcome, recording=world.forces.measured(outcome.recording))
         return outcome
-
-    def _world(self, task: Task, job: Rollout) -> FreshWorld:
-        try:
-            return self.build(task, job)
-        except FileNotFoundError:
-            self.forget()
-            return self.build(task, job)

@@ -8,7 +8,7 @@ from typing import Unpack
 from core.design import Tool
 from core.errors import check_positive
 from core.interfaces import Image, Robot, Rollout, Task, View
-from core.support.scratch import intact, temporary_folder
+from core.support.scratch import temporary_folder
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
@@ -42,9 +42,6 @@ class PyBulletSimulator(FreshWorlds):
         check_positive("sim.", **self._settings._asdict())
         check_time_step(time_step)
         self._client = Client()
-        self.forget()
-
-    def forget(self) -> None:
         self._folder = temporary_folder()
         self._renderer: PyBulletRenderer | None = None
         # Those of the last job, since consecutive jobs mostly share them; the world is fresh each time.
@@ -59,21 +56,12 @@ class PyBulletSimulator(FreshWorlds):
         if self._robot is None or self._robot[0] != robot or self._robot[1] is not job.tool:
             self._robot = robot, job.tool, robot_file(folder, robot, job.tool, visuals=False)
         forces = job.forces and job.record_hz > 0
-        with intact(folder):
-            return World(
-                self._client, self._scene[2], robot, self._robot[2], job.tool, job.trajectory, self._settings, forces
-            )
+        return World(
+            self._client, self._scene[2], robot, self._robot[2], job.tool, job.trajectory, self._settings, forces
+        )
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
-        try:
-            return self._drawn(task, **view)
-        except FileNotFoundError:
-            self.forget()
-            return self._drawn(task, **view)
-
-    def _drawn(self, task: Task, **view: Unpack[View]) -> Image:
         folder = Path(self._folder.name)
         if self._renderer is None:
             self._renderer = PyBulletRenderer(folder)
-        with intact(folder):
-            return self._renderer.render(task, **view)
+        return self._renderer.render(task, **view)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from core.errors import check_positive
 from core.interfaces import Rollout, Task
-from core.support.scratch import intact, temporary_folder
+from core.support.scratch import temporary_folder
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
@@ -39,13 +39,9 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
         self._folder = temporary_folder()
         self._placed: tuple[Task, int, Weighed] | None = None  # of the last job: consecutive ones mostly share it
 
-    def forget(self) -> None:
-        self._folder = temporary_folder()
-
     def build(self, task: Task, job: Rollout) -> World:
         if self._placed is None or self._placed[0] is not task or self._placed[1] != job.seed:
             self._placed = (task, job.seed, Weighed(only_rigid(task.scene(job.seed), task.name, "sapien")))
         folder = Path(self._folder.name)
-        with intact(folder):
-            forces = job.forces and job.record_hz > 0
-            return World(folder, self._placed[2], task.robot, job.tool, job.trajectory, self._settings, forces)
+        forces = job.forces and job.record_hz > 0
+        return World(folder, self._placed[2], task.robot, job.tool, job.trajectory, self._settings, forces)
