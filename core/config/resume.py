@@ -94,21 +94,19 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
         UserError: there is an address of the model, the executor or a listener, or a model; says what to repeat.
     """
     given = {word.lstrip("+").partition("=")[0] for word in repeated}
+    usual = _usual_model(config)
     found: dict[str, str] = {}
     for kind in ("vlm", "executor", "listener"):
-        part = config.get(kind)
-        for key, setting in part.items() if isinstance(part, dict) else ():
-            for path, value in texts(setting, f"{kind}.{key}"):
-                name = path.rpartition(".")[2]
-                leads = "://" in value or _ADDRESS.search(name) or (name == "model" and value != _usual_model(config))
-                listed = isinstance(setting, list)  # a list that is given replaces the stored one
-                if leads and (f"{kind}.{key}" if listed else path) not in given:
-                    word = f"{kind}.{key}=[...], all of it" if listed else f"{path}={value}"
-                    found[clean(value, 300)] = clean(word, 300)
+        for path, value in texts(config.get(kind), kind):
+            name = path.rpartition(".")[2]
+            leads = "://" in value or _ADDRESS.search(name) or (name == "model" and value != usual)
+            if leads and not any(f"{path}.".startswith(f"{key}.") for key in given):
+                found[path] = clean(value, 300)
     if found:
+        words = " ".join(f"{path}={value}" for path, value in found.items())
         raise UserError(
-            f"the run leads to {', '.join(found)}, with what it sends, keys included; if you trust that, repeat it: "
-            f"{' '.join(dict.fromkeys(found.values()))}"
+            f"the run leads to {', '.join(found.values())}, with what it sends, keys included; if you trust that, "
+            f"repeat it: {words}"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -127,15 +128,12 @@ def register() -> None:
         HydraPlugins.instance().register(source)
 
 
-MOST = 1000
-
-
 def new_folder(name: str) -> str:
     """Make the folder, or where there is one of its name ``NAME_2``, ``NAME_3`` and so on; return its name.
 
     Where none can be made, the name is returned: what writes to it gives the reason.
     """
-    for number in range(1, MOST + 1):
+    for number in itertools.count(1):
         chosen = name if number == 1 else f"{name}_{number}"
         try:
             Path(chosen).mkdir(parents=True)

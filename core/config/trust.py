@@ -18,8 +18,7 @@ from core.support.secrets import holds_secret, is_secret_name
 from core.support.text import clean
 
 MAX_BYTES = 100_000  # of a stored configuration
-_IN_MAPPING = re.compile(r"[\w-]+(?=['\"]?\s*:)")  # the names in {name: value}
-_NAMED = re.compile(r"(?:[?&](?=[\w-]+=)|oc\.env:\s*)([\w-]+)")  # in an address's query, or of a variable
+_NAMED = re.compile(r"(?:[{,?&]|oc\.env:)\s*['\"]?([\w-]+)")  # in a mapping or an address's query, or of a variable
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
 
 
@@ -47,8 +46,7 @@ def refuse_key_words(words: Sequence[str]) -> None:
     """
     for word in words:
         key, _, value = word.lstrip("+~").partition("=")
-        names = [*key.split("."), *_IN_MAPPING.findall(value)]
-        if value not in ("", "null") and (any(map(_is_key, names)) or _holds(value) or holds_secret(key)):
+        if value not in ("", "null") and _leaks(key, value):
             raise UsageError(f"{clean(key, 100)} is a key or holds one: {_HINT}")
 
 
@@ -59,28 +57,28 @@ def refuse_keys(config: DictConfig) -> None:
         UserError: there is one; the message does not repeat it.
     """
     for path, value in texts(OmegaConf.to_container(config)):
-        names = path.split(".")
-        if names[0] != "hydra" and value != "???" and (any(map(_is_key, names)) or _holds(value)):
+        if not path.startswith("hydra.") and value != "???" and _leaks(path, value):
             raise UserError(f"{path} of the configuration is a key or holds one: {_HINT}")
 
 
-def _is_key(name: str) -> bool:
-    return is_secret_name(name) and name.lower() != "key"  # of a piano, or a part's own
-
-
-def _holds(value: str) -> bool:
-    return holds_secret(value) or any(map(is_secret_name, _NAMED.findall(value)))
+def _leaks(path: str, value: str) -> bool:
+    """Say if the setting at ``path`` is a key by its name, or holds one; only the name ``key`` itself tells nothing."""
+    names = [name for name in path.split(".") if name.lower() != "key"]
+    return any(map(is_secret_name, [*names, *_NAMED.findall(value)])) or holds_secret(f"{path}={value}")
 
 
 def texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield each text in a configuration that is not empty, with its path; the keys too."""
+    """Yield each text in a configuration that is not empty, with its path; keys with a reference in them too."""
     if isinstance(node, str) and node:
         yield path, node
-    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
-    for key, item in items:
-        if "${" in str(key):
-            yield path, str(key)
-        yield from texts(item, ".".join(filter(None, (path, key if isinstance(key, str) else ""))))
+    elif isinstance(node, list):
+        for item in node:
+            yield from texts(item, path)
+    elif isinstance(node, dict):
+        for key, item in node.items():
+            if "${" in str(key):
+                yield path, str(key)
+            yield from texts(item, f"{path}.{key}" if path else str(key))
 
 
 def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str, Any]:
@@ -107,16 +105,15 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
     """Read the configuration that Hydra wrote into a run's folder, unresolved.
 
     Raises:
-        UserError: it can't be read.
+        UserError: it can't be read, or has aliases, a few of which may unfold to gigabytes.
     """
     try:
         text = read_untrusted(file, MAX_BYTES).decode()
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.CSafeLoader)):
-            raise UserError(f"{file} can't be used: it has aliases, a few of which may unfold to gigabytes")
+            raise UserError(f"{file} can't be used: it has aliases")
         config = OmegaConf.to_container(OmegaConf.create(text))
     except (OmegaConfBaseException, yaml.YAMLError, ValueError, RecursionError) as error:
-        why = str(error).strip().partition("\n")[0]
-        raise UserError(f"{file} can't be used: {clean(why, 200)}") from error
+        raise UserError(f"{file} can't be used: {clean(str(error), 200)}") from error
     if not isinstance(config, dict):
         raise UserError(f"{file} can't be used: it is no configuration")
     return cast(dict[str, Any], config)

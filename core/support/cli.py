@@ -76,8 +76,6 @@ def folders_and_overrides(usage: str, given: Sequence[str]) -> tuple[list[Path],
             folders.append(Path(word))
         elif key not in ("run", "runs"):
             overrides.append(word)
-        elif value.startswith("[") and not Path(value).exists():  # as Hydra writes lists
-            folders += [Path(name.strip("'\" ")) for name in value.strip("[]").split(",")]
         else:
             folders.append(Path(value))
     return folders, overrides

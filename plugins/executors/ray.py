@@ -10,7 +10,7 @@ import signal
 import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import suppress
 from functools import cache, partial
 from typing import Any, TypeVar
 
@@ -95,8 +95,11 @@ class RayExecutor(Executor):
         Raises:
             UserError: a node can't do it.
         """
-        job, limit = pickle.dumps((function, chunk)), time_limit(self._timeout_s, chunk)
-        lost, machine, why = self._ray.exceptions, False, ""
+        job = pickle.dumps((function, chunk))
+        limit = time_limit(self._timeout_s, chunk)
+        lost = self._ray.exceptions
+        machine = False
+        why = ""
         for _ in range(1 + self._retries):
             try:
                 answer = pickle.loads(self._result(task, job, limit))  # noqa: S301
@@ -173,21 +176,22 @@ class RayExecutor(Executor):
         settings: dict[str, Any] = {"address": self._address}
         if self._address is None:
             wanted = math.ceil((self._workers or 1) * self._num_cpus)
-            settings = {
-                "address": "local",
-                "num_cpus": max(wanted, cores() if self._workers is None else 0),
-                "include_dashboard": False,
-            }
+            settings = {"address": "local", "num_cpus": max(wanted, cores()), "include_dashboard": False}
         self._connected = True  # perhaps in part only
-        with _signals_kept(), nullcontext() if self._address else _loopback(self._ray):
-            try:
-                self._ray.init(**settings, logging_level=logging.ERROR, configure_logging=False, log_to_driver=False)
-            except Exception as error:  # Ray has no class of its own for what can go wrong here
-                where, hint = self._address or "on this machine", ""
-                if self._address is not None and "RAY_AUTH_MODE" not in os.environ:
-                    hint = "; one that asks for a token needs RAY_AUTH_MODE=token in the environment"
-                why = str(error).strip().splitlines()[0]
-                raise UserError(f"no Ray cluster {where}: {why}{hint}") from error
+        constants = self._ray._private.ray_constants
+        usual = constants.ENABLE_RAY_CLUSTER
+        # A cluster that is started here listens on 127.0.0.1 only, as on macOS and Windows, not on all addresses.
+        constants.ENABLE_RAY_CLUSTER = usual and self._address is not None
+        handler = signal.getsignal(signal.SIGTERM)
+        try:
+            self._ray.init(**settings, logging_level=logging.ERROR, configure_logging=False, log_to_driver=False)
+        except Exception as error:  # Ray has no class of its own for what can go wrong here
+            why = str(error).strip().splitlines()[0]
+            raise UserError(f"no Ray cluster {self._address or 'on this machine'}: {why}") from error
+        finally:
+            constants.ENABLE_RAY_CLUSTER = usual
+            if threading.current_thread() is threading.main_thread():
+                signal.signal(signal.SIGTERM, handler)  # Ray replaces it
 
     def close(self) -> None:
         with self._lock:
@@ -216,30 +220,6 @@ def _reach(address: str) -> None:
         socket.create_connection((host, int(port)), timeout=_REACH_S).close()
     except (OSError, OverflowError) as error:
         raise UserError(f"executor.address={address}: nothing answers there ({error})") from error
-
-
-@contextmanager
-def _loopback(ray: Any) -> Iterator[None]:
-    """Let a cluster that is started within listen on 127.0.0.1 only, as on macOS and Windows, not on all addresses."""
-    constants = ray._private.ray_constants
-    before = constants.ENABLE_RAY_CLUSTER
-    constants.ENABLE_RAY_CLUSTER = False
-    try:
-        yield
-    finally:
-        constants.ENABLE_RAY_CLUSTER = before
-
-
-@contextmanager
-def _signals_kept() -> Iterator[None]:
-    """Keep this program's signal handlers: Ray replaces the one for SIGTERM."""
-    mine = threading.current_thread() is threading.main_thread()
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)} if mine else {}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class _Unusable(Exception):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +17,15 @@ import rerun.blueprint as rrb
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.interfaces import Felt, Recording, Robot
+from core.interfaces import Outcome, Recording, Robot
 from core.robot.kinematics import arm_of, link_frames
 from core.robot.meshes import link_visuals, solids
 from core.robot.trajectory import Motion
 from core.scene import Camera, Color, Soft, State
 from core.simulation.rollout import played, prepare
-from core.solids.contacts import Contacts, find_contacts, make_trace
-from core.solids.record_rate import subset
 from core.support.templates import fill
 from core.support.text import clean
 from core.task import reward_of
@@ -39,7 +36,6 @@ _PAUSE_S = 0.5  # between two rollouts
 _PATH_COLOR = (230, 120, 20)
 _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200)}
 _SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
-_MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
 MAX_TEXT = 4000
 _INDENT = "    "  # before every line of a model's, so that it can't be taken for one of ours
@@ -62,8 +58,7 @@ class Writer:
         self._stream.set_sinks(rr.FileSink(file))
         self._stream.send_recording_name(f"{run.task.name}, {run.folder.name}")
         self._clock = 0.0
-        self._loose: set[str] = set()  # the tools' components with a joint
-        self._visible: set[_Place] = set()  # of the meshes that come and go
+        self._mounted: set[_Place] = set()  # the meshes of the tool, and of the gripper if it has one
         self._robot = run.task.robot
         self._softs = {soft.name: soft for soft in run.task.scene(run.seed).softs}
         self._hand: dict[str, trimesh.Trimesh] = {}  # the gripper's links
@@ -105,21 +100,21 @@ class Writer:
         assert candidate.tool is not None
         self._at(generation)
         try:
-            motion, recording, rewards, felt = replay(self._run, candidate, hz)
+            motion, outcome, recording = replay(self._run, candidate, hz)
         except ValueError as error:
             note = f"the rollout can't be shown: {error}"
-            self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
+            self._write("design", f"generation {generation}\n{design_text(evaluation, note)}")
             self._flush()
             return
+        self._write("design", f"generation {generation}\n{design_text(evaluation)}")
         self._mount(candidate.tool)
-        path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
+        arm = arm_of(self._robot)
+        path = rr.LineStrips3D([arm.positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
-        ended = np.array([motion.arrivals[guard.waypoint - 1] for guard in felt])
-        places = arm_of(self._robot).positions(motion.trajectory.sample(ended)[0])
-        self._log(("world", "guards"), rr.Points3D(places, labels=[*map(str, felt)], radii=0.01))
-        text = design_text(evaluation, float(rewards[-1]))
-        self._write("design", f"generation {generation}\n{text}")
+        ended = np.array([motion.arrivals[guard.waypoint - 1] for guard in outcome.felt])
+        places = arm.positions(motion.trajectory.sample(ended)[0])
+        self._log(("world", "guards"), rr.Points3D(places, labels=[*map(str, outcome.felt)], radii=0.01))
 
         times = recording.times - recording.times[0] + self._clock
         for name, poses in tracks(self._robot, candidate.tool, recording.arm, recording.fingers).items():
@@ -127,19 +122,24 @@ class Writer:
         states = recording.states
         for k, name in enumerate(states.names):
             if name in self._softs:
-                skins = np.stack([self._softs[name].form.surface(nodes).vertices for nodes in states.nodes(name)])
-                column = rr.Mesh3D.columns(vertex_positions=skins.reshape(-1, 3)).partition(
-                    [skins.shape[1]] * len(times)
-                )
-                self._columns(("world", "scene", name), times, generation, column)
-                continue
-            w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
-            self._move(("world", "scene", name), times, generation, states.positions[:, k], w_last)
-        known = np.isfinite(rewards)
-        course = rr.Scalars.columns(scalars=rewards[known])
-        self._columns(("reward", candidate.id), times[known], generation, course)
+                self._deform(name, times, generation, states.nodes(name))
+            else:
+                w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
+                self._move(("world", "scene", name), times, generation, states.positions[:, k], w_last)
+        if outcome.start is not None and not self.task.reads_trace:
+            scene = self.task.scene(self._run.seed)
+            starts = State.stack([outcome.start] * len(times))
+            rewards = reward_of(self.task, scene.complete(starts), scene.complete(states), None)
+            self._columns(("reward", candidate.id), times, generation, rr.Scalars.columns(scalars=rewards))
         self._clock = float(times[-1]) + _PAUSE_S
         self._flush()
+
+    def _deform(self, name: str, times: Array, generation: int, nodes: Array) -> None:
+        """Write a soft body's surface, whose nodes are at ``nodes`` (T, N, 3)."""
+        form = self._softs[name].form
+        skins = np.stack([form.surface(places).vertices for places in nodes])
+        vertices = rr.Mesh3D.columns(vertex_positions=skins.reshape(-1, 3))
+        self._columns(("world", "scene", name), times, generation, vertices.partition([skins.shape[1]] * len(times)))
 
     def _scene(self) -> None:
         for body in self._run.task.scene(self._run.seed).bodies:
@@ -155,12 +155,16 @@ class Writer:
                 self._log((*path, f"part_{k}"), _mesh(mesh, part.color[3]), _transform(part.pose), static=True)
 
     def _mount(self, tool: Tool) -> None:
-        for name, mesh in self._hand.items():
-            self._show(("world", "robot", name), mesh if tool.gripper else None, once=True)
-        placed = solids(tool, loose=True)
-        self._loose |= placed.keys() - set(_MOUNTS)
-        for mount in (*_MOUNTS, *sorted(self._loose)):
-            self._show(("world", "robot", mount, "tool"), joined(placed[mount]) if mount in placed else None)
+        """Show a tool, and the gripper if it has one, in the place of the last one."""
+        robot = ("world", "robot")
+        shown = {(*robot, mount, "tool"): joined(parts) for mount, parts in solids(tool, loose=True).items()}
+        if tool.gripper:
+            shown |= {(*robot, name): mesh for name, mesh in self._hand.items()}
+        for path in self._mounted - shown.keys():
+            self._log(path, rr.Clear(recursive=True))
+        for path, mesh in shown.items():
+            self._log(path, _mesh(mesh))
+        self._mounted = set(shown)
 
     def _at(self, generation: int) -> None:
         """Set the time of what is logged next."""
@@ -183,16 +187,6 @@ class Writer:
 
     def _write(self, name: str, text: str) -> None:
         self._log(("text", name), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
-
-    def _show(self, path: _Place, mesh: trimesh.Trimesh | None, *, once: bool = False) -> None:
-        """Show or clear a mesh that comes and goes; with ``once`` it is the same each time."""
-        if mesh is None:
-            if path in self._visible:
-                self._log(path, rr.Clear(recursive=True))
-                self._visible.discard(path)
-        elif not (once and path in self._visible):
-            self._log(path, _mesh(mesh))
-            self._visible.add(path)
 
     def _move(self, path: _Place, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
         poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
@@ -218,12 +212,8 @@ def layout(camera: Camera) -> rrb.Blueprint:
     )
 
 
-def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording, Array, tuple[Felt, ...]]:
+def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Outcome, Recording]:
     """Play a candidate in the run's own simulator, in this process.
-
-    Returns:
-        The motion, the recording over instants (T,), the reward (T,) if it ended there, nan while the scene settles,
-        and how guards ended.
 
     Raises:
         ValueError: the rollout breaks, or the run has no simulator.
@@ -231,33 +221,10 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
     if run.simulator is None:
         raise ValueError("the run has no simulator to play it with")
     motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
-    outcome = run.simulator.rollout(run.task, [replace(job, forces=run.task.reads_trace)])[0]
-    motion, recording, start = played(motion, job), outcome.recording, outcome.start
-    if recording is None or start is None:
+    outcome = run.simulator.rollout(run.task, [job])[0]
+    if outcome.recording is None:
         raise ValueError(outcome.error or "no recording came back")
-    scene = run.task.scene(run.seed)
-    times, states, trace = recording.times, recording.states, None
-    if run.task.reads_trace:
-        contacts = find_contacts(scene, run.task.robot, job.tool, recording)
-        moving = subset(contacts.taken, np.flatnonzero(contacts.taken.times >= 0))
-        times, states, trace = moving.times, moving.states, make_trace(scene, up_to_each(contacts))
-    starts = scene.complete(State.stack([start] * len(times)))
-    rewards = np.asarray(reward_of(run.task, starts, scene.complete(states), trace), dtype=np.float64)
-    latest = np.searchsorted(times, recording.times, side="right") - 1
-    course = np.where(recording.times >= max(times[0], 0.0), rewards[latest], np.nan)
-    return motion, recording, course, outcome.felt
-
-
-def up_to_each(contacts: Contacts) -> list[Contacts]:
-    """Return the contacts up to each sample of the motion, as if the rollout had ended there."""
-    return [
-        replace(
-            contacts,
-            taken=subset(contacts.taken, np.arange(end)),
-            touching={key: flags[:end] for key, flags in contacts.touching.items()},
-        )
-        for end in (np.flatnonzero(contacts.taken.times >= 0) + 1).tolist()
-    ]
+    return played(motion, job), outcome, outcome.recording
 
 
 def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:
@@ -310,14 +277,14 @@ def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Ar
     }
 
 
-def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") -> str:
-    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout.
+def design_text(evaluation: Evaluation, note: str = "") -> str:
+    """The text beside a candidate.
 
     It is shown as plain text, never as Markdown, which can fetch pictures and hide the targets of links.
     """
     candidate = evaluation.candidate
     parts = candidate.tool.components if candidate.tool is not None else ()
-    given = {"evaluation": evaluation, "candidate": candidate, "replayed": replayed, "note": note, "parts": parts}
+    given = {"evaluation": evaluation, "candidate": candidate, "note": note, "parts": parts}
     return fill("plugins.listeners.rerun", "design", **given, quoted=_quoted)
 
 

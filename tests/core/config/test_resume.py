@@ -97,9 +97,8 @@ def test_all_that_is_to_be_repeated_is_said_at_once_and_the_usual_is_not():
 
 
 @pytest.mark.parametrize(("key", "value"), [("api_base", "http://evil.example"), ("model", "zai/glm-4.6")])
-def test_receivers_in_a_list_are_used_only_when_all_of_it_is_repeated(key, value):
+def test_receivers_in_a_list_are_used_only_when_it_is_repeated(key, value):
     config = {"vlm": {"name": "ensemble", "members": ["gemini", {"name": "openai", key: value}]}}
-    for words in ([], [f"vlm.members.{key}={value}"], ["vlm.max_cost_usd=5"]):
-        with pytest.raises(UserError, match=rf"leads to {value}.*repeat it: vlm\.members=\[\.\.\.\], all"):
-            refuse_stored_receivers(config, words)
+    with pytest.raises(UserError, match=rf"leads to {value}.*repeat it: vlm\.members\.{key}={value}"):
+        refuse_stored_receivers(config, ["vlm.max_cost_usd=5"])
     refuse_stored_receivers(config, ["vlm.members=[gemini,openai]"])

@@ -136,7 +136,6 @@ def test_a_table_on_a_terminal_folds_text_but_no_number(monkeypatch):
     [
         (["here", "runs=a/b", "top=3"], ["here", "a/b"]),
         (["run=a=b"], ["a=b"]),
-        (["runs=[a, 'b c']", "top=3"], ["a", "b c"]),
     ],
 )
 def test_folders_are_given_as_they_are_or_as_runs(words, folders):
