@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
-from core.support.scratch import intact, scratch, temporary_folder, write_once
+from core.support.scratch import scratch, temporary_folder, write_once
 
 PROGRAM = """
 import os, signal, sys
@@ -73,16 +73,7 @@ def test_a_file_is_written_once_and_again_where_it_was_changed(tmp_path):
     for _ in range(2):
         assert write_once(file, make).read_text() == "text"
     assert len(made) == 1
-    with intact(tmp_path):
-        pass
-
-    def play():
-        with intact(tmp_path):
-            file.unlink()
-            raise ArithmeticError("what an engine makes of it")
-
-    with pytest.raises(FileNotFoundError, match="a temporary file was deleted"):
-        play()
+    file.unlink()
     assert write_once(file, make).read_text() == "text"
 
 
