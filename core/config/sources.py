@@ -56,15 +56,14 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
 
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = _part(config_path)
+        base = OmegaConf.create({"name": name, **defaults(kind, name)})
         file = _file(config_path)
         if file is None:
-            node = OmegaConf.create({"name": name, **defaults(kind, name)})
-            return ConfigResult(self.provider, f"{self.scheme()}://", _placed(kind, name, node), {"package": None})
+            return ConfigResult(self.provider, f"{self.scheme()}://", _placed(kind, name, base), {"package": None})
 
         result = file.load_config(config_path)
         if "defaults" not in result.config:  # else the defaults of its base hold
             own = result.config[name] if kind == "listener" else result.config
-            base = OmegaConf.create({"name": name, **defaults(kind, name)})
             result.config = _placed(kind, name, cast(DictConfig, OmegaConf.merge(base, own)))
         return result
 
@@ -97,15 +96,17 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
     A part that can't be imported has none here; the error is reported when the part is made.
     """
     try:
-        parameters = inspect.signature(installed().factory(kind, name)).parameters.values()
+        factory = installed().factory(kind, name)
+        parameters = inspect.signature(factory).parameters.values()
     except (UserError, TypeError, ValueError):
         return {}
-    named = (p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
-    settings = {p.name: MISSING if p.default is p.empty else p.default for p in named}
-    settings = {k: v for k, v in settings.items() if _is_plain(v) and k not in KINDS[kind].provided}
-    factory = installed().factory(kind, name)
-    own_keys = {key: _own_default(factory, key, value) for key, value in KINDS[kind].defaults.items()}
-    return {**settings, **own_keys}
+    settings = {
+        parameter.name: MISSING if parameter.default is parameter.empty else parameter.default
+        for parameter in parameters
+        if parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
+    }
+    plain = {key: value for key, value in settings.items() if _is_plain(value) and key not in KINDS[kind].provided}
+    return plain | {key: _own_default(factory, key, value) for key, value in KINDS[kind].defaults.items()}
 
 
 def _own_default(factory: object, key: str, default: Any) -> Any:

@@ -7,7 +7,6 @@ import errno
 import io
 import math
 import os
-import select
 import signal
 import sys
 import time
@@ -38,9 +37,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
         status = function(sys.argv[1:])
         sys.stdout.flush()
     except BrokenPipeError:
-        if not _reader_is_gone():
-            raise
-        _leave("", 1)  # such as head, which reads a few lines
+        _leave("", 1)  # who reads its output is gone, such as head, which reads a few lines
     except OSError as error:
         if error.filename is not None or error.errno != errno.ENOSPC:
             raise
@@ -156,13 +153,6 @@ class _Interrupt:
         if now < _Interrupt.first:
             _Interrupt.first = now
             raise KeyboardInterrupt
-
-
-def _reader_is_gone() -> bool:
-    """Check whether standard output was closed at its other end."""
-    output = select.poll()
-    output.register(sys.stdout, 0)  # 0: errors only
-    return bool(output.poll(0))
 
 
 def _leave(line: str, code: int) -> NoReturn:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -162,15 +163,13 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     def _checked(self, action: Any) -> Numbers:
         """Return an action as an array, if it is one."""
-        shape = self.action_space.shape or ()
-        try:
+        (count,) = self.action_space.shape or (0,)
+        with suppress(TypeError, ValueError):
             numbers = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError):
-            numbers = np.full(shape, np.nan)
-        if numbers.shape != shape or not np.isfinite(numbers).all():
-            wanted = f"an action is {shape[0]} finite numbers from -1 to 1, see plugins.gym.environment.ToolEnv"
-            raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
-        return numbers
+            if numbers.shape == (count,) and np.isfinite(numbers).all():
+                return numbers
+        wanted = f"an action is {count} finite numbers from -1 to 1, see plugins.gym.environment.ToolEnv"
+        raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
 
     def _target(self, action: Numbers) -> Array:
         """Joint targets (J,) at the end of the step, within the limits of angle and speed."""

@@ -48,13 +48,9 @@ class RerunListener:
             writer.close()
 
     def _open(self, run: Run) -> None:
-        before = os.environ.get("RUST_LOG")
         os.environ.setdefault("RUST_LOG", "off")  # or Rerun logs to the terminal; what fails is raised as well
-        try:  # Rerun takes a third of a second to import, so only now
-            from plugins.listeners.rerun.writer import Writer
-        finally:
-            if before is None:
-                del os.environ["RUST_LOG"]
+        from plugins.listeners.rerun.writer import Writer  # Rerun takes a third of a second to import, so only now
+
         for task in run.task.parts:
             name = "recording" if task is run.task else f"recording_{task.name}"
             self._writers.append(Writer(replace(run, task=task), run.folder / f"{name}.rrd"))
