@@ -101,8 +101,8 @@ def check_shapes_rest_where_they_are_put() -> Iterator[Case]:
     for shape, high, rpy in (
         (Box((0.1, 0.2, 0.06)), 0.03, (0.0, 0.0, 0.4)),
         (Cylinder(0.05, 0.1), 0.05, (0.0, 0.0, 0.0)),
+        (Cylinder(0.03, 0.1), 0.03, (0.0, math.pi / 2, 1.2)),
         (Sphere(0.04), 0.04, (0.0, 0.0, 0.0)),
-        (Capsule(0.03, 0.1), 0.03, LYING),
         (Capsule(0.02, 0.1), 0.02, (math.pi / 2, 0.0, 0.4)),
     ):
         body = make_body("body", shape, (0.6, 0.1, high), mass=0.3, rpy=rpy)

@@ -39,10 +39,6 @@ WRONG = {
         lambda: rewritten(('effort="28"', 'effort="0"')),
         {"limits are there": "joint 'wrist_1_joint' can't move: "},
     ),
-    "a joint of nobody": (
-        lambda: ur5(arm_joints=ur5().arm_joints[:5], **{name: getattr(ur5(), name)[:5] for name in NUMBERS}),
-        {"limits are there": "joints 'wrist_3_joint' move, and are neither the arm's nor the gripper's"},
-    ),
     "a mount askew": (
         lambda: ur5(home=turned(5, 0.1)),
         {"home points the mount down": "the turn of the mount at home from the base's axes, rad: 0.1; it must be"},
@@ -83,7 +79,6 @@ WRONG = {
         {"every engine holds the arm at home": "the arm with 200 kg sags at home, rad: "},
     ),
 }
-NUMBERS = ("home", "acceleration_limits", "motor_inertia")
 
 
 @pytest.mark.parametrize("case", WRONG)
