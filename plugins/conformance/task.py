@@ -93,7 +93,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
     for seed in SEEDS:
         scene = task.scene(seed)
         rigid = [body for body in scene.bodies if not isinstance(body, Soft)]
-        for body, other in combinations(rigid, 2):
+        for other, body in combinations(rigid, 2):
             joined = frozenset((other.name, body.name)) in scene.joined
             if joined or (other.fixed and body.fixed):
                 continue

@@ -53,7 +53,7 @@ WRONG = {
             ('iyy="0.0021942"', 'iyy="0.111172755531"'),
             ('izz="0.00201389"', 'izz="0.21942"'),
         ),
-        {"inertias are physical": "how far the mass of 'wrist_1_link' lies from its centre on average, m: 0.4"},
+        {"inertias are physical": "'wrist_1_link' lies from the middle of its shapes on average, m: 0.4"},
     ),
     "an inertia of no body": (
         lambda: rewritten(('izz="0.004095"', 'izz="0.09"')),
@@ -61,7 +61,7 @@ WRONG = {
     ),
     "a mass far away": (
         lambda: rewritten(('xyz="0 0.0912 0.01634"', 'xyz="0 0.9 0"')),
-        {"inertias are physical": "lies from the middle of its shapes, m: 0.8"},
+        {"inertias are physical": "lies from the middle of its shapes on average, m: 0.8"},
     ),
     "an outstretched arm": (
         lambda: ur5(home=(0.0, -1.5708, 0.0, -1.5708, -1e-4, 0.0)),
