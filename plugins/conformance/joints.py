@@ -110,7 +110,7 @@ def _tool(joint: Joint) -> Tool:
     more |= {name: getattr(joint, name) - joint.start for name in ("lower", "upper", "rest")}
     if joint.kind == "hinge":
         return hinged(joint.start, hinge(**more))
-    return sliding(ToolJoint("slider", joint.axis, **more))
+    return sliding(ToolJoint("slider", _LEANING, **more))
 
 
 def check_joints_of_tools_move_as_formulas_say(simulator: Simulator) -> None:

@@ -19,8 +19,8 @@ from core.robot.trajectory import plan_motion
 from plugins.conformance.checking import between, expect, near, simulators
 from plugins.conformance.worlds import Bodies, box, film, play
 
-# The radius of gyration of a link about the middle of its collision shapes is at most this many diagonals of the box around its collision shapes. Of the
-# default arm's links, whose identified inertias shift mass between neighbours, the first has 1.15.
+# The radius of gyration of a link, about the middle of its collision shapes, is at most this many diagonals of the box
+# around them. Of the default arm's links, whose identified inertias shift mass between neighbours, one has over 1.1.
 _SPREAD = 1.5
 _WHOLE = 0.02  # radians between the axes of the mount at home and the world's
 _ROOM = 0.01  # radians between home and the limits
@@ -67,7 +67,7 @@ def check_inertias_are_physical(robot: Robot) -> None:
         high = np.max(middles + halves, axis=0)
         away = np.linalg.norm(center - (low + high) / 2)
         spread = np.sqrt(moments[2] / mass + away**2)
-        most = _SPREAD * np.linalg.norm(high - low)
+        most = _SPREAD * float(np.linalg.norm(high - low))
         between(f"how far the mass of {name!r} lies from the middle of its shapes on average, m", spread, high=most)
 
 
