@@ -12,6 +12,7 @@ from core.interfaces import JointTrajectory, Outcome, Rollout
 from core.plugins import installed
 from core.scene import Body, table
 from core.simulation.playback import play
+from plugins.conformance.output import bits
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
@@ -46,50 +47,36 @@ def mujoco(**settings):
 
 
 @pytest.mark.parametrize("tool", [stick(0.25), HAND], ids=["stick", "hand"])
-@pytest.mark.parametrize("settle_s", [0.0, 0.1])
-def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
+def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool):
     """The same start and end, the same lag, the same film; to the last bit."""
     bodies = table(), cube(at=(0.6, 0, 0.05)), Body.of("can", Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=0.3, color=GREY)
     plan = [[0.45, 0, 0.3, 0, 0, 0, 0.3], [0.65, 0, 0.3, 0, 0, 0, 1.0]]
-    job = Rollout(tool, motion(plan), settle_s=settle_s, hold_s=0.2, record_hz=30.0)
+    job = Rollout(tool, motion(plan), settle_s=0.1, hold_s=0.2, record_hz=30.0)
     sim = mujoco()
     task = Bodies(*bodies)
     (ours,) = sim.rollout(task, [job])
     theirs = play(sim.world(task, tool), job)
-    assert ours.tracking_error_rad == theirs.tracking_error_rad
-    for one, other in ((ours.start, theirs.start), (ours.end, theirs.end), (film(ours).states, film(theirs).states)):
-        np.testing.assert_array_equal(one.positions, other.positions)
-        np.testing.assert_array_equal(one.linear_velocities, other.linear_velocities)
-        np.testing.assert_array_equal(one.angular_velocities, other.angular_velocities)
-    np.testing.assert_array_equal(film(ours).times, film(theirs).times)
-    np.testing.assert_array_equal(film(ours).arm, film(theirs).arm)
-    np.testing.assert_array_equal(film(ours).fingers, film(theirs).fingers)
+    assert bits(ours) == bits(theirs)
+    for name in ("times", "arm", "fingers"):
+        np.testing.assert_array_equal(getattr(film(ours), name), getattr(film(theirs), name))
+    np.testing.assert_array_equal(film(ours).states.positions, film(theirs).states.positions)
 
 
 def test_a_world_settles_once_for_all_that_begin_alike():
-    """Another start, another time to settle, other fingers, one that explodes: each as in a simulator of its own."""
+    """Another start, another time to settle, other fingers: each as in a simulator of its own."""
     task = Bodies(table(), cube(at=(0.6, 0, 0.055)))
     away = motion([[0.65, 0, 0.05, 0, 0, 0, 0.5]])
     elsewhere = JointTrajectory(np.zeros(1), still().arm + 0.1, np.array([FINGER_OPEN]))
     shut = JointTrajectory(np.zeros(1), still().arm, np.zeros(1))
     jobs = [
-        Rollout(HAND, trajectory, settle_s=settle_s, hold_s=0.1, record_hz=50.0)
+        Rollout(HAND, trajectory, settle_s=settle_s, hold_s=0.1)
         for settle_s in (0.1, 0.0, 0.2)
         for trajectory in (away, still(), shut, elsewhere)
     ]
-    jobs.insert(
-        4, replace(jobs[0], trajectory=replace(away, arm=away.arm + np.linspace(0, 1e12, len(away.arm))[:, None]))
-    )
     together = mujoco().rollout(task, [*jobs, *reversed(jobs)])
     for job, ours, again in zip(jobs, together, reversed(together), strict=False):
         (alone,) = mujoco().rollout(task, [job])
-        assert (ours.error is None) == (again.error is None) == (job is not jobs[4])
-        if job is jobs[4]:
-            continue
-        for one in (ours, again):
-            np.testing.assert_array_equal(end(one).positions, end(alone).positions)
-            np.testing.assert_array_equal(film(one).states.positions, film(alone).states.positions)
-            np.testing.assert_array_equal(film(one).fingers, film(alone).fingers)
+        assert bits(ours) == bits(again) == bits(alone)
 
 
 @pytest.mark.parametrize("time_step", [0.001, 0.0025, 0.004])
@@ -130,32 +117,6 @@ def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatc
 
 
 # --- contacts ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rpy", [(0, math.pi / 2, 0), (0, math.pi / 2, 1.2), (math.pi / 2, 0.3, 0)])
-@pytest.mark.parametrize(("radius", "length"), [(0.015, 0.15), (0.03, 0.1), (0.05, 0.2)])
-def test_a_lying_cylinder_does_not_roll_by_itself(radius, length, rpy):
-    ground = Body.of("ground", Box((3, 3, 0.1)), (0.5, 0, -0.05), mass=0, color=GREY)
-    can = Body.of("can", Cylinder(radius, length), (0.9, 0.3, radius), mass=0.2, color=GREY, rpy=rpy)
-    there = end(wait(mujoco(), ground, can, seconds=2.0)).position("can")
-    assert np.linalg.norm(there[:2] - [0.9, 0.3]) < 1e-4
-
-
-def test_what_slides_fast_stays_on_the_ground():
-    """Down a steep slope, at more than 1 m/s: its middle stays at its height, and friction is what it should be.
-
-    The mean height is 0.53 to 0.56 mm under changes of 1e-9 m, and 0.9 mm at twice the slip rate. The highest single
-    hop is 1.95 or 3.05 mm, depending on rounding.
-    """
-    hill = slope(0.6, 0.5)
-    at = hill.pose.apply([-1.5, 0, 0.05 + 0.035])
-    block = Body.of("block", Box((0.07, 0.07, 0.07)), at, mass=1.0, color=GREY, rpy=(0, 0.6, 0))
-    outcome = wait(mujoco(), hill, block, seconds=0.8, record_hz=400)
-    heights = hill.pose.inverse().apply(film(outcome).states.position("block"))[:, 2] - 0.085
-    assert np.abs(heights).mean() < 0.0007
-    assert np.abs(heights).max() < 0.005
-    speed = np.linalg.norm(end(outcome).linear_velocity("block"))
-    assert speed == pytest.approx(0.8 * GRAVITY * (math.sin(0.6) - 0.5 * math.cos(0.6)), rel=0.05)
 
 
 def test_what_friction_holds_does_not_creep():

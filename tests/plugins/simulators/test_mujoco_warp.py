@@ -100,11 +100,9 @@ def test_each_world_has_its_own_layout_and_tool_in_one_batch(warped):
     jobs = [Rollout(stick(0.1 + 0.02 * i), still(), seed=i, settle_s=0.3, hold_s=0.1 * i) for i in range(4)]
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
     outcomes = fresh.rollout(Layouts(), jobs)
-    assert [key[1].worlds for key in fresh._batches] == [4]
     for seed, outcome in enumerate(outcomes):
         np.testing.assert_allclose(end(outcome).position("cube"), [0.6, 0.3 - 0.05 * seed, 0.15], atol=1e-3)
     again = fresh.rollout(Layouts(), jobs[::-1])[::-1]
-    assert len(fresh._batches) == 1
     assert [bits(outcome) for outcome in again] == [bits(outcome) for outcome in outcomes]
 
 
@@ -130,29 +128,14 @@ def test_with_more_contacts_than_there_can_be_room_for_it_is_an_error(monkeypatc
     assert outcome.end is None
 
 
-def nowhere(simulator, task, job):
-    """The job in a world whose bodies have no place from the start."""
-    of = simulator._of(task, job)
-    numbers = np.where(np.arange(len(of.fields["qpos0"])) < 7, of.fields["qpos0"], np.nan)
-    simulator._figures[task, job.seed, job.tool.content] = replace(of, fields={**of.fields, "qpos0": numbers})
-    return job
-
-
-def far_away(simulator, task, job):
-    """The job with targets that no arm has."""
-    far = np.stack([still().arm[0], still().arm[0] + 1e12])
-    return replace(job, trajectory=JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN)))
-
-
-@pytest.mark.parametrize("breaks", [nowhere, far_away])
-def test_a_world_that_explodes_is_an_error_and_hurts_no_other(breaks, capfd):
+def test_a_world_that_explodes_is_an_error_and_hurts_no_other(capfd):
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
     task = Bodies(table(), cube(at=(0.6, 0, 0.05)))
     sound = Rollout(stick(0.25), still(), hold_s=0.2, record_hz=10)
-    broken = breaks(fresh, task, Rollout(stick(0.2), still(), settle_s=0.1, hold_s=0.1))
-    before, failed, after = fresh.rollout(task, [sound, broken, sound])
+    far = np.stack([still().arm[0], still().arm[0] + 1e12])
+    targets = JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN))
+    before, failed, after = fresh.rollout(task, [sound, Rollout(stick(0.2), targets), sound])
     assert "blew up" in failed.error
-    assert failed.start is None
     assert failed.end is None
     assert bits(before) == bits(after) == bits(fresh.rollout(task, [sound])[0])
     assert capfd.readouterr() == ("", "")
