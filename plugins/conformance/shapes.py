@@ -26,7 +26,6 @@ def arch() -> Compound:
 
 HEADS: list[tuple[Shape | Compound, Vector]] = [  # and how they are turned
     (Box((0.04, 0.06, 0.05)), (0.0, 0.0, 0.0)),
-    (Sphere(0.03), (0.0, 0.0, 0.0)),
     (Cylinder(0.02, 0.12), (math.pi / 2, 0.0, 0.0)),
     (Capsule(0.02, 0.08), (math.pi / 2, 0.0, 0.0)),
     (Mesh.from_trimesh(trimesh.creation.cylinder(0.04, 0.05, sections=6)), (0.0, 0.0, math.pi / 6)),

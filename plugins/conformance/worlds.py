@@ -30,13 +30,11 @@ HAND = Tool(gripper=True)
 class Bodies(Task):
     """A task of these bodies for a robot, by default the default one, in which every reward is 0."""
 
+    name = "Bodies"
     description = "Bodies."
     goals = ()
 
-    def __init__(
-        self, *bodies: Body, joints: tuple[Joint, ...] = (), name: str = "Bodies", robot: Robot | None = None
-    ) -> None:
-        self.name = name  # type: ignore[misc]  # a class variable elsewhere
+    def __init__(self, *bodies: Body, joints: tuple[Joint, ...] = (), robot: Robot | None = None) -> None:
         self.robot = robot or installed().default_robot
         self._scene = Scene(bodies, joints)
 
