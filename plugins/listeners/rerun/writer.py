@@ -157,7 +157,9 @@ class Writer:
     def _mount(self, tool: Tool) -> None:
         """Show a tool, and the gripper if it has one, in the place of the last one."""
         robot = ("world", "robot")
-        shown = {(*robot, mount, "tool"): joined(parts) for mount, parts in solids(tool, loose=True).items()}
+        shown: dict[_Place, trimesh.Trimesh] = {
+            (*robot, mount, "tool"): joined(parts) for mount, parts in solids(tool, loose=True).items()
+        }
         if tool.gripper:
             shown |= {(*robot, name): mesh for name, mesh in self._hand.items()}
         for path in self._mounted - shown.keys():
