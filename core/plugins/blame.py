@@ -29,7 +29,8 @@ def describe_failure(error: BaseException, plugins: Plugins | None = None) -> st
     """
     if isinstance(error, PluginError):
         return None
-    modules = {_module(offer): offer for offer in (plugins or installed()).offers.values()}
+    offers = [*(plugins or installed()).offers.values()]
+    modules = {_module(offer): offer for offer in reversed(offers)}  # the first one, of several in a module
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
         offer = offer_of(frame.f_locals.get("self")) or modules.get(frame.f_globals.get("__name__", ""))
