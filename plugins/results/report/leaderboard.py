@@ -33,7 +33,6 @@ AnyRun = FinishedRun | LeftOutRun
 
 MAX_BYTES = 10_000_000  # of a results file
 FIRST_UNSEEN = 1_000_000  # the seed of the first test layout
-_NAMED = 3  # runs in a message
 
 
 @dataclass(frozen=True)
@@ -245,17 +244,9 @@ def find_entries(
 
 
 def differences(runs: Sequence[AnyRun]) -> str:
-    """Say in which settings runs differ, and which runs have which value; empty: in none."""
-    folders: dict[str, list[str]] = {}
-    for run, method in zip(runs, label([(run.task, {**run.config, "name": ""}) for run in runs]), strict=True):
-        folders.setdefault(method, []).append(short(run.folder.name))
-    if len(folders) == 1:
-        return ""
-    listed = []
-    for method, names in folders.items():
-        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-        listed.append(f"{method} in {', '.join(names[:_NAMED])}{more}")
-    return "; ".join(listed)
+    """Say in which settings runs differ; empty: in none."""
+    methods = {*label([(run.task, {**run.config, "name": ""}) for run in runs])}
+    return "; ".join(sorted(methods)) if len(methods) > 1 else ""
 
 
 def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]) -> Entry:

@@ -50,7 +50,7 @@ class FileTask(Task):
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
         self._check_variations()
-        for doubt in doubts.find_doubts(self._scene, self._tree.data):
+        for doubt in doubts.find_doubts(self._scene):
             files.warn_once(f"{file}: {doubt}")
 
     def photographs(self) -> list[Picture]:
