@@ -10,7 +10,6 @@ from statistics import fmean
 from core.design import ranked
 from core.store.reader import Key, StoredEvaluation, StoredRequest
 from plugins.results.pages.formats import Cell, CellLink, Table
-from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.runs import reasons as why
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
@@ -103,34 +102,23 @@ def reasons(results: Results) -> Iterator[tuple[Cell, ...]]:
                 yield (g.task, g.method, CellLink(run.folder.name, run.folder), *line.split(": ", 1))
 
 
-def _elites(run: FinishedRun) -> list[tuple[StoredEvaluation, set[str]]]:
-    """The best designs of each generation, as many as may become elites, and those that any of them derives from."""
-    designs, evaluations = run.store.designs(), run.store.evaluations()
-    design_of = {e.candidate: e.design for e in evaluations}
-    best: dict[Key, StoredEvaluation] = {}
-    chosen: set[Key] = set()
-    for index in range(len(run.figures.generations)):
-        tried = [e for e in evaluations if e.design[0] == index and e.status == "ok"]
-        own: dict[Key, StoredEvaluation] = {}
-        for evaluation in ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie):
-            own.setdefault(evaluation.design, evaluation)
-        best |= own
-        chosen |= {*list(own)[: run.config.get("budget", {}).get("k_top") or SHOWN]}
-    parents = {key: {design_of.get(name) for name in designs[key].parents} & best.keys() for key in best}
-    chosen |= {parent for key in chosen for parent in parents[key] if parent is not None}
-    return [(best[key], {best[parent].candidate for parent in parents[key] if parent}) for key in best if key in chosen]
-
-
 @_table("generation:0|candidate|reward:3|derives from|in the model's words")
 def lineage(results: Results) -> Iterator[tuple[Cell, ...]]:
-    """What the elites derive from, and the model's words."""
+    """The best candidates of each generation, what they derive from, and the model's words; of a single run."""
     for run in results.runs if len(results.runs) == 1 else ():
         designs = run.store.designs()
-        for e, parents in _elites(run):
-            names = ("tool_name", "tool_description", "strategy_name", "strategy_description")
-            said = (str(designs[e.design].written.get(name) or "").strip(" .") for name in names)
-            words = ". ".join(dict.fromkeys(filter(None, said)))
-            yield (e.design[0], e.candidate, e.reward, ", ".join(sorted(parents)) or "–", words)
+        evaluations = run.store.evaluations()
+        for generation in range(len(run.figures.generations)):
+            tried = [e for e in evaluations if e.design[0] == generation and e.status == "ok"]
+            best: dict[Key, StoredEvaluation] = {}
+            for e in ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie):
+                best.setdefault(e.design, e)
+            for e in [*best.values()][: run.config.get("budget", {}).get("k_top") or SHOWN]:
+                names = ("tool_name", "tool_description", "strategy_name", "strategy_description")
+                said = (str(designs[e.design].written.get(name) or "").strip(" .") for name in names)
+                words = ". ".join(dict.fromkeys(filter(None, said)))
+                parents = ", ".join(sorted(designs[e.design].parents)) or "–"
+                yield (generation, e.candidate, e.reward, parents, words)
 
 
 @_table(

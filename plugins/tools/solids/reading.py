@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from manifold3d import CrossSection, FillRule
 
 from core.design import DesignError
 from core.designs.rules import MIN_SIDE_M
+from core.geometry import Array
 from core.support.text import kind, shorten
 from plugins.tools.components import DIGITS, check_keys, read_number, read_numbers, rounded
 
@@ -24,6 +26,8 @@ MAX_DEPTH = 8
 MAX_POINTS = 48  # of an outline
 MAX_HULL_POINTS = 128
 MAX_SIZE_M = 1.0
+_SAME = 1e-6  # share of an outline's area
+_PINCHED_MM = 1e-3  # an outline that is thinner somewhere touches itself
 FULL_TURN = round(math.tau, DIGITS)
 
 OPERATIONS = ("union", "difference", "intersection")
@@ -166,28 +170,12 @@ def _read_points(content: object, count: int, fewest: int, most: int, where: str
     return tuple(tuple(round(number, DIGITS) + 0.0 for number in point) for point in points)
 
 
-def _check_outline(points: np.ndarray[Any, np.dtype[np.float64]], where: str) -> None:
-    """Refuse outlines that cross or touch themselves, or have no area."""
-    ends = np.roll(points, -1, axis=0)
-    x, y = points.T
-    area = abs(np.sum(x * ends[:, 1] - y * ends[:, 0])) / 2
-    if area < MIN_SIDE_M**2:
-        raise DesignError(f"{where}: its outline has an area of {area * 1e6:.3g} mm^2; give its corners in order")
-    for k in np.flatnonzero((points == ends).all(axis=1)).tolist():
-        raise DesignError(f"{where}: point {k + 1} and the next are the same; the outline closes by itself")
-    # Edges p to q and r to s cross where each has the other's ends on its two sides.
-    for k, (start, end) in enumerate(zip(points, ends, strict=True)):
-        apart = np.array([j for j in range(len(points)) if (j - k) % len(points) not in (0, 1, len(points) - 1)], int)
-        if len(apart) and (_crossing(start, end, points[apart], ends[apart])).any():
-            raise DesignError(f"{where}: the edge from point {k + 1} crosses or touches another; list corners in order")
-
-
-def _crossing(start: Any, end: Any, starts: Any, ends: Any) -> Any:
-    def side(a: Any, b: Any, c: Any) -> Any:
-        turn = (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
-        return np.where(np.abs(turn) < 1e-12, 0.0, np.sign(turn))
-
-    own = side(start, end, starts) * side(start, end, ends)
-    other = side(starts, ends, start) * side(starts, ends, end)
-    near = (np.minimum(starts, ends) <= np.maximum(start, end)) & (np.maximum(starts, ends) >= np.minimum(start, end))
-    return (own <= 0) & (other <= 0) & near.all(axis=1)
+def _check_outline(points: Array, where: str) -> None:
+    """Refuse outlines that cross themselves, or have no area."""
+    x, y = 1000 * points.T
+    area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
+    if area < (1000 * MIN_SIDE_M) ** 2:
+        raise DesignError(f"{where}: its outline has an area of {area:.3g} mm^2; give its corners in order")
+    filled = CrossSection([1000 * points], FillRule.EvenOdd)  # where it crosses itself, less of it is filled
+    if abs(filled.area() - area) > _SAME * area or len(filled.offset(-_PINCHED_MM).decompose()) != 1:
+        raise DesignError(f"{where}: its outline crosses or touches itself; list its corners in order")
