@@ -188,9 +188,6 @@ def check(entry: Entry) -> Entry:
     for run in entry.runs:
         if run.seed + max(layouts, 1) > FIRST_UNSEEN:
             raise UserError(f"no run has the seed {run.seed}: its layouts reach the unseen ones")
-        if any(map(any, run.rewards.values())) and not (run.candidates and run.rollouts and run.requests):
-            spent = f"{run.candidates} candidates, {run.rollouts} rollouts and {run.requests} requests"
-            raise UserError(f"no run earns anything with {spent}, as that with seed {run.seed} says")
     return entry
 
 
@@ -257,16 +254,14 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
         raise UserError("its runs differ in more than task and seed")
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
-    versions: dict[str, set[str]] = {}
+    versions: dict[str, str] = {}
     tasks: dict[str, list[RunResult]] = {}
     for run in sorted(runs, key=lambda run: run.task):
         tasks.setdefault(run.task, []).append(_result(run, rules))
         if isinstance(run, FinishedRun):
-            for package, number in run.figures.versions.items():
-                versions.setdefault(package, set()).add(number)
-    packages = {package: ", ".join(sorted(numbers)) for package, numbers in versions.items()}
+            versions |= run.figures.versions
     results = {task: TaskResult(tuple(own)) for task, own in tasks.items()}
-    return check(Entry(name, rules.name, version, track, shared, packages, results))
+    return check(Entry(name, rules.name, version, track, shared, versions, results))
 
 
 def _result(run: AnyRun, rules: Protocol) -> RunResult:

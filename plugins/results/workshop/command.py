@@ -152,7 +152,7 @@ def export(cfg: DictConfig) -> list[Export]:
     printed = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
     exports = [_play(cfg, part, best, printed) for part in task_parts(cfg)]
     with writing(output):
-        written = write_tool(printed, [check for made in exports for check in made.checks], output / "tool")
+        written = write_tool(printed, output / "tool")
         for made in exports:
             _write(made, written, representation, output / made.task.name if len(exports) > 1 else output)
     return exports

@@ -68,10 +68,6 @@ class PrintedPart:
     def file(self) -> str:
         return f"{self.name}.stl"
 
-    @property
-    def ready(self) -> bool:
-        return all(check.passed for check in self.checks)
-
 
 def print_part(
     name: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
@@ -172,18 +168,6 @@ def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
 def to_stl(part: PrintedPart) -> bytes:
     """Return a part as an STL file."""
     return bytes(part.mesh.export(file_type="stl"))
-
-
-def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
-    """All parts as one 3MF file, side by side."""
-    scene = trimesh.Scene()
-    at = 0.0
-    for part in parts:
-        width = float(part.mesh.extents[0])
-        place = trimesh.transformations.translation_matrix([at + width / 2, 0, 0])
-        scene.add_geometry(part.mesh, geom_name=part.name, node_name=part.name, transform=place)
-        at += width + 10
-    return bytes(scene.export(file_type="3mf"))
 
 
 def grams(parts: Sequence[PrintedPart]) -> float:

@@ -45,12 +45,10 @@ def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dic
         *strong(material, strengths, task),
     ]
     held = {row.component: asdict(row) for row in strengths}
-    placed = tool.placed()
     components = [
         {
             "name": c.name,
             "size_mm": np.round(1000 * c.shape.bounds[1], 1).tolist(),
-            "turned_deg": (np.round(placed[c.name][1].rotation.as_euler("xyz", degrees=True), 1) + 0.0).tolist(),
             "mass_kg": c.mass,
         }
         | held.get(c.name, {})

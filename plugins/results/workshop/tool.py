@@ -18,7 +18,7 @@ from core.support.cli import write_bytes
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, on_finger, weighed
-from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_3mf, to_stl
+from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_stl
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import (
     UNEVEN,
@@ -32,8 +32,6 @@ from plugins.results.workshop.solid import (
     union,
     widened,
 )
-from plugins.results.workshop.texts import filled
-from plugins.results.workshop.verdicts import printable
 
 EXACT_MM = 0.1  # by which the solid may differ from what was simulated
 SAME_FILE = 0.001  # of its volume, by which a part read back from its file may differ
@@ -60,11 +58,6 @@ class PrintedTool:
         pairs = zip(self.mounted.components, volumes, strict=True)
         own = tuple(replace(component, mass=share * volume) for component, volume in pairs)
         return replace(self.mounted, components=own) if self.parts else self.mounted
-
-    @property
-    def faults(self) -> list[str]:
-        """What speaks against it or is left to do, and what to change, a line each."""
-        return [str(check) for check in printable(self.parts, self.checks) if not check.passed]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +172,8 @@ def _joints(links: Sequence[ToolLink]) -> list[Check]:
     return [Check(f"joint of {name}", None, f"the {kind} is to be made by the workshop") for name, kind in joints]
 
 
-def write_tool(made: PrintedTool, checks: Sequence[Check], folder: Path) -> PrintedTool:
-    """Write STL, 3MF, and ``assembly.md``, what is bought and what speaks against it; with ``checks`` of its motions.
+def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
+    """Write an STL file of each part.
 
     Returns:
         The tool with a check of the files.
@@ -192,13 +185,10 @@ def write_tool(made: PrintedTool, checks: Sequence[Check], folder: Path) -> Prin
         return made
     most = 0.0  # of what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed
     for part in made.parts:
-        write_bytes(file := folder / part.file, to_stl(part))
-        read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid
+        file = folder / part.file
+        write_bytes(file, to_stl(part))
+        whole = part.solid
+        read = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount))
         most = max(most, float(((read - whole).volume() + (whole - read).volume()) / whole.volume()))
     same = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
-    if not made.material.metal:
-        write_bytes(folder / "tool.3mf", to_3mf(made.parts))
-    made = replace(made, checks=(*made.checks, same))
-    listed = replace(made, checks=(*checks, *made.checks))
-    write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=listed).encode())
-    return made
+    return replace(made, checks=(*made.checks, same))

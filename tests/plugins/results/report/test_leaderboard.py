@@ -148,8 +148,6 @@ REWARDS = ("tasks", "OneBook", "runs", 0, "rewards", "sapien")
         (("tasks",), [], "tasks: "),
         (("settings", "sim.time_step"), "0.02", "sim.time_step is 0.02, where pybullet has 0.00"),
         (("settings", "sim.name"), "../x", "sim.name is '../x', which is no engine"),
-        ((*REWARDS[:4], "candidates"), 0, "no run earns anything with 0 candidates, 1 rollouts and 1 requests"),
-        ((*REWARDS[:4], "rollouts"), 0, "no run earns anything with 1 candidates, 0 rollouts"),
     ],
 )
 def test_a_results_file_that_breaks_the_protocol_is_refused(entry, tmp_path, path, value, said):

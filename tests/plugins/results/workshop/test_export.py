@@ -58,7 +58,7 @@ def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
     assert found.printed.printed.mass == pytest.approx(sum(part.mass_g for part in found.printed.parts) / 1000)
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
-    assert {"tool.stl", "tool.3mf", "assembly.md"} <= names
+    assert names == {"tool.stl"}
 
 
 def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatch, capsys):
