@@ -39,11 +39,10 @@ def comparable(results: Results) -> tuple[list[str], list[str]]:
     return shared, results.methods if shared else []
 
 
-def _look(results: Results, method: str, kind: str) -> dict[str, Any]:
-    """The label and colour of a method; where colours run out, hatches or dashes (``kind``) follow."""
-    again, color = divmod(results.methods.index(method), len(COLORS))
-    more = ("", "///", "...", "xx") if kind == "hatch" else ("-", "--", "-.", ":")
-    return {"label": wrapped(method, 48), "color": COLORS[color], kind: more[again % 4]}
+def _look(results: Results, method: str) -> dict[str, Any]:
+    """The label and colour of a method."""
+    number = results.methods.index(method)
+    return {"label": wrapped(method, 48), "color": COLORS[number % len(COLORS)]}
 
 
 def _legend(figure: Figure, ax: Axes) -> None:
@@ -65,7 +64,7 @@ def rewards(results: Results) -> FigurePage:
             groups = results.of(method)
             places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
             means = [fmean(g.rewards) for g in groups]
-            ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **_look(results, method, "hatch"))
+            ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **_look(results, method))
             for place, g in zip(places, groups, strict=True):
                 ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, mfc="none", mec=INK, mew=0.6, clip_on=False)
         ax.set(ylim=(0, 1.02), yticks=np.linspace(0, 1, 6), ylabel="reward (0 to 1)", xlim=(-0.5, len(tasks) - 0.5))
@@ -97,7 +96,7 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
         figure = new_figure(6.4, 4.0)
         ax = figure.subplots()
         for method, by_task in courses.items():
-            look, x = _look(results, method, "ls"), np.linspace(0, ends[method], POINTS)
+            look, x = _look(results, method), np.linspace(0, ends[method], POINTS)
             scores = [
                 np.array([np.append(0.0, best)[np.searchsorted(spent, x, side="right")] for spent, best in task])
                 for task in by_task

@@ -232,11 +232,7 @@ def find_entries(
             try:
                 entries += [_entry(called, chosen, version, track, own)] if own else []
             except UserError as error:
-                every = [run for key, others in grouped.items() if key[1:] == (rules, version) for run in others]
-                apart = differences([run for run in every if run.task in tasks])
-                problems.append(
-                    f"no entry of the track {track}: {called}: {error}{apart and f'; runs differ: {apart}'}"
-                )
+                problems.append(f"no entry of the track {track}: {called}: {error}")
     return entries, problems
 
 
@@ -250,8 +246,8 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
     for run in runs:
         if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
             raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
-    if differences(runs):
-        raise UserError("its runs differ in more than task and seed")
+    if apart := differences(runs):
+        raise UserError(f"its runs differ in more than task and seed: {apart}")
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
     versions: dict[str, str] = {}

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import track
 
 from core.config.compose import load, node
 from core.designs.reading import save_design
@@ -95,11 +93,7 @@ def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -
     for kind in {*OF_RUN} - groups(words):
         if any(tool.run.config[kind] != tools[0].run.config[kind] for tool in tools):
             raise UsageError(f"the runs differ in {kind}; set it for all of them, as in {kind}=...")
-    console = Console(stderr=True)
-    earned = [
-        attempt(tool, nodes, words, Path(cfg.output))
-        for tool in track(tools, "tools", console=console, transient=True, disable=not console.is_terminal)
-    ]
+    earned = [attempt(tool, nodes, words, Path(cfg.output)) for tool in tools]
     covers = np.array([[row[task][0] >= cfg.good for task in nodes] for row in earned])
     return Toolbox(tools, nodes, earned, cfg.good, best_sets(covers))
 
