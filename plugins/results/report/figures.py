@@ -15,7 +15,6 @@ from plugins.results.report.results import Results
 from plugins.results.report.statistics import interval
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 POINTS = 25  # of a curve, at which its interval is drawn
@@ -45,21 +44,14 @@ def _look(results: Results, method: str) -> dict[str, Any]:
     return {"label": wrapped(method, 48), "color": COLORS[number % len(COLORS)]}
 
 
-def _legend(figure: Figure, ax: Axes) -> None:
-    """A legend below the axes, in as many columns as fit."""
-    handles, labels = ax.get_legend_handles_labels()
-    longest = max(len(label.partition("\n")[0]) for label in labels)
-    columns = int((figure.get_figwidth() - 0.4) / (0.5 + 0.078 * longest))
-    figure.legend(handles, labels, loc="outside lower center", ncols=max(1, min(len(handles), columns)))
-
-
 def rewards(results: Results) -> FigurePage:
     """Grouped bars of the average, and every run as a dot."""
     tasks, methods = results.tasks, results.methods
 
     def paint() -> Figure:
         figure = new_figure(max(6.4, 1.2 + 0.24 * len(tasks) * (len(methods) + 1)), 4.0)
-        ax, step = figure.subplots(), 0.8 / len(methods)
+        ax = figure.subplots()
+        step = 0.8 / len(methods)
         for i, method in enumerate(methods):
             groups = results.of(method)
             places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
@@ -69,11 +61,9 @@ def rewards(results: Results) -> FigurePage:
                 ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, mfc="none", mec=INK, mew=0.6, clip_on=False)
         ax.set(ylim=(0, 1.02), yticks=np.linspace(0, 1, 6), ylabel="reward (0 to 1)", xlim=(-0.5, len(tasks) - 0.5))
         ax.grid(axis="y")
-        aslant = max(len(task) for task in tasks) > max(3 * len(methods), 10)
-        turn: dict[str, Any] = {"rotation": 35, "ha": "right"} if aslant else {}
-        ax.set_xticks(range(len(tasks)), [wrapped(task, 30) for task in tasks], **turn)
+        ax.set_xticks(range(len(tasks)), [wrapped(task, 30) for task in tasks], rotation=35, ha="right")
         ax.tick_params(axis="x", length=0)
-        _legend(figure, ax)
+        figure.legend(loc="outside lower center", ncols=2)
         return figure
 
     return FigurePage("rewards", "Reward by task and method", paint)
@@ -109,7 +99,7 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
             ax.plot(x, np.mean([task.mean(axis=0) for task in scores], axis=0), lw=1.8, **look)
         ax.grid(axis="y", visible=True)
         ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="rollouts")
-        _legend(figure, ax)
+        figure.legend(loc="outside lower center", ncols=2)
         return figure
 
     return FigurePage("anytime", "Reward by rollouts", paint)
