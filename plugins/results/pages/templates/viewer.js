@@ -11,7 +11,7 @@
   const gl = canvas.getContext("webgl", { antialias: true });
   if (!gl) {
     canvas.hidden = true;
-    caption.textContent = "This browser has no WebGL; the pictures of the tools are below.";
+    caption.textContent = "This browser has no WebGL, which shows the tools.";
     return;
   }
 
@@ -168,13 +168,6 @@
   const chosen = () => show(tools[choice.selectedIndex]);
   choice.addEventListener("change", chosen);
   box.querySelector("button").addEventListener("click", reset);
-  for (const card of document.querySelectorAll("[data-tool]")) {
-    card.addEventListener("click", () => {
-      choice.selectedIndex = Number(card.dataset.tool);
-      chosen();
-      box.scrollIntoView();
-    });
-  }
   new ResizeObserver(draw).observe(canvas);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", chosen);
   reset();
