@@ -28,7 +28,8 @@ def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path)
     assert tool is not None
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        names, poses = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"], motion.plan
+        names = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"]
+        poses = motion.plan
         writer.writerow([*names[: poses.shape[1]], "arrival_s"])
         writer.writerows(np.column_stack([poses, motion.arrivals.round(4)]).tolist())
     local = partial(copied, folder=folder)

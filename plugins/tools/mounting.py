@@ -48,7 +48,8 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
 
 def describe_weight(material: Material, robot: Robot) -> str:
     """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
-    payload, moment = f"{statics.mass_limit(robot, material)[0]:g} kg", f"{statics.moment_limit(robot):g} N m"
+    payload = f"{statics.mass_limit(robot, material)[0]:g} kg"
+    moment = f"{statics.moment_limit(robot):g} N m"
     return f"""\
 - Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
   weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist

@@ -32,7 +32,8 @@ _LIGHT_INK = "#e6edf3"  # on a dark page, as in page.css
 
 def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
     """Render a template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
-    style, script = _text("page.css"), _text("tables.js") + (_text("viewer.js") if viewer else "")
+    style = _text("page.css")
+    script = _text("tables.js") + (_text("viewer.js") if viewer else "")
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'"

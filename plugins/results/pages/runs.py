@@ -17,7 +17,8 @@ from core.store.reader import StoredEvaluation, StoredRun
 from core.store.rows import Best, RunFigures
 from core.support.text import by_reason, clean
 
-RESULT, HYDRA = "result.json", ".hydra"
+RESULT = "result.json"
+HYDRA = ".hydra"
 MAX_DEPTH = 6  # of a run's folder below one that the user names
 
 _LONGEST = 300
@@ -135,7 +136,8 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         reason = f"it has no {FILE}: it ended before it began, or that was deleted"
         return LeftOutRun(folder, "failed", reason, _task(folder, config), config)
     try:
-        config, figures = store.config(), store.result()
+        config = store.config()
+        figures = store.result()
     except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
     if figures is None:
@@ -171,7 +173,8 @@ def _stored(file: Path) -> dict[str, Any]:
 def _progress(folder: Path, store: StoredRun) -> str:
     """The progress of an unfinished run, in words."""
     try:
-        evaluations, generations = store.evaluations(), len(store.generations())
+        evaluations = store.evaluations()
+        generations = len(store.generations())
     except UserError as error:
         return short(str(error))
     best = max((e.reward for e in evaluations if e.status == "ok"), default=None)

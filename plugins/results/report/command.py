@@ -72,7 +72,8 @@ def report(
 
 def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
-    whole, short = rewards(results), itemgetter(0, 1, 2, 4, 5, 6, 8)
+    whole = rewards(results)
+    short = itemgetter(0, 1, 2, 4, 5, 6, 8)
     short_rewards = replace(whole, columns=short(whole.columns), rows=tuple(map(short, whole.rows)))
     for table in (short_rewards, *entry_tables(results.entries)[:1], verification(results.verified)):
         if table.rows:

@@ -26,7 +26,8 @@ FILM_BYTES, FILMS_BYTES = 5_000_000, 20_000_000  # of one, and of all on a page
 
 def _films(results: Results) -> list[tuple[str, Markup]]:
     """The films of the best runs, with what they show, as far as they are small enough for a page."""
-    films, left = [], FILMS_BYTES
+    films = []
+    left = FILMS_BYTES
     for g in results.groups:
         for film in g.best.films():
             if (size := film.stat().st_size) <= min(FILM_BYTES, left):

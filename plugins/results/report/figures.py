@@ -46,7 +46,8 @@ def _look(results: Results, method: str) -> dict[str, Any]:
 
 def rewards(results: Results) -> FigurePage:
     """Grouped bars of the average, and every run as a dot."""
-    tasks, methods = results.tasks, results.methods
+    tasks = results.tasks
+    methods = results.methods
 
     def paint() -> Figure:
         figure = new_figure(max(6.4, 1.2 + 0.24 * len(tasks) * (len(methods) + 1)), 4.0)
@@ -86,7 +87,8 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
         figure = new_figure(6.4, 4.0)
         ax = figure.subplots()
         for method, by_task in courses.items():
-            look, x = _look(results, method), np.linspace(0, ends[method], POINTS)
+            look = _look(results, method)
+            x = np.linspace(0, ends[method], POINTS)
             scores = [
                 np.array([np.append(0.0, best)[np.searchsorted(spent, x, side="right")] for spent, best in task])
                 for task in by_task

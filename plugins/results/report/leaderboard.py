@@ -301,7 +301,8 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     head += "|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"
     rows = []
     for entry, verified in listed:
-        tasks, costs = [*entry.tasks.values()], [run.cost_usd for run in entry.runs if run.cost_usd is not None]
+        tasks = [*entry.tasks.values()]
+        costs = [run.cost_usd for run in entry.runs if run.cost_usd is not None]
         rules = protocol(entry.protocol)
         alone = "" if len(rules.engines) > 1 else ", one engine"
         rows.append(

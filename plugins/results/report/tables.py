@@ -157,7 +157,8 @@ def costs(results: Results) -> Iterator[tuple[Cell, ...]]:
     """Time, tokens and dollars that runs took."""
     for g in results.groups:
         spent = [RunCost.of(run.store.requests()) for run in g.runs]
-        seconds, tried = sum(run.figures.wall_time_s for run in g.runs), sum(run.rollouts for run in g.runs)
+        seconds = sum(run.figures.wall_time_s for run in g.runs)
+        tried = sum(run.rollouts for run in g.runs)
         yield (
             *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
             tried / seconds if seconds > 0 else None,

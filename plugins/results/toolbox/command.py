@@ -114,7 +114,8 @@ def write(found: Toolbox, output: Path) -> None:
 
 def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
     """Write a chosen tool with its plan for each task that it does."""
-    tool, row = found.tools[index], found.earned[index]
+    tool = found.tools[index]
+    row = found.earned[index]
     plans = tuple((task, plan) for task in found.done([index]) if (plan := row[task][1]) is not None)
     plan = TaskPlans(plans) if len(plans) > 1 else plans[0][1]
     save_design(replace(tool.best.candidate, plan=plan), tool.representation, folder)

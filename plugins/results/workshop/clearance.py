@@ -41,7 +41,8 @@ def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> l
     """Measure distances along a recorded rollout, at `HZ`; the nearest first."""
     chosen = np.unique(np.searchsorted(recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)))
     taken = subset(recording, chosen[chosen < len(recording.times)])
-    moving, bodies = robot_tracks(robot, tool, taken), body_tracks(scene, robot, taken)
+    moving = robot_tracks(robot, tool, taken)
+    bodies = body_tracks(scene, robot, taken)
     itself = self_distances(robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)])
     rows = [("arm", "itself", float(itself.min()), int(itself.argmin()))]
     parts = {component.name for component in tool.components}
@@ -58,7 +59,8 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
     Inverse dynamics of the links and the tool, and the motors' inertia. Friction in the joints is left out.
     """
     model = pin.buildModelFromXML(assemble(robot, tool, visuals=False))
-    data, names = model.createData(), [str(name) for name in model.names][1:]
+    data = model.createData()
+    names = [str(name) for name in model.names][1:]
     columns = [names.index(name) for name in robot.arm_joints]
     rest = pin.neutral(model)
     found = np.empty_like(motion.positions)

@@ -70,7 +70,8 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     Raises:
         UserError: the thread is none of `HEADS_MM`.
     """
-    flange, t = robot.flange, fit.plate_mm / 1000
+    flange = robot.flange
+    t = fit.plate_mm / 1000
     if flange.thread not in HEADS_MM:
         known = ", ".join(HEADS_MM)
         raise UserError(f"robot {robot.name}: no screw is known for thread {flange.thread!r}; {known} are")
@@ -95,7 +96,8 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     if flange.pin_angle is not None:
         bores.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, (1000 * flange.pin_m + PIN_MM) / 2000))
         hardware.append(f"1 pin {1000 * flange.pin_m:g} m6 x 12")
-    fitted, taken = clear + union(added) - union(bores), (*arm, *bores)
+    fitted = clear + union(added) - union(bores)
+    taken = (*arm, *bores)
     return Mount(fitted, "mount_plate", (plate,), tuple(added), taken, checks, tuple(hardware))
 
 
@@ -125,9 +127,13 @@ def _screws(robot: Robot, link: ToolLink, before: Any, fit: Fit) -> tuple[list[P
     A head rests on the plate, or below a component that is thick enough around the bore: a long screw through a beam
     leaves more of it than a way for a short one.
     """
-    flange, head = robot.flange, HEADS_MM[robot.flange.thread]
-    size, t = float(flange.thread[1:]), fit.plate_mm
-    cuts, kinds, covered = list[Placed](), list[str](), dict[str, None]()
+    flange = robot.flange
+    head = HEADS_MM[robot.flange.thread]
+    size = float(flange.thread[1:])
+    t = fit.plate_mm
+    cuts = list[Placed]()
+    kinds = list[str]()
+    covered = dict[str, None]()
     ring = [(0.0, 0.0), *((math.cos(a), math.sin(a)) for a in np.arange(12) * math.tau / 12)]
     fitting = [length for length in SCREWS_MM if length >= t + LEAST_THREADS * size - 1e-6]
     for number in range(flange.bolts):
@@ -183,16 +189,21 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
     """
     finger = next(finger for finger in fingers_of(robot) if finger.name == link.bearer)
-    gap, wall, tip = fit.sleeve_mm / 1000, WALL_MM / 1000, finger.tip
+    gap = fit.sleeve_mm / 1000
+    wall = WALL_MM / 1000
+    tip = finger.tip
     hulls = [s.pose.apply(corners(s.geometry)) for s in robot_solids(robot, True) if s.name == link.bearer]
     slid = [hull(np.vstack([points, points - 0.15 * tip])) for points in hulls]
     cavity = tuple((resized(shape, shape.bounds[1] + 2 * gap), Pose()) for shape in slid)
     low, high = _clasped(slid, tip, finger.face(tip), SLEEVE_MM / 1000)
-    low, high = low - gap, high + gap
+    low = low - gap
+    high = high + gap
     side = np.cross(np.abs(finger.opens), np.abs(tip))
-    around, widths = np.ones(3) - np.abs(tip), high - low
+    around = np.ones(3) - np.abs(tip)
+    widths = high - low
     walls = box(low - wall * (around + np.maximum(-tip, 0)), high + wall * (around + np.maximum(tip, 0)))
-    middle, out = (low + high) / 2, np.abs(side) * (widths / 2 + CLAMP_MM / 1000)
+    middle = (low + high) / 2
+    out = np.abs(side) * (widths / 2 + CLAMP_MM / 1000)
     half = np.minimum(widths / 2, 0.005) * (1 - np.abs(side))
     clamp = box(middle - half, middle + half + out)
     bore = rod(middle, middle + out + 0.001 * np.abs(side), fit.insert_mm / 2000)
@@ -205,7 +216,8 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     )
     held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
     hardware = "1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"
-    adding, taking = (walls, clamp), (*cavity, bore)
+    adding = (walls, clamp)
+    taking = (*cavity, bore)
     fitted = solid + union(adding) - union(taking)
     return Mount(fitted, f"{link.bearer}_sleeve", (*kept, clamp), adding, taking, checks, hardware)
 
@@ -220,7 +232,8 @@ def _clasped(slid: Sequence[Mesh], tip: Array, end: float, length: float) -> tup
 
 
 def _sheet(low: Array, high: Array, wall: float, axis: int, end: int) -> Placed:
-    first, last = low.copy(), high.copy()
+    first = low.copy()
+    last = high.copy()
     first[axis], last[axis] = (high[axis], high[axis] + wall) if end > 0 else (low[axis] - wall, low[axis])
     return box(first, last)
 

@@ -83,7 +83,8 @@ def sample(trajectory: JointTrajectory, arm: Arm, rate_hz: float, speed: float =
     steps = math.ceil(trajectory.duration / STEP_S - 1e-9) + 2
     instants = STEP_S * np.arange(-2, steps + 1, dtype=np.float64)  # it waits for two steps at both ends
     targets, _ = trajectory.sample(instants)
-    path, fine = BSpline(STEP_S * np.arange(-3, steps + 4), targets, 3), STEP_S / 5 * np.arange(5 * steps + 1)
+    path = BSpline(STEP_S * np.arange(-3, steps + 4), targets, 3)
+    fine = STEP_S / 5 * np.arange(5 * steps + 1)
     fastest = (np.abs(path(fine, 1)) / arm.velocity_limits).max() / SHARE
     hardest = (np.abs(path(fine, 2)) / arm.acceleration_limits).max() / SHARE
     slower = max(1.0 / speed, float(fastest), math.sqrt(hardest))

@@ -73,9 +73,11 @@ def print_part(
     name: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
 ) -> PrintedPart:
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
-    mesh, plate = to_mesh(solid), printer.plate_mm
+    mesh = to_mesh(solid)
+    plate = printer.plate_mm
     lying, fits, back = lay(mesh, plate)
-    wall, whole_skin = thinnest(mesh) - 2 * weld_mm, closed(lying)
+    wall = thinnest(mesh) - 2 * weld_mm
+    whole_skin = closed(lying)
     size = " × ".join(f"{side:.0f}" for side in lying.extents)
     room = " × ".join(f"{side:g}" for side in plate)
     walls = f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"
@@ -111,7 +113,8 @@ def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, print
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
     """The least thickness of a wall: from points of the surface straight in, to where the ray leaves the body."""
-    areas, normals = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)
+    areas = np.asarray(mesh.area_faces)
+    normals = np.asarray(mesh.face_normals)
     sound = np.flatnonzero(areas > _SLIVER_MM2)
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
     kept = areas[faces] > _SLIVER_MM2

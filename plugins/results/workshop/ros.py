@@ -55,7 +55,8 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
 
     Poses are in the frame of the arm's base.
     """
-    base, objects = robot.description.root, []
+    base = robot.description.root
+    objects = []
     for body in scene.bodies:
         at = robot.base.inverse() @ body.pose
         entry: dict[str, Any] = {"id": body.name, "header": {"frame_id": base}, "pose": _pose(at)}

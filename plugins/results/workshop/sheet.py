@@ -87,7 +87,8 @@ def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dic
 
 def _flange(robot: Robot) -> str:
     """Describe the ring of bolts, seen against the mount's z."""
-    flange, turn = robot.flange, math.degrees(robot.flange.bolt_angle)
+    flange = robot.flange
+    turn = math.degrees(robot.flange.bolt_angle)
     ring = f"{flange.bolts} x {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
     recess = "" if flange.centring_m is None else f"; recess {1000 * flange.centring_m:g} mm"
     pin = "" if flange.pin_angle is None else f"; pin {1000 * flange.pin_m:g} mm at {math.degrees(flange.pin_angle):g}°"

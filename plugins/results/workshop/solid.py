@@ -70,8 +70,10 @@ class ToolLink:
 
 def links_of(tool: Tool) -> list[ToolLink]:
     """Return the links of a tool, in the order of their first components."""
-    placed, links = tool.placed(), list[ToolLink]()
-    components, joints = {c.name: c for c in tool.components}, {of.name: of for of in tool.bearers}
+    placed = tool.placed()
+    links = list[ToolLink]()
+    components = {c.name: c for c in tool.components}
+    joints = {of.name: of for of in tool.bearers}
     for bearer in dict.fromkeys(bearer for bearer, _ in tool.borne.values()):
         own = [name for name in components if tool.borne[name][0] == bearer]
         shapes = tuple((components[name].shape, placed[name][1]) for name in own)
@@ -106,7 +108,8 @@ def _union(shapes: tuple[Placed, ...]) -> Any:
 
 def manifold(mesh: trimesh.Trimesh) -> Any:
     """Return a closed mesh as a Manifold."""
-    corners, faces = np.array(mesh.vertices, np.float64, order="C"), np.array(mesh.faces, np.uint64, order="C")
+    corners = np.array(mesh.vertices, np.float64, order="C")
+    faces = np.array(mesh.faces, np.uint64, order="C")
     return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
 
 
@@ -131,7 +134,8 @@ def hull(points: Array) -> Mesh:
 
 def box(low: Sequence[float] | Array, high: Sequence[float] | Array) -> Placed:
     """Return a box between two corners, in metres."""
-    low, high = np.asarray(low), np.asarray(high)
+    low = np.asarray(low)
+    high = np.asarray(high)
     x, y, z = (high - low).tolist()
     return Box((x, y, z)), Pose((low + high) / 2)
 

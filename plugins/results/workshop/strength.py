@@ -85,7 +85,8 @@ def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[tuple[str, Array,
     The pull is its weight and what its acceleration adds.
     """
     fingers = np.repeat(motion.fingers[:, None], len(robot.finger_joints), axis=1)
-    frames, found = link_frames(robot, Tool(gripper=tool.gripper), motion.positions, fingers), []
+    frames = link_frames(robot, Tool(gripper=tool.gripper), motion.positions, fingers)
+    found = []
     for component in tool.components:
         mount, pose = tool.placed()[component.name]
         (turned, moved), center = frames[mount], pose.apply(mass_properties(component.shape, component.mass)[0])
@@ -134,7 +135,8 @@ def contact_loads(
 
 def _hardest(recording: Recording, forces: Mapping[str, Array], pushes: Pushes, parts: _Parts) -> list[int]:
     """Choose the instants that are looked at."""
-    every, total = np.array(list(forces.values())), np.zeros((2, len(recording.times), 3))
+    every = np.array(list(forces.values()))
+    total = np.zeros((2, len(recording.times), 3))
     np.add.at(total[0], pushes.samples, np.cross(pushes.points, pushes.forces))
     np.add.at(total[1], pushes.samples, pushes.forces)
     mount = parts.frames[parts.tool.mounts[0]][1]
@@ -166,7 +168,8 @@ class _Parts:
         halfway = replace(recording, arm=arm, fingers=fingers)
         self.tool, self._tracks = tool, robot_tracks(robot, tool, halfway)[-len(tool.parts) :]
         self.frames = link_frames(robot, tool, arm, fingers)
-        placed, links_at = tool.placed(), {c.name: c.link for c in tool.components}
+        placed = tool.placed()
+        links_at = {c.name: c.link for c in tool.components}
         self._rest = {name: placed[name][1] @ links_at[name] if name in placed else Pose() for name in tool.borne_on}
 
     def on(self, sample: int, point: Array, force: Array) -> tuple[str, Array, Array]:
@@ -176,13 +179,16 @@ class _Parts:
         near = [i for i, gap in enumerate(gaps) if gap <= min(gaps) + NEAR_M]
         part = self.tool.parts[min(near, key=lambda i: self._gap(i, sample, point))]
         (turned, moved), rest = self.frames[part.bearer], self._rest[part.bearer]
-        own, way = turned[sample].T @ (point - moved[sample]), turned[sample].T @ force
+        own = turned[sample].T @ (point - moved[sample])
+        way = turned[sample].T @ force
         return part.component, rest.apply(own), rest.rotation.apply(way)
 
     def _gap(self, i: int, sample: int, point: Array) -> float:
         """How far a point is from the surface of a part."""
-        track, dot = self._tracks[i], coal.Transform3s(np.eye(3), point)
-        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        track = self._tracks[i]
+        dot = coal.Transform3s(np.eye(3), point)
+        request = coal.DistanceRequest()
+        result = coal.DistanceResult()
         return abs(float(coal.distance(track.geometry, track.at(sample, 0.0)[0], _DOT, dot, request, result)))
 
 

@@ -103,7 +103,8 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     added = [component for each in fitted for component in weighed(each.mount, each.link, taken, material)]
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
-        printed, simulated = grams(parts), 1000 * mounted.mass
+        printed = grams(parts)
+        simulated = 1000 * mounted.mass
         said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
     return PrintedTool(tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material)
@@ -136,7 +137,9 @@ def _fuse(link: ToolLink, printer: Printer, fix: Callable[[Any], Mount] = Mount)
 
 def _faithful(fitted: Body) -> Check:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
-    off, whole, mount = fitted.weld_mm + EXACT_MM, fitted.mount.solid, fitted.mount
+    off = fitted.weld_mm + EXACT_MM
+    whole = fitted.mount.solid
+    mount = fitted.mount
     solids = ([_offset(shape, by) for shape in fitted.link.shapes] for by in (off, -off))
     wide, narrow = (manifold3d.Manifold.batch_boolean(each, manifold3d.OpType.Add) for each in solids)
     excess = max(0.0, (whole - wide - union(mount.adding)).volume())

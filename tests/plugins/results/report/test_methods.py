@@ -61,7 +61,8 @@ def test_a_setting_makes_a_method_where_the_choices_are_the_same():
 
 
 def test_what_follows_from_a_choice_or_from_the_task_makes_none():
-    quick, paper = config(), config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
+    quick = config()
+    paper = config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
     other = config(budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox")
     assert labels(quick, paper, other, tasks=["BringCube", "BringCube", "LiftBox"]) == [
         "budget=quick",

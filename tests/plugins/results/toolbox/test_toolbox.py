@@ -51,7 +51,8 @@ def test_each_tool_has_its_stored_reward_and_is_tried_in_the_other_task(made):
 
 def test_an_interrupted_command_goes_on(made, folders, monkeypatch, tmp_path):
     found, _ = made
-    searched, search = [], trials.search
+    searched = []
+    search = trials.search
 
     def interrupted(config, folder, store):
         searched.append(folder)

@@ -27,7 +27,8 @@ def post(length, mass=0.1):
 @pytest.mark.parametrize("length", [0.2, 0.35])
 def test_a_post_hangs_as_far_above_the_table_as_it_is_short(length):
     task = installed().create("task", "MoveBall")
-    scene, count = task.scene(0), 3
+    scene = task.scene(0)
+    count = 3
     state = scene.state()
     states = type(state).stack([state] * count)
     recording = Recording(np.arange(count) / 25, np.tile(HOME, (count, 1)), np.zeros((count, 0)), states)
@@ -41,7 +42,8 @@ def test_a_post_hangs_as_far_above_the_table_as_it_is_short(length):
 
 def test_torques_of_an_arm_at_rest_are_those_of_weights():
     bare, laden = (torques(PANDA, tool, still())[0] for tool in (Tool(), post(0.2, 2.0)))
-    arm, q = arm_of(PANDA), HOME.copy()
+    arm = arm_of(PANDA)
+    q = HOME.copy()
     step = 1e-4
     for joint in (1, 3, 5):
         ends = []

@@ -77,8 +77,10 @@ def test_the_message_is_one_of_ros(made):
     store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
     types = store.types
     data = yaml.safe_load((folder / "ros2/trajectory.yaml").read_text())
-    duration, point = types["builtin_interfaces/msg/Duration"], types["trajectory_msgs/msg/JointTrajectoryPoint"]
-    stamp, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+    duration = types["builtin_interfaces/msg/Duration"]
+    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    stamp = types["builtin_interfaces/msg/Time"]
+    header = types["std_msgs/msg/Header"]
     points = [
         point(**{k: np.array(v) for k, v in of.items() if k != "time_from_start"}, time_from_start=duration(**at))
         for of in data["points"]
@@ -103,7 +105,8 @@ def test_the_scene_is_that_of_the_task(made):
     scene: Scene = found.task.scene(0)
     assert set(objects) == {body.name for body in scene.bodies}
     for body in scene.bodies:
-        of, parts = objects[body.name], body.collisions
+        of = objects[body.name]
+        parts = body.collisions
         assert len(of.get("primitives", [])) + len(of.get("meshes", [])) == len(parts)
         assert list(of["pose"]["position"].values()) == pytest.approx(body.pose.position, abs=1e-6)
         assert of["header"]["frame_id"] == "panda_link0"
@@ -136,7 +139,8 @@ def test_the_program_for_franky_plays_the_samples(made, monkeypatch):
 
 def test_a_program_in_urscript_has_the_motion_at_both_speeds(tmp_path):
     found = exported(tmp_path, "robot=ur10", task="MoveBall")
-    arm, text = arm_of(found.task.robot), (tmp_path / "programs" / "run.script").read_text()
+    arm = arm_of(found.task.robot)
+    text = (tmp_path / "programs" / "run.script").read_text()
     blocks = text.split("else:")
     for block, slower in zip(blocks, (5.0, 1.0), strict=True):
         rows = re.findall(r"servoj\(\[(.*?)\], t=([\d.]+), lookahead_time=([\d.]+), gain=(\d+)\)", block)
@@ -185,7 +189,8 @@ def test_what_a_model_named_is_no_markup(made):
     name = "<img src=x onerror=alert(1)> [a](javascript:b) `c` **d** | https://e.org\n\n# F\x1b[31m"
     tool = replace(found.candidate.tool, name=name)
     moves = {"approach": found.motion, "trajectory": found.motion}
-    candidate, replays = replace(found.candidate, tool=tool), {name: found.replays["mujoco"]}
+    candidate = replace(found.candidate, tool=tool)
+    replays = {name: found.replays["mujoco"]}
     text = checklist(replace(found, candidate=candidate, replays=replays, moves=moves))
     html = MarkdownIt("gfm-like", {"linkify": False}).render(text)
     assert not re.findall(r"<(?:img|a|strong|table)\b", html)

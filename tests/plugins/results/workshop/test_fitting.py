@@ -61,7 +61,8 @@ def test_the_plate_is_below_the_face_and_its_boss_in_the_recess():
     low, high = np.reshape(boss.bounding_box(), (2, 3))
     assert high - low == pytest.approx([31.3, 31.3, 2.99], abs=0.02)
     for way in range(4):  # a key's way to each head, which rests on the plate
-        x, y = 25 * math.cos(way * math.pi / 2), 25 * math.sin(way * math.pi / 2)
+        x = 25 * math.cos(way * math.pi / 2)
+        y = 25 * math.sin(way * math.pi / 2)
         assert not solid.ray_cast((x, y, -200), (x, y, 10))
         (hit,) = (hit for hit in solid.ray_cast((x + 4.5, y, -100), (x + 4.5, y, -1)) if hit.normal[2] < 0)
         assert hit.position[2] == pytest.approx(-7)

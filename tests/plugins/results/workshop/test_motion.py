@@ -39,7 +39,8 @@ def test_a_motion_keeps_to_the_way_and_to_the_limits(name):
 
 
 def test_an_approach_is_slow_and_at_rest_at_both_ends():
-    start, end = PANDA.home + np.linspace(-0.3, 0.3, 7), np.array(PANDA.home)
+    start = PANDA.home + np.linspace(-0.3, 0.3, 7)
+    end = np.array(PANDA.home)
     made = approach(start, end, 0.04, ARM, 500)
     assert np.allclose(made.positions[[0, -1]], [start, end])
     assert np.allclose(made.velocities[[0, -1]], 0)

@@ -54,7 +54,8 @@ def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, 
 
 def test_components_with_sides_in_one_plane_make_a_closed_file():
     socket = box("socket", "tool_mount", (0, 0, -0.006), (0.05, 0.05, 0.012))
-    thick, turn = 0.017478942044, 2.782373713772
+    thick = 0.017478942044
+    turn = 2.782373713772
     at = (-0.021409147902, 0.008039378961, -0.002739471022)
     boom = box("boom", "socket", at, (0.063216595154, thick, thick), (0, 0, turn))
     drop = box("drop", "boom", (0.022868826555, 0, -0.027996864818), (thick, thick, 0.055993729637), (0, 0, -turn))

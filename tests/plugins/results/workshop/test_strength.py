@@ -39,7 +39,10 @@ def inertia(thick):
 
 
 def test_a_chain_of_two_bars_bears_and_bends_by_both():
-    upper, lower, wide, thin = 0.15, 0.1, 0.03, 0.015
+    upper = 0.15
+    lower = 0.1
+    wide = 0.03
+    thin = 0.015
     bars = bar("upper", "tool_mount", 0.0, upper, wide), bar("lower", "upper", -upper / 2, lower, thin)
     length = upper + lower
     rows = pressed(Tool(bars), across("lower", -length))
@@ -52,8 +55,10 @@ def test_a_chain_of_two_bars_bears_and_bends_by_both():
 
 def test_forces_that_oppose_each_other_do_so_in_each_section():
     """A lever over a fulcrum: the moment is largest there, and 0 where it is held, if forces balance about that."""
-    length, thick = 0.3, 0.02
-    tool, load = Tool((bar("post", "tool_mount", 0.0, length, thick),)), across("post", -length)
+    length = 0.3
+    thick = 0.02
+    tool = Tool((bar("post", "tool_mount", 0.0, length, thick),))
+    load = across("post", -length)
     row = pressed(tool, load, across("post", -0.2, -1.5 * NEWTONS, "fulcrum"))["post"]
     assert row.stress_pa == pytest.approx(6 * NEWTONS * 0.1 / thick**3, rel=0.05)
     assert (row.load, row.newtons) == ("wall", NEWTONS)
@@ -65,7 +70,8 @@ def test_forces_that_oppose_each_other_do_so_in_each_section():
 
 def test_the_weight_counts_with_the_acceleration_of_the_motion():
     tool = Tool((bar("post", "tool_mount", 0.0, 0.2, 0.02, mass=0.5),))
-    times, home = np.arange(200) / 1000, np.array(PANDA.home)
+    times = np.arange(200) / 1000
+    home = np.array(PANDA.home)
     turning = np.tile(home, (200, 1))
     ((name, center, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
     assert (name, center.tolist()) == ("post", [0, 0, -0.1])
@@ -73,7 +79,8 @@ def test_the_weight_counts_with_the_acceleration_of_the_motion():
     turning[:, 0] += 2.0 * times**2 / 2  # about the upright axis: 2 rad/s^2
     ((*_, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
     mount = link_frames(PANDA, Tool(), home[None], np.zeros((1, 0)))["tool_mount"][1]
-    radius, speed = np.linalg.norm(mount[0, :2]), 2.0 * times[-2]
+    radius = np.linalg.norm(mount[0, :2])
+    speed = 2.0 * times[-2]
     assert np.linalg.norm(pulls[-2, :2]) == pytest.approx(0.5 * np.hypot(2.0 * radius, speed**2 * radius), rel=0.02)
     assert pulls[-2, 2] == pytest.approx(-0.5 * 9.81, rel=0.01)
 
@@ -81,7 +88,8 @@ def test_the_weight_counts_with_the_acceleration_of_the_motion():
 def filmed(tool, force, way=(0.0, 10.0, 0.0)):
     """The arm at home for 3 s, and a ball that pushes the end of a post 0.3 m long, newtons (T,)."""
     task = installed().create("task", "MoveBall")
-    scene, times = task.scene(0), np.arange(len(force)) / 100
+    scene = task.scene(0)
+    times = np.arange(len(force)) / 100
     states = type(scene.state()).stack([scene.state()] * len(times))
     arm = np.tile(PANDA.home, (len(times), 1))
     frames = link_frames(PANDA, Tool(), arm[:1], np.zeros((1, 0)))["tool_mount"]
@@ -95,7 +103,10 @@ def filmed(tool, force, way=(0.0, 10.0, 0.0)):
 @pytest.mark.parametrize(("seconds", "share"), [(0.01, None), (1.0, 1.0)])
 def test_an_impact_counts_by_its_impulse_and_what_lasts_by_its_force(seconds, share):
     """An impulse J loads a spring that holds a mass with J sqrt(k / m) at most."""
-    length, thick, mass, times = 0.3, 0.008, 0.05, np.arange(301) / 100
+    length = 0.3
+    thick = 0.008
+    mass = 0.05
+    times = np.arange(301) / 100
     tool = Tool((bar("post", "tool_mount", 0.0, length, thick, mass),))
     force = np.where(np.abs(times - 1.5) <= max(seconds / 2, 0.004), 40.0, 0.0)
     scene, recording = filmed(tool, force)
@@ -110,8 +121,10 @@ def test_an_impact_counts_by_its_impulse_and_what_lasts_by_its_force(seconds, sh
 
 
 def test_a_push_is_on_the_component_that_it_touches_in_its_mount_s_frame():
-    upper, lower = bar("upper", "tool_mount", 0.0, 0.15, 0.03), bar("lower", "upper", -0.075, 0.15, 0.015)
-    tool, force = Tool((upper, lower)), np.zeros(301)
+    upper = bar("upper", "tool_mount", 0.0, 0.15, 0.03)
+    lower = bar("lower", "upper", -0.075, 0.15, 0.015)
+    tool = Tool((upper, lower))
+    force = np.zeros(301)
     force[150:160] = 8.0
     scene, recording = filmed(tool, force, (0.0, 0.0, 1.0))
     for _, loads in contact_loads(scene, PANDA, tool, SOLID, recording):
