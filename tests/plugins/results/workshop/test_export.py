@@ -194,6 +194,6 @@ def test_what_a_model_named_is_no_markup(made):
     text = checklist(replace(found, candidate=candidate, replays=replays, moves=moves))
     html = MarkdownIt("gfm-like", {"linkify": False}).render(text)
     assert not re.findall(r"<(?:img|a|strong|table)\b", html)
-    assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (1, 2, 6)
+    assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (1, 2, 7)
     assert "\x1b" not in text
     assert "https\\://e.org" in text  # which GitHub would make a link
