@@ -12,15 +12,15 @@ from core.design import Candidate, Evaluation
 from core.designs.composer import answer_schema
 from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import SpawnRules
-from core.geometry import Box, Cylinder
+from core.geometry import Box
 from core.interfaces import Brief, Material, Request, Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Goal, Joint, Scene, floor, table
+from core.scene import Body, Goal, Scene, floor, table
 from core.simulation.rollout import RolloutSettings, evaluate_batch
 from core.solids.self_collision import find_self_collision
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.offline.designer import OfflineDesigner, left_out
+from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from tasks.high_object import HighObject
 from tasks.score_goal import ScoreGoal
@@ -239,23 +239,3 @@ def test_tools_of_a_soft_material_are_stout_enough(task):
         read[representation] = read_designs(document, soft, SpawnRules(task, 0))
     assert [candidate.problem for candidate in read[soft]] == [None] * 4
     assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])
-
-
-def test_what_no_plan_is_made_for_is_named():
-    bodies = tuple(Body.of(name, Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=1.0, color=RED) for name in ("can", "tin"))
-    door = Joint("door", "hinge", "tin", axis=(0, 0, 1))
-    turned = Goal(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
-
-    class Two(CubeTask):
-        goals = (Goal(joint="door", to=1.0), turned)
-        every = True
-
-        def scene(self, seed):
-            return Scene(bodies, (door,))
-
-    assert left_out(Two(), 0) == [
-        "a turn about the vertical",
-        "a time limit",
-        "a second goal, where one is a joint's or a turn (each tool is made for one)",
-    ]
-    assert left_out(CubeTask(), 0) == []
