@@ -141,10 +141,6 @@ class Level(ABC):
         """
         return ()
 
-    def measure(self, task: Task, seed: int) -> tuple[Picture, ...]:
-        """Return what a sensor sees of the layout, for ``prompt.depth=true``."""
-        return ()
-
 
 @lru_cache(maxsize=256)
 def _reads_trace(kind: type[Task]) -> bool:

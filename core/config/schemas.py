@@ -34,7 +34,6 @@ class PromptSettings:
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
         told: what is said of the scene: a level that a plugin offers (`core.hooks.Configs`), as ``source``.
         picture: show a picture of the scene, from the task's camera.
-        depth: show heights as a depth camera measures them: a coloured picture, and a coarse grid of numbers.
         photographs: those of a scene file stand ``beside`` the drawn pictures of the scene, or ``alone``, or nowhere
             (``none``).
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and what was observed of its
@@ -56,7 +55,6 @@ class PromptSettings:
     file: str | None = None
     told: str = "source"
     picture: bool = True
-    depth: bool = False
     photographs: str = "beside"
     feedback: str = "paper"
     generation_characters: int = 12_000

@@ -60,7 +60,7 @@ def strips(
 def prompt_pictures(
     task: Task, simulator: Simulator, prompts: PromptComposer, seed: int, mounted: Sequence[Tool]
 ) -> tuple[dict[bool, tuple[Picture, ...]], bool]:
-    """Make the pictures of the scene that the prompt's settings ask for: drawn, photographed, and measured.
+    """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.
 
     Return them without the gripper (False) and with it, and whether anything can draw here. Where the prompt has the
     scene's numbers too, a picture that fails is left out, and standard error says why.
@@ -70,7 +70,6 @@ def prompt_pictures(
     """
     settings, level = prompts.settings, prompts.level
     own = tuple(task.photographs()) if settings.photographs != "none" else ()
-    more = (*own, *(level.measure(task, seed) if settings.depth else ()))
     drawn, drawable, unseen = dict[bool, tuple[Picture, ...]](), True, not level.numbers
     alone = bool(own) and settings.photographs == "alone"
     for number, tool in enumerate(mounted if (unseen or settings.picture) and not alone else ()):
@@ -94,4 +93,4 @@ def prompt_pictures(
             if unseen:
                 raise
             report_missing("picture of the scene", error)
-    return {tool.gripper: (*drawn.get(tool.gripper, ()), *more) for tool in mounted}, drawable
+    return {tool.gripper: (*drawn.get(tool.gripper, ()), *own) for tool in mounted}, drawable

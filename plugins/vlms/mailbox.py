@@ -12,7 +12,7 @@ from pathlib import Path
 
 from core.design import DesignError
 from core.designs.composer import as_markdown
-from core.designs.reading import Unread, parse_reply, read_designs
+from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError, check_positive
 from core.events import Run
@@ -24,8 +24,7 @@ from core.support.files import FileMark, file_mark, read_untrusted, write_whole
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"
 MAX_BYTES = 20_000_000  # of a reply
-CHECKS = 10  # an incomplete reply is read when its file has not changed at this many
-OLD_S = 5.0  # or for this many seconds
+CHECKS = 3  # a reply is read when its file is the same at this many: it is written whole
 
 _HELP = (
     f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
@@ -131,25 +130,19 @@ class Letter:
         return next((text for name in REPLIES if (text := self._read(name)) is not None), None)
 
     def _read(self, name: str) -> str | None:
-        """The text of one file, if it is new, complete and usable."""
+        """The text of one file, if it rests and is usable. A reply that was there before the request rests."""
         mark = file_mark(self.folder / name)
-        last, checks = self._checks.get(name, (None, 0))
-        # By its date too, so that a reply of an earlier session is read at once. A date may lie in the future.
-        old = mark is not None and time.time() - mark.modified_ns / 1e9 >= OLD_S
-        checks = checks + 1 if mark == last else CHECKS if old else 0
+        last, checks = self._checks.get(name, (mark, CHECKS - 1))
+        checks = checks + 1 if mark == last else 1
         self._checks[name] = mark, checks
-        if mark is None or mark.size == 0 or checks not in (1, CHECKS):  # perhaps still being written, or refused
+        if mark is None or mark.size == 0 or checks != CHECKS:
             return None
-        complete = False
         usable = False
         try:
             text = _load(self.folder / name)
-            complete, usable, problems = judge(self.request, text)
+            usable, problems = judge(self.request, text)
         except DesignError as error:
             problems = [str(error)]
-        if not complete and checks < CHECKS:
-            return None
-        self._checks[name] = mark, CHECKS
         if usable:
             self._write_problems(f"{name} is accepted; these of its designs will be rejected:", problems)
             return text
@@ -166,23 +159,20 @@ class Letter:
         _write(file, f"{heading}\n\n{listed}\n{ending}".encode())
 
 
-def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
-    """Check a reply: is it complete, is any design usable, and what is wrong with it?
+def judge(request: Request, text: str) -> tuple[bool, list[str]]:
+    """Check a reply: is any design usable, and what is wrong with it?
 
     Raises:
         DesignError: it can't be read at all.
     """
     if request.critique:  # any text is one
-        return True, bool(text.strip()), [] if text.strip() else ["it is empty"]
+        return (True, []) if text.strip() else (False, ["it is empty"])
     brief = request.brief
-    document = parse_reply(text)
     spawn = SpawnRules(brief.task, brief.scene_seed)
     most = (brief.n_tool, brief.n_action)
-    candidates = read_designs(document, brief.representation, spawn, most=most, actions=brief.actions)
-    strategies = document["strategies"] if isinstance(document, dict) else []
-    complete = not any(isinstance(strategy, Unread) for strategy in strategies)
+    candidates = read_designs(parse_reply(text), brief.representation, spawn, most=most, actions=brief.actions)
     problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)
-    return complete, any(c.problem is None for c in candidates), list(problems)
+    return any(c.problem is None for c in candidates), list(problems)
 
 
 def _write(file: Path, data: bytes) -> None:

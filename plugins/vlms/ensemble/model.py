@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from core.config.compose import listed, part
-from core.design import Evaluation
-from core.errors import LimitReached, UsageError, check_positive, choices
-from core.events import Generation, Result, Run
+from core.errors import LimitReached, UsageError, check_positive
+from core.events import Generation, Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request, Spending
 from core.plugins import MODEL, event_hub
@@ -32,11 +31,10 @@ class Ensemble(VLM):
     """Deals each request to a member, by what its answers have earned for their cost (`Dealer`).
 
     An answer earns the best reward among its candidates. A second request of an agent goes to the same member. Replies
-    bear the member's label, which is its model.
+    bear the member's label, which is its model. Of a run's events members hear its start, and their own replies.
 
     Args:
         members: names, as in ``vlm=NAME``, or mappings of a ``name`` and settings.
-        critic: the name or the model of the member that writes critiques, up to its limit; empty: they are dealt too.
         max_cost_usd: limit of what all members cost together, beside their own; None: no limit.
         max_tokens_total: limit of their prompts and answers together; None: no limit.
         seed: of the draws.
@@ -48,38 +46,33 @@ class Ensemble(VLM):
     def __init__(
         self,
         members: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
-        critic: str = "",
         max_cost_usd: float | None = None,
         max_tokens_total: int | None = None,
         seed: int = 0,
     ) -> None:
         if not members:
             raise UsageError("vlm.members is empty; name models, such as vlm.members=[gemini,openai]")
-        given = {"max_cost_usd": max_cost_usd, "max_tokens_total": max_tokens_total}
-        check_positive("vlm.", **{name: limit for name, limit in given.items() if limit is not None})
+        for name, limit in {"max_cost_usd": max_cost_usd, "max_tokens_total": max_tokens_total}.items():
+            if limit is not None:
+                check_positive("vlm.", **{name: limit})
         limits = Spending(max_cost_usd, max_tokens_total)
-        made = [part(MODEL, node).create() for node in listed("vlm", "model", members).values()]
-        names = [member if isinstance(member, str) else str(member["name"]) for member in members]
-        if any(isinstance(vlm, Ensemble) for vlm in made):
-            raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")
         self._members: dict[str, VLM] = {}
         self._events = event_hub()
-        seen: Counter[str] = Counter()
-        able: dict[str, str] = {}  # members that write critiques, and their names as in ``vlm=NAME``
-        for vlm, name in zip(made, names, strict=True):
-            vlm.share(limits)
-            seen[vlm.model] += 1
-            label = clean(vlm.model, _LONGEST) + (f" ({seen[vlm.model]})" if seen[vlm.model] > 1 else "")
+        for node in listed("vlm", "model", members).values():
+            vlm = part(MODEL, node).create()
+            if isinstance(vlm, Ensemble):
+                raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")
+            label = clean(vlm.model, _LONGEST)
+            if label in self._members:
+                label = f"{label} ({len(self._members) + 1})"
             self._members[label] = vlm
-            able |= {label: name} if vlm.criticises else {}
+            vlm.share(limits)
             add_listener(self._events, vlm, label)
+        every = self._members.values()
         self.model = f"ensemble of {', '.join(self._members)}"
-        self.takes_schema = all(vlm.takes_schema for vlm in made)
-        self._critics = [label for label, name in able.items() if critic in ("", name, label)]
-        if critic and not self._critics:
-            raise choices("member that writes critiques", critic, able.values(), "vlm.critic")
-        self.criticises = bool(able)
-        self.sees = all(vlm.sees for vlm in made)
+        self.takes_schema = all(vlm.takes_schema for vlm in every)
+        self.criticises = any(vlm.criticises for vlm in every)
+        self.sees = all(vlm.sees for vlm in every)
         self._dealer = Dealer(list(self._members), seed)
         self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
 
@@ -105,12 +98,9 @@ class Ensemble(VLM):
 
     def _choose(self, request: Request, closed: dict[str, LimitReached]) -> str | None:
         """The member that is to answer a request; None: all that can have reached their limit."""
-        brief = request.brief
-        ranking = self._dealer.ranking(brief.generation, brief.agent, critique=request.critique)
-        if request.critique:
-            able = [label for label in ranking if self._members[label].criticises]
-            ranking = sorted(able, key=lambda label: label not in self._critics)
-        return next((label for label in ranking if label not in closed), None)
+        ranking = self._dealer.ranking(request.brief.generation, request.brief.agent, critique=request.critique)
+        able = [label for label in ranking if self._members[label].criticises or not request.critique]
+        return next((label for label in able if label not in closed), None)
 
     def _ask(self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]) -> Iterator[tuple[str, Reply]]:
         """Yield the replies of all members as they arrive, and add those that reach a limit to ``closed``."""
@@ -148,10 +138,6 @@ class Ensemble(VLM):
         self._events.hook.run_started(run=run)
 
     @hookimpl
-    def generation_started(self, index: int) -> None:
-        self._events.hook.generation_started(index=index)
-
-    @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Pass a reply on to the member that gave it, by its label: a resumed run repeats those that are stored."""
         if reply.model in self._members:
@@ -159,10 +145,6 @@ class Ensemble(VLM):
             self._events.subset_hook_caller("reply_received", others)(request=request, reply=reply)
             if not request.critique:
                 self._replies[request.brief.generation, request.brief.agent].append(reply)
-
-    @hookimpl
-    def candidate_evaluated(self, evaluation: Evaluation) -> None:
-        self._events.hook.candidate_evaluated(evaluation=evaluation)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -176,19 +158,6 @@ class Ensemble(VLM):
             free = any(reply.error is None and not reply.cost_usd for reply in replies)
             cost = None if free else fsum(reply.cost_usd or 0.0 for reply in replies)
             self._dealer.hear(replies[-1].model, earned.get(agent, 0.0), cost)
-        self._events.hook.generation_finished(generation=generation)
-
-    @hookimpl
-    def finalist_tried(self, evaluation: Evaluation) -> None:
-        self._events.hook.finalist_tried(evaluation=evaluation)
-
-    @hookimpl
-    def run_finished(self, run: Run, result: Result) -> None:
-        self._events.hook.run_finished(run=run, result=result)
-
-    @hookimpl
-    def run_ended(self) -> None:
-        self._events.hook.run_ended()
 
 
 class Dealer:

@@ -13,10 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.designs.statics import moment_limit
-from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Brief, JointTrajectory, Robot, RolloutSettings, Task
-from core.robot.extents import fingers_of
+from core.robot.extents import Finger, fingers_of
 from core.robot.kinematics import Arm, Solution, arm_of, robot_model
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import find_self_collision
@@ -32,10 +31,10 @@ _LEVEL_M = 0.001
 _SIDES = ("to the front", "to the left", "up"), ("to the back", "to the right", "down")  # along x, y, z, and reversed
 PITCHES = (-0.8, -0.5, 0.0, 0.5, 0.8)
 _RISE_M = 0.1  # between two heights
-_LARGE_RAD = 1.5
-_LOW_M, _LARGE_AT_M = 0.1, 0.3  # heights of a low and near pose, and of those with large turns
-_STEP_M, _STEP_RAD = 0.02, 0.1
-_NEAR_M, _NEAR_RAD = 0.003, 0.02  # a pose missed by less counts as reached
+_STEP_M = 0.02
+_STEP_RAD = 0.1
+_NEAR_M = 0.003  # a pose missed by less counts as reached,
+_NEAR_RAD = 0.02
 
 
 class Segment(NamedTuple):
@@ -62,9 +61,7 @@ class ArmSheet(NamedTuple):
     at: str  # where its base stands, x, y and z; empty at the world's origin
     yaw: str  # how the base is turned; empty if it is not
     reach: str  # a table
-    turned: str  # how far it reaches with large turns
     turns: str  # how far it turns by roll, pitch and yaw at home, and with which torque
-    low: str  # a sentence: what space the links around the mount take in a low and near pose; or empty
     joints: str  # their values at home
     speed: str  # a sentence
     exactness: str  # sentences; empty if it was not measured
@@ -91,38 +88,32 @@ def describe_arm(task: Task, rollout: RolloutSettings, engine: str, gripper: boo
 @lru_cache(maxsize=16)
 def _sheet(robot: Robot, home: Pose, rollout: RolloutSettings, engine: str, gripper: bool) -> ArmSheet:
     arm = arm_of(robot)
-    joints = arm.home_for(home)
-    reach = compute_reach(arm)
+    yaw = robot.base.rpy[2]
+    reach = {z: row for z, row in compute_reach(arm).items() if z <= _EACH_M or round(10 * z) % 2 == 0}
     turns = zip(("roll", "pitch", "yaw"), turns_at(arm, home), strict=True)
+    turn = ", ".join(f"{name} {_turn(*ends)}" for name, ends in turns)
     around = extents_at_home(robot, gripper, home)
-    shaped, own = extents_at_home(robot, False, home), robot.base.rpy[2]
+    bare = extents_at_home(robot, False, home)
+    rows = [(name, *(_range(*ends) for ends in zip(*extent, strict=True))) for name, extent in around.items()]
     return ArmSheet(
         at=short_numbers(robot.base.position, 4, ", ") if robot.base != Pose() else "",
-        yaw=short_number(own, 4) if own else "",
-        reach=as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
-        turned=describe_turned(arm),
-        turns=", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns)
-        + f", with {moment_limit(robot):g} N m",
-        low=describe_low(arm, reach, shaped),
-        joints=short_numbers(joints, 2, ", "),
+        yaw=short_number(yaw, 4) if yaw else "",
+        reach=as_table(reach),
+        turns=f"{turn}, with {moment_limit(robot):g} N m",
+        joints=short_numbers(arm.home_for(home), 2, ", "),
         speed=describe_speed(segments(arm, home, rollout)),
         exactness=describe_exactness(robot.measured, engine),
-        around=table(
-            ("link", "x", "y", "z"),
-            [(name, *(_range(*ends) for ends in zip(*extent, strict=True))) for name, extent in around.items()],
-        ),
-        clear=all(low[2] > -_LEVEL_M for low, _ in shaped.values()),
-        bearers=tuple(name for name in robot.near_mount if name in shaped),
-        fingers=tuple(
-            FingerSheet(
-                finger.name,
-                short_numbers(finger.pose.position, 4, ", "),
-                tuple(_side(axis) for axis in finger.pose.rotation.as_matrix().T),
-                short_number(-finger.place(finger.tip)[2], 3),
-            )
-            for finger in fingers_of(robot)
-        ),
+        around=table(("link", "x", "y", "z"), rows),
+        clear=all(low[2] > -_LEVEL_M for low, _ in bare.values()),
+        bearers=tuple(name for name in robot.near_mount if name in bare),
+        fingers=tuple(_describe_finger(finger) for finger in fingers_of(robot)),
     )
+
+
+def _describe_finger(finger: Finger) -> FingerSheet:
+    origin = short_numbers(finger.pose.position, 4, ", ")
+    axes = tuple(_side(axis) for axis in finger.pose.rotation.as_matrix().T)
+    return FingerSheet(finger.name, origin, axes, short_number(-finger.place(finger.tip)[2], 3))
 
 
 def _range(low: float, high: float) -> str:
@@ -156,12 +147,15 @@ def segments(arm: Arm, home: Pose, rollout: RolloutSettings) -> list[Segment]:
 
 def describe_speed(segments: Sequence[Segment]) -> str:
     """Say how long segments take, and how much faster than on average they are at most."""
-    by_length = [[one for one in segments if one.length == length] for length in (LENGTHS_M[0], LENGTHS_M[-1])]
-    times = [f"{'/'.join(f'{one.seconds:.2g}' for one in group)} s for {group[0].length:g} m" for group in by_length]
-    peaks = min(one.peak for one in segments), max(one.peak for one in segments)
+    times = []
+    for length in (LENGTHS_M[0], LENGTHS_M[-1]):
+        seconds = (f"{one.seconds:.2g}" for one in segments if one.length == length)
+        times.append(f"{'/'.join(seconds)} s for {length:g} m")
+    least = min(one.peak for one in segments)
+    most = max(one.peak for one in segments)
     return (
-        f"Segments {'/'.join(WAYS)} through home take {', '.join(times)}, with a peak speed of {peaks[0]:.2g} to "
-        f"{peaks[1]:.2g} times the mean"
+        f"Segments {'/'.join(WAYS)} through home take {', '.join(times)}, with a peak speed of {least:.2g} to "
+        f"{most:.2g} times the mean"
     )
 
 
@@ -171,27 +165,18 @@ def short(figure: float) -> str:
 
 
 def describe_exactness(measured: Mapping[str, Mapping[str, float | None]], engine: str) -> str:
-    """Say how exact the arm is in this engine, or where it was not measured, over all in which it was."""
-    figures = [measured[engine]] if engine in measured else list(measured.values())
-    if not figures:
+    """Say how exact the arm is in this engine; empty where it was not measured."""
+    if engine not in measured:
         return ""
-
-    def over(name: str, digits: int = 2) -> str:
-        numbers = [round(figure, digits) for one in figures if (figure := one[name]) is not None]
-        return " to ".join(dict.fromkeys(short(bound(numbers)) for bound in (min, max))) if numbers else ""
-
-    where = engine if engine in measured else f"{len(figures)} engines"
-    force = [f"{push} N per mm"] if (push := over("push_n_per_mm")) else []
-    force += ["full force at once"] if any(one["push_n_per_mm"] is None for one in figures) else []
-    turn = [f"{figure} N m per rad" for figure in over("turn_nm_per_rad", 0).split(" to ") if figure]
-    turn += ["full torque at once"] if any(one["turn_nm_per_rad"] is None for one in figures) else []
-    most = max(figure for one in figures if (figure := one["most_n"]) is not None)
+    said = {name: short(figure) for name, figure in measured[engine].items() if figure is not None}
+    force = f"{said['push_n_per_mm']} N per mm" if "push_n_per_mm" in said else "full force at once"
+    turn = measured[engine]["turn_nm_per_rad"]
+    torque = "full torque at once" if turn is None else f"{turn:.0f} N m per rad"
     return (
-        f"Measured in {where}: in motion it lags by up to {over('lag_mm')} mm, with 1 kg mounted by "
-        f"{over('lag_mm_1kg')} mm; at rest it misses by {over('rest_mm')} "
-        f"mm, under a load of 1 kg by {over('sag_mm_1kg')} mm. Held back, it presses with {' or '.join(force)}, "
-        f"{most:.0f} N at most; turned back, it turns with {' or '.join(turn)}. Sent 2 mm into the table and 0.1 m "
-        f"along it, it ends {over('slid_miss_mm')} mm behind"
+        f"Measured in {engine}: in motion it lags by up to {said['lag_mm']} mm, with 1 kg mounted by "
+        f"{said['lag_mm_1kg']} mm; at rest it misses by {said['rest_mm']} mm, under a load of 1 kg by "
+        f"{said['sag_mm_1kg']} mm. Held back, it presses with {force}, {said['most_n']} N at most; turned back, it "
+        f"turns with {torque}. Sent 2 mm into the table and 0.1 m along it, it ends {said['slid_miss_mm']} mm behind"
     )
 
 
@@ -226,13 +211,13 @@ def compute_reach(arm: Arm, pitches: tuple[float, ...] = PITCHES) -> dict[float,
     return dict(sorted(table.items()))
 
 
-def span_at(arm: Arm, height: float, pitch: float, roll: float = 0.0) -> Span | None:
+def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     """Find the distances that are reached at this height and turn: out from near home's, and back in from there."""
     x, y, _ = arm.robot.base.position
     base = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, arm.robot.base.rpy[2]))
     farthest = int(robot_model(arm.robot, Tool()).reach / _STEP_M)
     home = round(float(np.hypot(*base.inverse().apply(arm.forward(arm.home).position)[:2])) / _STEP_M)
-    turn = Rotation.from_euler("xy", (roll, pitch))
+    turn = Rotation.from_euler("y", pitch)
     poses = [base @ Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
     for first in sorted(range(farthest), key=lambda step: abs(step - home)):
         start = arm.inverse(poses[first], arm.home)
@@ -246,32 +231,6 @@ def span_at(arm: Arm, height: float, pitch: float, roll: float = 0.0) -> Span | 
     back = _march(arm, poses[:most][::-1], out[-1])
     back = back[: _clear(arm, back) or None]
     return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M)
-
-
-def describe_turned(arm: Arm) -> str:
-    """Say how far the arm reaches with large turns, as the table of the reach does."""
-    found = []
-    for angle in (-_LARGE_RAD, _LARGE_RAD):
-        rolled, pitched = (span_at(arm, _LARGE_AT_M, pitch, roll) for pitch, roll in ((0.0, angle), (angle, 0.0)))
-        found += [f"roll {angle:g}: {_cm(rolled)}", f"pitch {angle:g}: {_cm(pitched)}"]
-    return f"at z {_LARGE_AT_M:g} with {', '.join(sorted(found))}"
-
-
-def describe_low(arm: Arm, reach: dict[float, Row], links: Iterable[str]) -> str:
-    """Say what space these links take where the arm is low and nearly as near as it goes; empty if it can't be."""
-    span = reach.get(_LOW_M, {}).get(0.0)
-    if span is None:
-        return ""
-    ahead, (x, y, _) = span.least + 2 * _STEP_M, arm.robot.base.position
-    pose = Pose.xyz_rpy((x, y, _LOW_M), (0.0, 0.0, arm.robot.base.rpy[2])) @ Pose(np.array([ahead, 0.0, 0.0]))
-    try:
-        extents = extents_at_home(arm.robot, False, pose)
-    except UserError:  # reached along the way from home alone
-        return ""
-    low, high = zip(*(extents[link] for link in links if link in extents), strict=True)
-    ends = zip("xyz", np.min(low, axis=0), np.max(high, axis=0), strict=True)
-    box = ", ".join(f"{axis} {_range(*pair)}" for axis, *pair in ends)
-    return f"At z {_LOW_M:g}, {100 * ahead:.0f} cm ahead, the links of the table below take up {box}"
 
 
 def turns_at(arm: Arm, home: Pose) -> tuple[tuple[float, float], ...]:

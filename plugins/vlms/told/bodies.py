@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Soft
 from core.support.text import table
@@ -25,15 +25,21 @@ _ALIKE = re.compile(r"_?\d+$")
 
 def bodies_table(task: Task, seed: int) -> str:
     """Write a row for each body, or bodies alike: how it moves, its weight, and where its frame's origin is."""
-    scene, groups = task.scene(seed), dict[tuple[str, ...], list[str]]()
+    scene = task.scene(seed)
     jointed = {joint.body for joint in scene.joints}
+    groups = dict[tuple[str, ...], list[str]]()
     for body in scene.bodies:
-        kind = "on a joint" if body.name in jointed else "free" if body.mass else "fixed" if body.collisions else "mark"
-        kind = f"soft {body.form.kind}, {body.in_words()}" if isinstance(body, Soft) else kind
-        said = _ALIKE.sub("", body.name), kind, weight(body), _origin(body)
-        groups.setdefault(said, []).append(body.name)
-    names = (f"{own[0]} ... {own[-1]} ({len(own)})" if len(own) > 1 else own[0] for own in groups.values())
-    rows = [(name, *said[1:]) for name, said in zip(names, groups, strict=True)]
+        kind = "free" if body.mass else "fixed" if body.collisions else "mark"
+        if isinstance(body, Soft):
+            kind = f"soft {body.form.kind}, {body.in_words()}"
+        elif body.name in jointed:
+            kind = "on a joint"
+        row: tuple[str, ...] = (_ALIKE.sub("", body.name), kind, weight(body), _origin(body))
+        groups.setdefault(row, []).append(body.name)
+    rows = []
+    for row, names in groups.items():
+        name = names[0] if len(names) == 1 else f"{names[0]} ... {names[-1]} ({len(names)})"
+        rows.append((name, *row[1:]))
     return table(("body", "is", "weight", "origin of its frame"), rows)
 
 
@@ -53,7 +59,7 @@ def slip(body: Body) -> str:
 
 def _origin(body: Body) -> str:
     """Name the place of a body's origin between its ends along its own axes."""
-    low, high = own_bounds(body)
+    low, high = bounds(body, Pose())
     shares = -low / np.maximum(high - low, 1e-9)
     words = [next(word for most, word in _PLACES if share < most) for share in shares.tolist()]
     if words == ["middle"] * 3:
@@ -61,8 +67,9 @@ def _origin(body: Body) -> str:
     return ", ".join(f"{axis} {word}" for axis, word in zip("xyz", words, strict=True))
 
 
-def own_bounds(body: Body) -> tuple[Array, Array]:
-    """Compute the lowest and the highest corner (3,) of a body's shapes along its own axes."""
+def bounds(body: Body, pose: Pose) -> tuple[Array, Array]:
+    """Compute the lowest and the highest corner (3,) of a body's shapes in a frame in which it has this pose."""
     parts = body.collisions or body.visuals
-    points = np.concatenate([part.pose.apply(np.asarray(part.shape.to_trimesh().vertices)) for part in parts])
-    return points.min(axis=0), points.max(axis=0)
+    points = [(pose @ part.pose).apply(np.asarray(part.shape.to_trimesh().vertices)) for part in parts]
+    every = np.concatenate(points)
+    return every.min(axis=0), every.max(axis=0)

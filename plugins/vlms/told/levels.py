@@ -11,7 +11,6 @@ from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
 from plugins.vlms.told.bodies import bodies_table
-from plugins.vlms.told.depth import depth_picture
 from plugins.vlms.told.sight import Hidden
 from plugins.vlms.told.source import BODY, class_source, helpers, layout_table, task_source
 from plugins.vlms.told.views import calibrated_pictures
@@ -29,9 +28,6 @@ class Told(Level):
     @abstractmethod
     def of_one(self, task: Task, seed: int) -> dict[str, Any]:
         """Return the values of a task without parts."""
-
-    def measure(self, task: Task, seed: int) -> tuple[Picture, ...]:
-        return (depth_picture(task, seed),)
 
 
 class Source(Told):

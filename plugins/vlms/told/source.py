@@ -18,9 +18,9 @@ import numpy as np
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
-from core.scene import Body, Geom, Soft
+from core.scene import Body, Soft
 from core.support.text import short_number, short_numbers, table
-from plugins.vlms.told.bodies import slip, weight
+from plugins.vlms.told.bodies import bounds, slip, weight
 
 BODY = (
     "name",
@@ -100,6 +100,7 @@ def _head(function: Callable[..., Any]) -> str:
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = 3  # parts of a hollow body, and sides on which they bound its middle, at least
 _STEP_M = 0.0005
+_PLURAL = {"box": "boxes"}
 _HEAD = ("body", "position", "shape", "x", "y", "z", "mass", "friction")
 
 
@@ -118,40 +119,30 @@ def layout_table(task: Task, seed: int, *, worded: bool = False) -> str:
 
 def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     first = bodies[0]
-    if len(bodies) == 1:
-        name, place = first.name, _placed(first.pose)
-    else:
-        name = f"{len(bodies)} alike: {first.name} ... {bodies[-1].name}"
-        place = "; ".join(_placed(body.pose) for body in bodies)
-    bounds = [_bounds(_parts(body), body.pose) for body in bodies]
-    low, high = np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
-    extents = (f"{short_number(a, 3)} to {short_number(b, 3)}" for a, b in zip(low, high, strict=True))
-    mass = "fixed" if not first.mass else weight(first) if worded else f"{first.mass:.3g} kg"
+    alone = len(bodies) == 1
+    name = first.name if alone else f"{len(bodies)} alike: {first.name} ... {bodies[-1].name}"
+    place = "; ".join(_placed(body.pose) for body in bodies)
+    lows, highs = zip(*(bounds(body, body.pose) for body in bodies), strict=True)
+    ends = zip(np.min(lows, axis=0), np.max(highs, axis=0), strict=True)
+    extents = (f"{short_number(low, 3)} to {short_number(high, 3)}" for low, high in ends)
+    mass = "fixed"
+    if first.mass:
+        mass = weight(first) if worded else f"{first.mass:.3g} kg"
     friction = slip(first) if worded else _friction(first)
-    return name, place, _shape(first, alone=len(bodies) == 1), *extents, mass, friction
+    return name, place, _shape(first, alone=alone), *extents, mass, friction
 
 
 def _description(body: Body) -> tuple[object, ...]:
     """The properties that bodies of one row share."""
-    parts = tuple((describe_shape(part.shape), part.pose) for part in _parts(body))
+    parts = tuple((describe_shape(part.shape), part.pose) for part in body.collisions or body.visuals)
     made = body.elastic if isinstance(body, Soft) else bool(body.collisions)
     return made, parts, body.mass, body.friction, body.rolling_friction, body.restitution
 
 
-def _parts(body: Body) -> tuple[Geom, ...]:
-    return body.collisions or body.visuals
-
-
 def _placed(pose: Pose) -> str:
     roll, pitch, yaw = pose.rpy.round(3) + 0.0
-    turn = (
-        f" rpy {short_numbers((roll, pitch, yaw), 3)}"
-        if roll or pitch
-        else f" yaw {short_number(yaw, 3)}"
-        if yaw
-        else ""
-    )
-    return short_numbers(pose.position, 3) + turn
+    turn = f" rpy {short_numbers((roll, pitch, yaw), 3)}" if roll or pitch else f" yaw {short_number(yaw, 3)}"
+    return short_numbers(pose.position, 3) + (turn if roll or pitch or yaw else "")
 
 
 def _shape(body: Body, *, alone: bool) -> str:
@@ -165,15 +156,15 @@ def _shape(body: Body, *, alone: bool) -> str:
     if len(parts) == 1 and not isinstance(parts[0].shape, Mesh):
         return describe_shape(parts[0].shape)
     counts = Counter(type(part.shape).__name__.lower().replace("mesh", "convex part") for part in parts)
-    plural = {"box": "boxes"}
-    words = [f"{n} {plural.get(kind, f'{kind}s')}" if n > 1 else f"1 {kind}" for kind, n in counts.items()]
-    low, high = _bounds(parts, Pose())
-    size = (
-        f", {short_numbers(high - low, 3)} along its own axes"
-        if np.abs(body.pose.rpy).max() > 0.001 or not alone
-        else ""
-    )
-    return " + ".join(words) + size + _inside(body, low, high)
+    text = " + ".join(f"{n} {kind}" if n == 1 else f"{n} {_PLURAL.get(kind, f'{kind}s')}" for kind, n in counts.items())
+    low, high = bounds(body, Pose())
+    if not _upright(body) or not alone:
+        text += f", {short_numbers(high - low, 3)} along its own axes"
+    return text + _inside(body, low, high)
+
+
+def _upright(body: Body) -> bool:
+    return float(np.abs(body.pose.rpy).max()) <= 0.001
 
 
 def _inside(body: Body, low: Array, high: Array) -> str:
@@ -182,55 +173,26 @@ def _inside(body: Body, low: Array, high: Array) -> str:
     solids = [Solid("", solid_geometry(part.shape), part.pose) for part in body.collisions]
     if len(solids) < _HOLLOW or _distance(solids, middle) <= 0:
         return ""
-    upright = np.abs(body.pose.rpy).max() <= 0.001
-    shift = body.pose.position if upright else np.zeros(3)
-    words, met = [], 0
+    shift = body.pose.position if _upright(body) else np.zeros(3)
+    words = []
     for axis, name in enumerate("xyz"):
         ends = []
-        for sign, limit in ((-1, low), (1, high)):
-            way = sign * np.eye(3)[axis]
-            free = _free(solids, middle, way, abs(float(limit[axis] - middle[axis])))
-            met += free is not None
-            ends.append("open" if free is None else short_number((middle + free * way + shift)[axis], 3))
+        for sign in (-1, 1):
+            end = middle.copy()
+            while low[axis] < end[axis] < high[axis] and (gap := _distance(solids, end)) > _STEP_M:
+                end[axis] += sign * gap
+            closed = low[axis] < end[axis] < high[axis]
+            ends.append(short_number((end + shift)[axis], 3) if closed else "open")
         words.append(f"{name} {ends[0]} to {ends[1]}")
-    frame = "" if upright else " in its own frame"
-    return f"; hollow, free through its middle{frame}: {', '.join(words)}" if met >= _HOLLOW else ""
-
-
-def _free(solids: Sequence[Solid], start: Array, way: Array, most: float) -> float | None:
-    """The distance from ``start`` along ``way`` to the first solid; None: there is none within ``most`` metres."""
-    gone = 0.0
-    while gone < most:
-        gap = _distance(solids, start + gone * way)
-        if gap < _STEP_M:
-            return gone + max(gap, 0.0)
-        gone += gap
-    return None
+    text = ", ".join(words)
+    if text.count("open") > 6 - _HOLLOW:
+        return ""
+    return f"; hollow, free through its middle{'' if _upright(body) else ' in its own frame'}: {text}"
 
 
 def _distance(solids: Sequence[Solid], point: Array) -> float:
     dot = Solid("", solid_geometry(Sphere(1e-6)), Pose(point))
     return min(signed_distance(dot, solid) for solid in solids)
-
-
-def _bounds(parts: Sequence[Geom], pose: Pose) -> tuple[Array, Array]:
-    """The lowest and the highest corner of the box around shapes, along the axes of the frame that has ``pose``."""
-    lows, highs = [], []
-    for part in parts:
-        frame = pose @ part.pose
-        if isinstance(part.shape, Sphere):  # its own box would turn with it
-            points = frame.position + part.shape.radius * np.array([[-1.0], [1.0]])
-        elif isinstance(part.shape, Cylinder):
-            axis = frame.rotation.as_matrix()[:, 2]
-            half = part.shape.length / 2 * np.abs(axis) + part.shape.radius * np.sqrt(np.maximum(1 - axis**2, 0.0))
-            points = np.array([frame.position - half, frame.position + half])
-        else:
-            points = frame.apply(
-                part.shape.vertices if isinstance(part.shape, Mesh) else part.shape.to_trimesh().vertices
-            )
-        lows.append(points.min(axis=0))
-        highs.append(points.max(axis=0))
-    return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
 def describe_shape(shape: Shape) -> str:

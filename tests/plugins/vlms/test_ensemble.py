@@ -129,10 +129,6 @@ def test_a_resumed_run_deals_as_the_undisturbed_one():
         ({"members": [{"name": "offline", "size": 3}]}, "no setting 'size' in vlm=offline"),
         ({"members": [{"name": "ensemble", "members": ["offline"]}]}, "an ensemble can't be a member"),
         ({"members": ["offline"], "max_cost_usd": 0}, "vlm.max_cost_usd must be greater than 0"),
-        (
-            {"members": ["offline", "mailbox"], "critic": "offline"},
-            "no member that writes critiques 'offline'.*mailbox",
-        ),
     ],
 )
 def test_settings_that_can_not_be_used(settings, said):

@@ -41,8 +41,8 @@ def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
 
     assert [picture.name for picture in sent()] == ["scene", "photo1", "photo2"]
     assert [picture.name for picture in sent("prompt.photographs=none")] == ["scene"]
-    alone = sent("prompt.photographs=alone", "prompt.depth=true")
-    assert [picture.name for picture in alone] == ["photo1", "photo2", "depth"]
+    alone = sent("prompt.photographs=alone")
+    assert [picture.name for picture in alone] == ["photo1", "photo2"]
     first = Image.open(io.BytesIO(alone[0].png))
     assert (first.format, first.size) == ("PNG", (640, 1280))
     assert not first.info

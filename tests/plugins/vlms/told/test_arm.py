@@ -7,7 +7,7 @@ from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from core.scene import Scene
-from plugins.vlms.told.arm import describe_arm, describe_exactness, describe_speed, segments
+from plugins.vlms.told.arm import describe_arm, describe_speed, segments
 from tests.panda import ARM, PANDA
 
 pytestmark = pytest.mark.slow
@@ -37,12 +37,7 @@ def test_how_exact_the_arm_is_depends_on_the_engine():
     texts = [sheet(PANDA, engine=engine).exactness for engine in ("mujoco", "sapien", "mine")]
     assert f"Measured in mujoco: in motion it lags by up to {measured['mujoco']['lag_mm']:.2g} mm" in texts[0]
     assert f"presses with {measured['sapien']['push_n_per_mm']:.0f} N per mm, " in texts[1]
-    lags = [figures["lag_mm"] for figures in measured.values()]
-    assert (
-        f"Measured in {len(lags)} engines: in motion it lags by up to {min(lags):.2g} to {max(lags):.2g} mm" in texts[2]
-    )
-    assert "N per mm or full force at once" in texts[2]
-    assert describe_exactness({}, "mujoco") == ""
+    assert texts[2] == ""
 
 
 def test_segments_take_the_time_of_the_motion():
@@ -84,12 +79,3 @@ def test_the_wrists_torque_and_stiffness():
         in yields.exactness
     )
     assert "turned back, it turns with full torque at once. " in sheet(PANDA, engine="pybullet").exactness
-    assert "N m per rad or full torque at once" in sheet(PANDA, engine="mine").exactness
-
-
-def test_large_turns_and_low_poses():
-    panda = sheet(PANDA)
-    assert panda.turned == "at z 0.3 with pitch -1.5: 78-82, pitch 1.5: 10-60, roll -1.5: 18-80, roll 1.5: 10-80"
-    assert panda.low.startswith("At z 0.1, 24 cm ahead, the links of the table below take up x -0.138 to 0.047, ")
-    pose = Pose.xyz_rpy((0.59, 0, 0.3), (0, 1.5, 0))
-    assert ARM.inverse(pose, ARM.home).error_m < 0.004

@@ -9,8 +9,11 @@ from PIL import Image as Pillow
 from scipy.ndimage import label
 
 from core.design import Tool
+from core.geometry import Box, Pose, Sphere
 from core.plugins import installed
-from plugins.vlms.told.bodies import own_bounds
+from core.scene import Body, Camera, Geom
+from core.simulation.pictures import nearness
+from plugins.vlms.told.bodies import bounds
 from plugins.vlms.told.views import SIZE, _parallel, _shown, _size, calibrated_pictures
 from tests.engines import simulator
 
@@ -38,7 +41,7 @@ def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
     apart = (corner(red) - corner(blue)) * [scale_m, -scale_m]
     edges = []
     for body in (task.scene(5)["cube"], task.scene(5)["mark"]):
-        low, high = own_bounds(body)
+        low, high = bounds(body, Pose())
         edges.append(body.pose.position[:2] + np.array([low[0], high[1]]))
     np.testing.assert_allclose(apart, edges[0] - edges[1], atol=0.002)
 
@@ -75,3 +78,22 @@ def test_what_is_hidden_or_of_one_colour_has_edges(task, name, body, size):
             at[side] += sign * half * per_m
             row, column = np.round(at).astype(int)
             assert ink[row - 2 : row + 3, column - 2 : column + 3].any(), (side, sign)
+
+
+DOWN = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), 60.0, 0.75)  # 2.5 mm a pixel
+
+
+def thing(shape, position, alpha=1.0):
+    seen = (Geom(shape, color=(0.5, 0.5, 0.5, alpha)),)
+    return Body("thing", Pose(np.array(position, dtype=float)), 0.0, seen, ())
+
+
+def test_heights_are_those_of_the_highest_thing_that_is_not_clear():
+    table = thing(Box((1.0, 0.5, 0.02)), (0, 0, -0.01))
+    ball = thing(Sphere(0.1), (0.2, 0.1, 0.1))
+    glass = thing(Box((0.1, 0.1, 0.3)), (0, 0, 0.15), alpha=0.3)
+    found = nearness([table, ball, glass], DOWN, 400, 300)
+    assert found[150 - 40, 200 + 80] == pytest.approx(0.2, abs=0.002)
+    assert found[150 - 40, 200 + 80 + 24] == pytest.approx(0.1 + np.sqrt(0.1**2 - 0.06**2), abs=0.003)
+    assert found[150, 200] == pytest.approx(0.0, abs=1e-9)
+    assert np.isnan(found[10, 200])
