@@ -11,11 +11,11 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Recording
 from core.robot.description import assemble, merged
-from core.robot.kinematics import arm_of, open_mounts
+from core.robot.kinematics import arm_of, joint_values, open_mounts
 from core.scene import Scene
 from core.solids.contacts import nearest
 from core.solids.record_rate import subset
-from core.solids.self_collision import self_distances
+from core.solids.self_collision import self_pairs
 from core.solids.tracks import body_tracks, robot_tracks
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
@@ -43,7 +43,9 @@ def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> l
     taken = subset(recording, chosen[chosen < len(recording.times)])
     moving = robot_tracks(robot, tool, taken)
     bodies = body_tracks(scene, robot, taken)
-    itself = self_distances(robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)])
+    joints = joint_values(robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)])
+    pairs = self_pairs(robot, tool)
+    itself = np.array([-pairs.depths(row).max(initial=-np.inf) for row in joints])
     rows = [("arm", "itself", float(itself.min()), int(itself.argmin()))]
     parts = {component.name for component in tool.components}
     for what in ("arm", "tool"):

@@ -15,10 +15,9 @@ from core.interfaces import JointTrajectory, RolloutSettings
 from core.robot.description import assemble
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
 from core.simulation.rollout import evaluate_batch
-from core.solids import self_collision
 from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from tests.faults import Faulty, Slide
-from tests.panda import ARM, FINGER_OPEN, HOME_JOINTS, PANDA
+from tests.panda import ARM, FINGER_OPEN, PANDA
 
 ROD = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
 # The elbow folds, and the forearm goes into the shoulder.
@@ -164,32 +163,6 @@ def test_a_finger_may_not_drive_its_tool_into_the_hand():
     found = moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, 0.0])
     assert {found.part, found.other} == {"hook", "panda_hand"}
     assert found.with_tool
-
-
-@pytest.fixture
-def measured(monkeypatch):
-    """Note each distance that is measured."""
-    calls, measure = [], self_collision._Pairs.depth
-    monkeypatch.setattr(self_collision._Pairs, "depth", lambda *given: calls.append(1) or measure(*given))
-    return calls
-
-
-def test_work_is_bounded_when_many_components_graze_the_arm(measured):
-    """A hundred thin boxes turn about the flange's axis for two minutes, close below the wrist."""
-    hub = Component("hub", "tool_mount", Pose(np.array([0.0, 0.0, -0.01])), Box((0.02, 0.02, 0.02)))
-    rays = []
-    for number, angle in enumerate(np.linspace(0.0, 2 * np.pi, 99, endpoint=False)):
-        turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
-        place = Pose(np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.06]), turn)
-        rays.append(Component(f"ray {number}", "hub", place, Box((0.15, 0.004, 0.004))))
-    times = np.arange(0.0, 119.0, 0.01)
-    joints = np.tile(np.array(HOME_JOINTS), (len(times), 1))
-    joints[:, 6] = 2.5 * np.sin(0.8 * times)
-    trajectory = JointTrajectory(times, joints, np.full(len(times), FINGER_OPEN))
-    met = find_self_collision(PANDA, Tool((hub, *rays)), trajectory)
-    assert len(measured) < self_collision.MAX_DISTANCES + 1000
-    assert met.unchecked
-    assert "collisions can't be ruled out: the search was given up at" in met.describe(np.array([60.0, 119.0]))
 
 
 # --- what becomes of a plan -------------------------------------------------------------------------------------
