@@ -20,7 +20,7 @@ from core.interfaces import Contact, Recording, Robot
 from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
 from core.solids.bodies import ROBOT
-from core.solids.gap_bounds import may_meet, neighbours
+from core.solids.near_pairs import may_meet, neighbours
 from core.solids.record_rate import coarse_samples, subset
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
 from core.values.states import TRACE_HZ

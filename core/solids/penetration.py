@@ -20,7 +20,7 @@ from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
 from core.solids.bodies import ROBOT
-from core.solids.gap_bounds import may_meet, neighbours
+from core.solids.near_pairs import may_meet, neighbours
 from core.solids.passage import DEEP_S, Depths, find_passage, relative_ways
 from core.solids.record_rate import coarse_samples, detours, is_finite, refined_samples, subset
 from core.solids.tracks import SAMPLE_HZ, Indices, Tracks, follow, lengths

@@ -1,4 +1,4 @@
-"""Bounds of the gaps between solids, against Coal."""
+"""Which solids may meet in which intervals, against Coal."""
 
 import numpy as np
 import trimesh
@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
-from core.solids.gap_bounds import may_meet
+from core.solids.near_pairs import may_meet
 from core.solids.tracks import Pair, follow
 from tests.core.solids.test_penetration import body, recording, straight
 from tests.panda import PANDA
