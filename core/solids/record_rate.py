@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
-from core.robot.kinematics import finger_values, joint_frames, joint_values, place, robot_model
-from core.scene import Scene
-from core.solids.bodies import own_solids, thickness
-from core.solids.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths
+from core.robot.kinematics import finger_values
+from core.scene import Scene, State
+from core.solids.bodies import thickness
+from core.solids.tracks import SAMPLE_HZ, Detour, Indices, follow, lengths
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 
@@ -33,36 +32,15 @@ def sample_hz(robot: Robot, tool: Tool, trajectory: JointTrajectory, thin: float
 
 
 def _tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> float:
-    """An upper bound of the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
+    """Bound the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
     times = np.append(np.arange(0.0, trajectory.duration, 1 / SAMPLE_HZ), trajectory.duration)
     arm, opening = trajectory.sample(times)
-    model = robot_model(robot, tool)
-    joints = joint_values(robot, tool, arm, finger_values(robot, tool, opening))
-    rotations, positions = joint_frames(model, joints)
-    fastest = 0.0
-    for mount, reach in _reaches(robot, tool).items():
-        joint, pose = model.links[mount]
-        turned, moved = place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
-        steps = lengths(np.diff(moved, axis=0)) + reach * angles(turned[:-1], turned[1:])
-        fastest = max(fastest, float((steps / np.diff(times)).max(initial=0.0)))
-    return fastest
-
-
-@lru_cache(maxsize=8)
-def _reaches(robot: Robot, tool: Tool) -> dict[str, float]:
-    """How far the tool extends from each of its mounts, metres, at most."""
-    solids, reaches = own_solids(robot, tool), dict[str, float]()
-    own = slice(len(solids.far) - len(tool.parts), None)
-    corners = (solids.far - np.linalg.norm(solids.positions, axis=1))[own]
-    away = {mount: (mount, 0.0) for mount in tool.mounts}
-    for name, parent, pose, joint in tool.bearers:
-        mount, before = away[parent]
-        range_m = max(-joint.lower, joint.upper) if joint.kind == "slider" else 0.0
-        away[name] = mount, before + float(np.linalg.norm(pose.position)) + range_m
-    for part, corner in zip(tool.parts, corners, strict=True):
-        mount, before = away[part.bearer]
-        reaches[mount] = max(before + float(np.linalg.norm(part.pose.position) + corner), reaches.get(mount, 0.0))
-    return reaches
+    triples = np.empty((len(times), 0, 3))
+    bodies = State((), triples, np.empty((len(times), 0, 4)), triples, triples)
+    recording = Recording(times, arm, finger_values(robot, tool, opening), bodies)
+    parts = list(follow(Scene(()), robot, tool, recording))[-len(tool.parts) :] if tool.parts else []
+    speeds = [np.diff(part.travel) / np.diff(times) for part in parts]
+    return max((float(speed.max(initial=0.0)) for speed in speeds), default=0.0)
 
 
 def _power(wanted: float) -> float:
