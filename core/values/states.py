@@ -258,15 +258,7 @@ class Trace:
         for (one, other), force in forces.items():
             if other in pressed and one not in pressed and _about(self._kind(one), one, other, other, by):
                 pressed[other] = pressed[other] + force
-        inner = [(pair, forces[pair]) for pair in pairs if pair[0] in pressed and pair[1] in pressed]
-        changed = any(force.any() for force in pressed.values())
-        while changed:
-            changed = False
-            for pair, force in inner:
-                for one, other in (pair, pair[::-1]):
-                    more = np.minimum(pressed[one], force)
-                    if (more > pressed[other]).any():
-                        pressed[other], changed = np.maximum(pressed[other], more), True
+        _spread(pressed, [(*pair, forces[pair]) for pair in pairs])
         total = np.zeros(self.shape)
         for one, other in pairs:
             if body in (one, other) and (through := other if one == body else one) in pressed:
@@ -286,15 +278,7 @@ class Trace:
         self._check(body)
         group = dict.fromkeys(self.states.names, np.zeros(self.shape, dtype=bool))
         group[body] = np.ones(self.shape, dtype=bool)
-        pairs = [(one, other, flags) for (kind, one, other), flags in self.touching.items() if kind == "body"]
-        for _ in self.states.names:
-            before = dict(group)
-            for one, other, flags in pairs:
-                if one in group and other in group:
-                    near = (group[one] | group[other]) & flags
-                    group[one], group[other] = group[one] | near, group[other] | near
-            if all((group[name] == before[name]).all() for name in group):
-                break
+        _spread(group, [(one, other, flags) for (kind, one, other), flags in self.touching.items() if kind == "body"])
         robot, fixed = np.zeros(self.shape, dtype=bool), np.zeros(self.shape, dtype=bool)
         for name, within in group.items():
             robot |= within & self.contact(name, "robot")
@@ -319,6 +303,20 @@ class Trace:
         known = (*self.states.names, *self.states.places)
         if body not in known:
             raise KeyError(f"no body {body!r} in the trace; there are: {', '.join(known)}")
+
+
+def _spread(values: dict[str, npt.NDArray[Any]], links: Sequence[tuple[str, str, npt.NDArray[Any]]]) -> None:
+    """Pass each body's value on through links to others, as much as the weakest link of a chain lets through."""
+    changed = True
+    while changed:
+        changed = False
+        for one, other, link in links:
+            for giver, taker in ((one, other), (other, one)):
+                if giver not in values or taker not in values:
+                    continue
+                more = np.maximum(values[taker], np.minimum(values[giver], link))
+                changed |= bool((more != values[taker]).any())
+                values[taker] = more
 
 
 def _about(kind: str, one: str, other: str, body: str, by: str | None) -> bool:
