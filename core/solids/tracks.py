@@ -18,7 +18,7 @@ from core.interfaces import Recording
 from core.robot.kinematics import joint_frames, joint_values, place, robot_model, rotate
 from core.robot.solids import WORLD
 from core.scene import Scene, State
-from core.solids.bodies import ROBOT, Solids, all_solids, scene_solids
+from core.solids.bodies import Solids, all_solids, scene_solids
 from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0
@@ -219,16 +219,6 @@ def follow(
         turning = np.where(number == 0, model.reach, 0.0)  # links turn about the joints before them, too
         aside += detour.moved[number] + (solids.far[moving] + turning)[:, None] * detour.turned[number]
     return Tracks(solids, moving, _rows(solids, moving, rotations, positions, aside), len(recording.times))
-
-
-def robot_tracks(robot: Robot, tool: Tool, recording: Recording) -> list[Track]:
-    """Follow the links that move, and the tool's components."""
-    return list(follow(Scene(()), robot, tool, recording))
-
-
-def body_tracks(scene: Scene, robot: Robot, recording: Recording) -> list[Track]:
-    """Follow the collision shapes of all bodies."""
-    return [track for track in follow(scene, robot, Tool(), recording) if track.owner != ROBOT]
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:

@@ -146,14 +146,6 @@ class Joint:
     def limited(self) -> bool:
         return math.isfinite(self.lower)
 
-    def latch_force(self, position: float) -> float:
-        """Compute what its latches pull with at a position, N or N m, in its direction."""
-        total = 0.0
-        for latch in self.latches:
-            if abs(away := position - latch.at) < latch.width:
-                total -= latch.force * math.sin(math.pi * away / latch.width)
-        return total
-
 
 class JointState(NamedTuple):
     """A joint's position and speed, each (...): m and m/s, or rad and rad/s.

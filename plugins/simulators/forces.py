@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -11,6 +12,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Pushes, Recording
+from core.scene import Joint
 
 Thing = tuple[int, str]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
 TOOL: Thing = (-1, "tool")
@@ -76,3 +78,13 @@ class Impulses:
         pushes = np.reshape(impulses, (-1, 3)) / np.append(np.inf, spans)[at, None]
         made = Pushes(at, np.array(bodies, dtype=np.str_), np.reshape(points, (-1, 3)), pushes)
         return replace(recording, forces=forces, pushes=made)
+
+
+def latch_force(joint: Joint, position: float) -> float:
+    """Compute what a joint's latches pull with at a position, N or N m, in its direction."""
+    total = 0.0
+    for latch in joint.latches:
+        away = position - latch.at
+        if abs(away) < latch.width:
+            total -= latch.force * math.sin(math.pi * away / latch.width)
+    return total

@@ -15,7 +15,8 @@ from core.design import Evaluation, Tool
 from core.geometry import Array, Box, Shape
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
 from core.scene import Scene, State
-from core.solids.tracks import Track, body_tracks, robot_tracks
+from core.solids.tracks import Track
+from plugins.results.workshop.tracks import body_tracks, robot_tracks
 from tests.panda import PANDA
 
 # From here on a tool, a motion or an end counts as absurd.

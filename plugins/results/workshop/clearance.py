@@ -16,9 +16,9 @@ from core.scene import Scene
 from core.solids.contacts import nearest
 from core.solids.record_rate import subset
 from core.solids.self_collision import self_pairs
-from core.solids.tracks import body_tracks, robot_tracks
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.tracks import body_tracks, robot_tracks
 
 HZ = 25.0  # of the instants at which distances are measured
 NEAR_M = 0.3  # farther things are not measured

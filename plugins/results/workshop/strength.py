@@ -27,10 +27,10 @@ from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Pushes, Recording
 from core.robot.kinematics import link_frames
 from core.scene import Scene
-from core.solids.tracks import robot_tracks
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.motion import PlayedMotion, Sampled
+from plugins.results.workshop.tracks import robot_tracks
 
 HARDEST = 10  # instants with the largest forces on the tool, and with the largest moments; and for each body one more
 NEAR_M = 0.005  # of a contact point to the bounding boxes of components that may have it

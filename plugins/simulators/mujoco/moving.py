@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Pose
 from core.scene import Body, Inertia, Scene, Soft, State
 from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
+from plugins.simulators.forces import latch_force
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element, add_body
@@ -158,7 +159,7 @@ class Moving:
                     turn = math.pi / latch.width
                     rise += latch.force * turn * math.cos(turn * (at - latch.at))
             model.jnt_stiffness[number] = joint.stiffness + rise
-            data.qfrc_applied[v] = joint.latch_force(at) + rise * (at - joint.rest)
+            data.qfrc_applied[v] = latch_force(joint, at) + rise * (at - joint.rest)
 
 
 def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]:

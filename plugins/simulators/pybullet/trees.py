@@ -15,6 +15,7 @@ from core.geometry import Array, Pose
 from core.robot.description import write
 from core.scene import Body, Inertia, Joint, Scene
 from core.values.descriptions import Description, Limits, Origin, RobotJoint, RobotLink, rounded
+from plugins.simulators.forces import latch_force
 from plugins.simulators.pybullet.bodies import DIGITS, collisions_of, dynamics_of, inertial, offset_of, text_file
 from plugins.simulators.pybullet.engine import Client
 
@@ -237,7 +238,7 @@ class Mechanism:
             client.setJointMotorControlMultiDof(*place, client.TORQUE_CONTROL, force=torques.tolist())
         else:
             position = joint.start + client.getJointState(*place)[0]
-            force = joint.stiffness * (joint.rest - position) + joint.latch_force(position)
+            force = joint.stiffness * (joint.rest - position) + latch_force(joint, position)
             client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=force)
 
     def _aim(self, place: Place, joint: Joint) -> None:

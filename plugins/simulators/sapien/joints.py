@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.scene import Drive, Inertia, Joint, Scene
+from plugins.simulators.forces import latch_force
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import to_sapien
 
@@ -251,7 +252,7 @@ class _Pull:
             self._motor.resist(slope, joint.damping)
             self._slope = slope
         self._motor.aim(position)
-        force = joint.stiffness * (joint.rest - self._turned) + joint.latch_force(position)
+        force = joint.stiffness * (joint.rest - self._turned) + latch_force(joint, position)
         self._motor.push(force)
 
 

@@ -8,7 +8,7 @@ from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.scene import Body, Geom, Scene, table
 from core.solids.penetration import findings
-from core.solids.tracks import robot_tracks
+from plugins.results.workshop.tracks import robot_tracks
 from tests.core.solids.test_penetration import ROD, body, penetrations, recording, straight
 from tests.panda import ARM, PANDA
 
