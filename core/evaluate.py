@@ -13,19 +13,20 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.designs.feedback import combined_figures, describe
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, Task
 from core.plugins import EXECUTOR, SIMULATOR
 from core.plugins.blame import refuse_exit
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import check
-from core.simulation.together import make_fitness
+from core.robot.kinematics import arm_of
+from core.search.together import make_fitness
+from core.search.trials import Trials
+from core.simulation.play import find_problems
 from core.support.cli import arguments, command, print_table, say, write_bytes
 from core.support.text import by_reason, clean
+from core.trial import Evaluation
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
@@ -41,42 +42,43 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
     part(SIMULATOR, cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
-    spawn = SpawnRules(task_part(cfg).create(), cfg.seed)
+    task = task_part(cfg).create()
+    for each in task.parts:
+        arm_of(task.robot).home_for(each.home)  # an arm that can't start is reported once
     fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
-    evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), spawn), fitness)
+    evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), task), fitness)
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 
 def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) -> list[Evaluation]:
     """Try candidates with the configured executor, judged by ``fitness``."""
     with part(EXECUTOR, cfg.executor).create() as executor:
-        return list(evaluate_all(candidates, fitness, executor))
+        return list(Trials(executor).evaluate(candidates, fitness))
 
 
 def check_all(cfg: DictConfig) -> Iterator[str]:
     """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each; see `evaluate`."""
-    task = task_part(cfg).create()
-    settings = node(cfg.rollout, RolloutSettings)
-    seeds = range(cfg.seed, cfg.seed + cfg.fitness.get("layouts", 1))
+    fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
+    conditions = fitness.conditions()
     document = load_designs(Path(cfg.designs))
-    for candidate in read_designs(document, tool_part(cfg).create(), SpawnRules(task, cfg.seed)):
-        found = [
-            (f"layout {seed}", problem)
-            for part in task.parts
-            for seed in seeds
-            for problem in check(part, candidate.of(part.name), seed, settings)
-        ]
-        lines = by_reason(found) if len(seeds) > 1 else dict.fromkeys(problem for _, problem in found)
+    for candidate in read_designs(document, tool_part(cfg).create(), task_part(cfg).create()):
+        found: list[tuple[str, str]] = []
+        for condition in conditions:
+            place = f"layout {condition.layout}"
+            found += [(place, problem) for problem in find_problems(condition, candidate)]
+        lines = by_reason(found) if len(conditions) > 1 else dict.fromkeys(problem for _, problem in found)
         said = clean("; ".join(lines), 2000) or "nothing found"
         yield f"strategy {candidate.strategy} plan {candidate.action}: {said}"
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """One entry of the output file."""
-    names = ("reward", "distance_m", "status", "reason", "ik_error_m", "ik_error_rad", "tracking_error_rad")
-    figures = {name: getattr(evaluation, name) for name in names}
+    figures = {name: getattr(evaluation, name) for name in ("reward", "distance_m", "status", "reason")}
+    shown = evaluation.shown
+    for name in ("ik_error_m", "ik_error_rad", "tracking_error_rad"):
+        figures[name] = math.nan if shown is None else getattr(shown, name)
     warnings = list(evaluation.warnings)
-    lag_rad = evaluation.tracking_error_rad
+    lag_rad = figures["tracking_error_rad"]
     if lag_rad > STOPPED_RAD:
         warnings.append(f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target")
     return {

@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from core.design import TIE, Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
+from core.trial import TIE, Evaluation, best_first
 from core.values.efforts import Effort
 
 INTERRUPTED = "interrupted"
@@ -39,7 +39,7 @@ class Run:
 class Generation:
     """One generation: its number, 0 for the first, and its evaluations in the order of `Candidate.key`.
 
-    ``tie`` is the difference between rewards that counts as none (`core.design.ranked`).
+    ``tie`` is the difference between rewards that counts as none (`core.trial.ranked`).
     """
 
     index: int
@@ -110,6 +110,6 @@ class Result:
     @property
     def rollouts(self) -> int:
         """How many rollouts there were; equal candidates share theirs."""
-        found = {e.candidate.content: e for generation in self.generations for e in generation.evaluations}
+        evaluations = (e for generation in self.generations for e in generation.evaluations)
         finals = sum(len(rewards) for engines in self.finals.values() for rewards in engines.values())
-        return finals + sum(e.rollouts for e in found.values())
+        return finals + sum(e.rollouts for e in evaluations)

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pluggy
 
 if TYPE_CHECKING:
-    from core.design import Evaluation
     from core.events import Generation, Result, Run
     from core.interfaces import Reply, Request
+    from core.trial import Evaluation
 
 PROJECT = "vlmgineer"
 
@@ -83,7 +83,7 @@ class Parts(Protocol):
 
     @hookspec
     def fitness_functions(self) -> Factories:
-        """Make a `core.interfaces.Fitness`; the factory also receives ``evaluator``."""
+        """Make a `core.interfaces.Fitness`; the factory also receives ``condition``."""
 
     @hookspec
     def executors(self) -> Factories:
@@ -111,7 +111,7 @@ class Configs(Protocol):
 
     @hookspec
     def exports(self) -> Factories:
-        """Write the best design of a run as files: a `core.search.orchestration.Export`."""
+        """Write the best design of a run as files: a `core.search.best.Export`."""
 
     @hookspec
     def config_path(self) -> str:

@@ -17,10 +17,11 @@ from typing import Any, ClassVar, Protocol, TypeVar, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from core.design import TIE, Budget, Candidate, DesignError, Evaluation, Tool, Trial
+from core.design import Budget, Candidate, DesignError, Tool
 from core.errors import UsageError, UserError
 from core.scene import View
 from core.task import Task
+from core.trial import TIE, Condition, Evaluation, Score, Trial, rewards_by_engine
 from core.values.jobs import (
     Feel,
     Felt,
@@ -278,7 +279,7 @@ class EvolutionStrategy(ABC):
         designer: asks the model for candidates.
         budget: how many candidates and generations the user pays for.
         tie: rewards this close to the best count as equal, and the shorter distance goes first
-            (`core.design.ranked`). The run chooses its winner by it; a strategy may choose its elites by it.
+            (`core.trial.ranked`). The run chooses its winner by it; a strategy may choose its elites by it.
 
     Raises:
         UsageError: ``tie`` is negative or not finite.
@@ -319,40 +320,46 @@ class EvolutionStrategy(ABC):
         """Take the evaluations of the whole generation, in the order of `Candidate.key`."""
 
 
-class Evaluate(Protocol):
-    """A function that evaluates candidates."""
+class Fitness(ABC):
+    """A rule: in which conditions a candidate is tried, and what its trials are worth. It plays nothing itself.
 
-    @property
-    def batch(self) -> int:
-        """The best number of candidates in a call; with 1 the candidates of a call share a tool."""
-        return 1
-
-    def prepare(self) -> None:
-        """Make what calls need, such as the engine. A worker does it before its first chunk."""
+    Its factory takes its settings, and ``condition``: the task in the run's engine, in the layout of the run's seed.
+    """
 
     @abstractmethod
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        """Return one evaluation for each candidate, in order."""
+    def conditions(self) -> Sequence[Condition]:
+        """Return the conditions of the search, in the order in which a candidate is tried in them."""
 
+    @abstractmethod
+    def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
+        """Make a score of a candidate's trials: one for each condition, in their order."""
 
-class Fitness(Evaluate, ABC):
-    """The rule that turns a candidate's rollouts into one evaluation. It is picklable, and called in workers.
+    def finals(self) -> Iterator[Sequence[Condition]]:
+        """Yield further layouts, of each the conditions in all engines; they decide between candidates that earn alike.
 
-    Its factory takes its settings, and ``evaluator``, which evaluates candidates in the chosen engine (a
-    `core.simulation.rollout.Evaluator`).
-    """
+        There may be no end to them.
+        """
+        return iter(())
+
+    def unseen(self) -> Sequence[Condition]:
+        """Return the conditions of the best candidate at the end, which the search never sees."""
+        return ()
 
     def instructions(self) -> str:
         """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
         return ""
 
-    def final(self) -> Mapping[str, Sequence[Evaluate]]:
-        """Return the trials that decide between candidates that earn alike, by engine, as many in each."""
-        return {}
+    def instructions_in(self, task: str) -> str:
+        """Return what plans for one of several tasks are judged by."""
+        return self.instructions()
 
-    def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
-        """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
-        return {}
+    def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
+        """Return what a candidate earned in trials of `finals` or `unseen`: by engine a number for each layout."""
+        return {engine: tuple(rewards) for engine, rewards in rewards_by_engine(trials).items()}
+
+    def joined(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
+        """Yield candidates made of parts of those that were ``tried``, whose trials are therefore known."""
+        return iter(())
 
 
 CHUNK = 10  # candidates that travel together: the method has as many plans for a tool
@@ -380,9 +387,17 @@ class Executor(ABC):
         self.close()
 
 
-__all__ = ["ActionRepresentation", "Brief", "Designer", "Evaluate", "EvolutionStrategy", "Executor", "Fitness"]
+__all__ = ["ActionRepresentation", "Brief", "Designer", "EvolutionStrategy", "Executor", "Fitness"]
 __all__ += ["VLM", "GivenTools", "Request", "Simulator", "ToolRepresentation"]
-__all__ += ["Budget", "Task", "Trial", "View"]  # of core.design, core.task and core.scene; what follows of core.values
+__all__ += [
+    "Budget",
+    "Condition",
+    "Evaluation",
+    "Score",
+    "Task",
+    "Trial",
+    "View",
+]  # of core.design, core.task and core.scene; what follows of core.values
 __all__ += ["Feel", "Felt", "JointTrajectory", "Outcome", "Perception", "Pushes"]
 __all__ += ["Guards", "Recording", "Rollout", "RolloutSettings", "World"]
 __all__ += ["ActionPlan", "Anchor", "Contact", "Guard", "Numbers", "Observation", "Seen", "Tempo", "Waypoints"]

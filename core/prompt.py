@@ -13,19 +13,19 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load
-from core.design import Candidate, Evaluation, Tool, best_first
+from core.design import Candidate, Tool
 from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.evaluate import try_all
 from core.interfaces import VLM, Estimate, Fitness, Picture, Request, Task, ToolRepresentation
 from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
-from core.search.orchestration import make_asking
+from core.search.asking import build_designer
 from core.search.several import NO_PLANS
 from core.support.cli import arguments, command, say, write_bytes
+from core.trial import Evaluation, best_first
 
 USAGE = (
     "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
@@ -59,7 +59,7 @@ def requests(cfg: DictConfig) -> list[Request]:
     """
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
-    designer, fitness = make_asking(cfg, NoModel(installed().factory("vlm", cfg.vlm.name)), event_hub())
+    designer, fitness = build_designer(cfg, NoModel(installed().factory("vlm", cfg.vlm.name)), event_hub())
     elites: list[Evaluation] = []
     if cfg.designs is not None:
         elites, designer.tried = elites_of(cfg, designer.task, designer.representation, fitness)
@@ -79,7 +79,7 @@ def elites_of(
     Raises:
         UserError: the file can't be used, or nothing in it can be tried.
     """
-    candidates = read_designs(load_designs(Path(cfg.designs)), representation, SpawnRules(task, cfg.seed))
+    candidates = read_designs(load_designs(Path(cfg.designs)), representation, task)
     evaluations = try_all(cfg, candidates, fitness)
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):

@@ -31,7 +31,8 @@ def _job(cfg: DictConfig) -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain
-    from core.search.orchestration import print_outcome, run
+    from core.search.orchestration import run
+    from core.search.outcome import print_outcome
 
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:

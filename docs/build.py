@@ -24,7 +24,6 @@ from PIL import Image, ImageDraw
 from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import Perception, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
@@ -50,9 +49,8 @@ AWAY = (5.0, 5.0)  # x and y, far from the arm, where a body is drawn alone
 def reference(name: str) -> Candidate:
     """Read the reference solution of a task."""
     plugins = installed()
-    spawn = SpawnRules(plugins.create("task", name), 0)
     document = load_designs(SOLUTIONS / f"{name}.json")
-    return read_designs(document, plugins.create("tool", "urdf"), spawn)[0]
+    return read_designs(document, plugins.create("tool", "urdf"), plugins.create("task", name))[0]
 
 
 def pictures(names: list[str]) -> None:

@@ -13,7 +13,7 @@ FONT = "system-ui, 'DejaVu Sans', sans-serif"
 # `tests/test_architecture.py` checks every module.
 FLOORS = {
     "ground": ("errors", "support", "geometry"),
-    "values": ("values", "goals", "scene", "design", "task"),
+    "values": ("values", "goals", "scene", "design", "task", "trial"),
     "interfaces and events": ("interfaces", "events", "hooks"),
     "plugins and config": ("plugins", "config"),
     "robot and solids": ("robot", "solids", "designs"),

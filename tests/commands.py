@@ -67,7 +67,7 @@ def main(answers: int) -> None:
     for kind, name in installed().offers:
         with contextlib.suppress(ImportError, UserError):
             installed().factory(kind, name)
-    for module in ("core.search.orchestration", "core.config.compose", "hydra", "core.simulation.rollout", "rerun"):
+    for module in ("core.search.orchestration", "core.config.compose", "hydra", "core.simulation.play", "rerun"):
         importlib.import_module(module)
     installed.cache_clear()
     local._spawn = multiprocessing.get_context("fork")  # workers are warm too

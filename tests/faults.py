@@ -13,7 +13,7 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, RolloutSettings, Simulator, Task
 from core.scene import Body, Goal, Scene, State
-from core.simulation.rollout import evaluate_batch
+from tests import playing
 from tests.panda import PANDA
 
 FAULTS = ("abort", "segfault", "hang", "nan", "leak", "raise")
@@ -80,6 +80,5 @@ def candidate(number: int, fault: str | None = None) -> Candidate:
     return Candidate(tool, plan, 0, 0, number // 2, number % 2)
 
 
-def tried(chunk):
-    """Evaluate a chunk, as a worker does."""
-    return evaluate_batch(Slide(), Faulty(), chunk, 0, RolloutSettings(settle_s=0, hold_s=0))
+SLIDE = playing.condition(Slide(), Faulty(), settings=RolloutSettings(settle_s=0, hold_s=0))
+"""Where such candidates are tried."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from core.designs.rules import SpawnRules
+from core.interfaces import Task
 from core.plugins import installed
 
 ROD = """\
@@ -32,8 +32,8 @@ def reply_of(*strategies: Any) -> str:
 
 
 @cache
-def spawn_rules() -> SpawnRules:
-    return SpawnRules(installed().create("task", "BringCube"), 0)
+def bring_cube() -> Task:
+    return installed().create("task", "BringCube")
 
 
 def tool_reply(name: str) -> str:

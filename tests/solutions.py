@@ -10,7 +10,6 @@ from core.config.compose import load, tool_part
 from core.design import Candidate
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings, ToolRepresentation
 from core.plugins import installed
 
@@ -22,7 +21,7 @@ FILES = {file.stem: file for place in PLACES for file in (TASKS / place).glob("[
 def anchored(name: str, material: str = "paper") -> Candidate:
     """Read the anchored solution of a task."""
     file, task = FILES[name], installed().create("task", name)
-    return read_designs(load_designs(file), representation(file, material), SpawnRules(task, 0))[0]
+    return read_designs(load_designs(file), representation(file, material), task)[0]
 
 
 def literal(name: str) -> Candidate:

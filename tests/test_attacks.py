@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.simulation.rollout import evaluate_batch
 from tests.benchmarks.absurd import Watched
 from tests.engines import mujoco_first, simulator
+from tests.playing import evaluate_batch
 
 FOLDER = Path(__file__).parent / "attacks"
 RULE, NO_RULE = "core.designs.rules.check_joints", lambda *_: None
@@ -37,7 +36,7 @@ def candidates(name):
     document, task = json.loads((FOLDER / f"{name}.json").read_text()), installed().create("task", name)
     assert document["task"] == name
     tools, plans = installed().create("tool", "boxes", {"joints": True}), installed().create("action", "anchored")
-    return task, read_designs(document, tools, SpawnRules(task, 0), actions=plans)
+    return task, read_designs(document, tools, task, actions=plans)
 
 
 def played(name, engine="mujoco", **settings):

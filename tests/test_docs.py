@@ -160,7 +160,7 @@ def test_each_kind_of_block_is_looked_at():
         "scene_files.md": {"yaml": 5},
         "scene_types.md": {"py": 1},
         "store.md": {"python": 1},
-        "strategy_tutorial.md": {"python": 1, "yaml": 1},
+        "strategy_tutorial.md": {"python": 2, "yaml": 1},
         "writing_a_scene.md": {"python": 5, "py": 4},  # the last are parts of a class
     }
 
@@ -284,6 +284,12 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     (installed / "entry_points.txt").write_text("[vlmgineer]\ntournament = tournament\n")
     assert "ok" in run("core", "conformance", "evolution=Tournament")
     run("core.run", "evolution=Tournament", "sim=mujoco", *SMALL, "budget.n_iteration=1", "listener=[]")
+
+    numbers = blocks(page, "python")[1].replace("NumbersStrategy", "TournamentStrategy")
+    (package / "tournament/search.py").write_text(numbers)
+    (package / "tournament/conf/evolution/Tournament.yaml").unlink()
+    said = run("core.run", "evolution=Tournament", "sim=mujoco", *SMALL, "budget.n_iteration=3", "listener=[]")
+    assert "best reward" in said
 
 
 def test_the_entry_point_of_the_example_is_toml():

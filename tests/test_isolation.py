@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from core.plugins import Offer, installed
+from core.interfaces import Condition
+from core.plugins import Offer, PluginPart, installed
 from core.plugins.blame import PluginError
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator, PluginPart
+from core.simulation.play import play
 from tests import faults, toys
 from tests.conftest import POPULATION
-from tests.faults import FAULTS, Faulty, Slide, candidate, tried
+from tests.faults import FAULTS, SLIDE, Faulty, Slide, candidate
+from tests.playing import evaluate_all
 
 COUNT, BAD = POPULATION, POPULATION // 10
 
@@ -27,12 +28,12 @@ def test_where_one_in_ten_breaks_the_sound_ones_earn_what_they_earn_alone():
     candidates, fates = population()
     settings = {"workers": 2, "timeout_s": 5.0, "memory_mb": 1500}
     with installed().create("executor", "local", settings) as pool:
-        found = {e.candidate.key: e for e in evaluate_all(candidates, tried, pool)}
+        found = {e.candidate.key: e for e in evaluate_all(candidates, SLIDE, pool)}
     assert len(found) == COUNT
     sound = [c for n, c in enumerate(candidates) if n not in fates]
     assert len(sound) == COUNT - BAD
     for one in sound:
-        (alone,) = tried([one])
+        (alone,) = play(SLIDE, [one])
         there = found[one.key]
         assert (there.status, there.reward, there.distance_m) == ("ok", alone.reward, alone.distance_m)
         assert there.reward > 0
@@ -58,23 +59,22 @@ class Clumsy(Slide):
         return [][0]
 
 
-def evaluator(monkeypatch, task=Slide, sim=Faulty):
+def condition(monkeypatch, name, task=Slide, sim=Faulty):
+    """Offer a task and an engine under a name that no other test has: a process makes each part once."""
     for kind, factory in (("task", task), ("sim", sim)):
-        offer = Offer(kind, "theirs", "theirs", "their-distribution", factory)
-        monkeypatch.setitem(installed().offers, (kind, "theirs"), offer)
-    monkeypatch.setattr("core.simulation.rollout._task", lambda part: part.create())
-    monkeypatch.setattr("core.simulation.rollout._simulator", lambda part: part.create())
-    return Evaluator(PluginPart("task", "theirs"), PluginPart("sim", "theirs"))
+        offer = Offer(kind, name, "theirs", "their-distribution", factory)
+        monkeypatch.setitem(installed().offers, (kind, name), offer)
+    return Condition(PluginPart("task", name), PluginPart("sim", name))
 
 
 def test_a_simulator_that_raises_is_named(monkeypatch):
     monkeypatch.setattr(faults.Slide, "__module__", "elsewhere")
-    with pytest.raises(PluginError, match="sim 'theirs' of their-distribution raised ArithmeticError: the solver"):
-        evaluator(monkeypatch)([candidate(0, "raise")])
+    with pytest.raises(PluginError, match="sim 'tired' of their-distribution raised ArithmeticError: the solver"):
+        play(condition(monkeypatch, "tired"), [candidate(0, "raise")])
 
 
 def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch, tmp_path):
     here = toys.Here(str(tmp_path / "notes"))
-    (failed,) = evaluate_all([candidate(0)], evaluator(monkeypatch, task=Clumsy), here)
+    (failed,) = evaluate_all([candidate(0)], condition(monkeypatch, "clumsy", task=Clumsy), here)
     assert failed.status == "failed"
-    assert failed.reason == "task 'theirs' of their-distribution raised IndexError: list index out of range"
+    assert failed.reason == "task 'clumsy' of their-distribution raised IndexError: list index out of range"

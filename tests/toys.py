@@ -23,6 +23,7 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Outcome, Reply, Simulator
 from core.plugins import Offer, Plugins
 from core.scene import State
+from core.search.trials import key_of
 from tests.executors import Inline
 
 
@@ -138,7 +139,8 @@ class Here(Inline):
             if len(self.chunks) + 1 == self.fails_at:
                 raise KeyboardInterrupt
             for candidate in chunk:
-                self.notes.add(f"tried {candidate.content}")
+                content, where = key_of(candidate, chunk.condition)
+                self.notes.add(f"tried {content} {where}")
             yield chunk
 
 

@@ -21,6 +21,7 @@ from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Simulator, Task, ToolRepresentation
 from core.plugins import KINDS, ROBOT, SIMULATOR, TASK, TOOL, Kind, PluginPart, RobotPart, installed
+from core.trial import Part
 from core.values.materials import Material
 
 T = TypeVar("T")
@@ -207,7 +208,7 @@ def robot_part(config: DictConfig) -> RobotPart:
 
 
 def listed(
-    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: PluginPart | None = None
+    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: Part[Any] | None = None
 ) -> dict[str, DictConfig]:
     """Read a setting that lists parts of a kind: the configuration of each, by the name under which it is shown.
 
@@ -240,7 +241,7 @@ def listed(
 
 
 def engines(
-    sims: Sequence[str | Mapping[str, Any]], chosen: PluginPart | None = None
+    sims: Sequence[str | Mapping[str, Any]], chosen: Part[Simulator] | None = None
 ) -> dict[str, PluginPart[Simulator]]:
     """Make the engines, by the names under which they are shown.
 

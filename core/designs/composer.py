@@ -21,7 +21,7 @@ import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, PromptSettings
-from core.design import TIE, Evaluation, Tool
+from core.design import Tool
 from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
 from core.designs.reading import dump_design
 from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
@@ -32,6 +32,7 @@ from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.support.files import read_text
 from core.support.text import clean, function_source, short_numbers
 from core.task import NOTHING_TOLD, Level
+from core.trial import TIE, Evaluation
 from core.values.observations import Sight
 
 SUFFIX = ".md.j2"
@@ -49,7 +50,7 @@ class PromptComposer:
 
     Templates describe how plans are executed by the settings ``rollout`` in the ``engine`` of this name. None stands
     for default settings, and an engine whose arm was not measured for all those in which it was. ``tie`` is the run's
-    (`core.design.ranked`); ``judged`` says what a design is judged by (`core.interfaces.Fitness`).
+    (`core.trial.ranked`); ``judged`` says what a design is judged by (`core.interfaces.Fitness`).
 
     Raises:
         UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
@@ -269,10 +270,14 @@ def _entry(
         return data
     data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
     warnings = [sight.text(warning) for warning in elite.warnings]
-    if elite.shown is not None and elite.observation is not None:
-        return data | elite_feedback(elite.shown, elite.observation, sight) | {"warnings": warnings}
-    errors = {"missed_m": elite.ik_error_m, "missed_rad": elite.ik_error_rad, "lag_rad": elite.tracking_error_rad}
-    moved = {"moved_m": elite.moved_m} if sight.numbers else {}
+    shown = elite.shown
+    if shown is None:
+        return data | {"warnings": warnings}
+    if shown.observation is not None:
+        several = len(elite.tasks) > 1
+        return data | elite_feedback(shown, shown.observation, sight, several) | {"warnings": warnings}
+    errors = {"missed_m": shown.ik_error_m, "missed_rad": shown.ik_error_rad, "lag_rad": shown.tracking_error_rad}
+    moved = {"moved_m": shown.moved_m} if sight.numbers else {}
     data |= _figures({**moved, **errors})
     return data | {"warnings": warnings}
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Evaluation, Trial, best_first
 from core.interfaces import Brief, Contact, Observation, Task
 from core.support.text import by_reason, clean, short_numbers
+from core.trial import Evaluation, Trial, best_first
 from core.values.observations import Sight
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
@@ -140,12 +140,12 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     return listed
 
 
-def elite_feedback(trial: Trial, seen: Observation, sight: Sight = ALL) -> dict[str, Any]:
+def elite_feedback(trial: Trial, seen: Observation, sight: Sight = ALL, several: bool = False) -> dict[str, Any]:
     """Describe what was observed of an elite's trial, as JSON."""
     robots = [contact for contact in seen.contacts if contact.kind == "tool" and contact.other in seen.errors]
     contacts = [*robots, *(contact for contact in seen.contacts if contact not in robots)]
     described: dict[str, Any] = {
-        "trial": _where(trial),
+        "trial": _where(trial, several),
         "result": sight.text(_result(seen)),
         "goals": {name: f"{math.floor(100 * share)} %" for name, share in trial.goals},  # 100 % is whole
         "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
@@ -175,12 +175,14 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     if reason:
         words.append(f"invalid: {reason}")
     trial, seen = evaluation.shown, evaluation.observation
+    several = len(evaluation.tasks) > 1
     if trial is None or seen is None:
-        ways = {name: way for name, way in evaluation.moved_m.items() if way > _MOVED_M}
+        moved_m = {} if trial is None else trial.moved_m
+        ways = {name: way for name, way in moved_m.items() if way > _MOVED_M}
         farthest = sorted(ways, key=lambda name: -ways[name])[:_IN_A_LINE]
         return "; ".join([" ".join(words), *(sight.text(f"{name} moved {ways[name]:.3f} m") for name in farthest)])
 
-    found = elite_feedback(trial, seen, sight)
+    found = elite_feedback(trial, seen, sight, several)
     if evaluation.combined:
         least = "".join(f", least margin: {margin}" for margin in found.get("margins", ())[:1])
         words.append(f"({'; '.join(trial_lines(evaluation, sight))}); in {found['trial']}{least}:")
@@ -202,6 +204,7 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     """Say what became of each trial: those that are alike in one line, the worst first."""
+    several = len(evaluation.tasks) > 1
     groups: dict[tuple[float, str], list[Trial]] = {}
     for trial in evaluation.trials:
         what = trial.outcome if trial.status == "ok" and not trial.reason else f"{trial.status}: {trial.reason}"
@@ -209,16 +212,17 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     lines = []
     for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0]):
         alike = len(trials) == len(evaluation.trials)
-        where = f"all {len(trials)} trials" if alike else ", ".join(map(_where, trials))
+        where = f"all {len(trials)} trials" if alike else ", ".join(_where(trial, several) for trial in trials)
         lines.append(" ".join(filter(None, (f"{reward:.3f}", what, "in", where))))
     more = [f"{len(lines) - _OUTCOMES} others"] if len(lines) > _OUTCOMES else []
     return lines[:_OUTCOMES] + more
 
 
-def _where(trial: Trial) -> str:
+def _where(trial: Trial, several: bool) -> str:
     """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
     change = "" if trial.change is None else f"change {trial.change}"
-    return " ".join(filter(None, (trial.task, trial.engine, f"layout {trial.layout}", change)))
+    task = trial.task if several else ""
+    return " ".join(filter(None, (task, trial.engine, f"layout {trial.layout}", change)))
 
 
 def _result(seen: Observation) -> str:

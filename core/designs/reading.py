@@ -17,7 +17,7 @@ from typing import Any
 
 from core.design import Candidate, DesignError, Tool
 from core.designs.planning import NO_PLAN, guarded, named_actions, parse_plan
-from core.designs.rules import SpawnRules, check_tool, given_tool
+from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import describe_part
@@ -49,7 +49,7 @@ _DECODER = json.JSONDecoder(strict=False, parse_constant=lambda name: name)
 def read_designs(
     document: object,
     representation: ToolRepresentation,
-    spawn: SpawnRules,
+    task: Task,
     *,
     generation: int = 0,
     agent: int = 0,
@@ -71,7 +71,7 @@ def read_designs(
     n_tool, n_action = most
     for number, strategy in enumerate(_strategies(document)[:n_tool]):
         base = Candidate(None, NO_PLAN, generation, agent, number, parents=_read_parents(strategy, elites))
-        candidates += _read_strategy(strategy, base, representation, spawn, n_action, actions)
+        candidates += _read_strategy(strategy, base, representation, task, n_action, actions)
     return candidates
 
 
@@ -92,7 +92,7 @@ def _read_strategy(
     strategy: object,
     base: Candidate,
     representation: ToolRepresentation,
-    spawn: SpawnRules,
+    task: Task,
     n_action: int | None,
     actions: ActionRepresentation | None,
 ) -> Iterator[Candidate]:
@@ -101,7 +101,7 @@ def _read_strategy(
             raise DesignError(strategy.reason)  # noqa: TRY301
         if not isinstance(strategy, dict):
             raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
-        given = given_tool(representation, spawn.task, spawn=spawn)
+        given = given_tool(representation, task)
         gripper = _read_gripper(strategy, given)
         actions = actions or named_actions(strategy)
         base = replace(
@@ -115,7 +115,7 @@ def _read_strategy(
             yield replace(base, action=action, problem=str(error))
         return
 
-    tool, tool_problem = (given, None) if given is not None else _read_tool(strategy, representation, spawn, gripper)
+    tool, tool_problem = (given, None) if given is not None else _read_tool(strategy, representation, task, gripper)
     try:
         plans = _read_action_sets(strategy)
     except DesignError as error:
@@ -154,16 +154,15 @@ def _read_text(strategy: dict[Any, Any], field: str, max_length: int) -> str:
 
 
 def _read_tool(
-    strategy: dict[Any, Any], representation: ToolRepresentation, spawn: SpawnRules, gripper: bool
+    strategy: dict[Any, Any], representation: ToolRepresentation, task: Task, gripper: bool
 ) -> tuple[Tool | None, str | None]:
     """The tool, as far as it can be read, and its problem."""
     tool = None
     try:
-        if gripper and spawn.robot.gripper is None:
-            raise DesignError(f"{spawn.robot.title} has no gripper; design one rigid tool, with 'gripper' false")  # noqa: TRY301
+        if gripper and task.robot.gripper is None:
+            raise DesignError(f"{task.robot.title} has no gripper; design one rigid tool, with 'gripper' false")  # noqa: TRY301
         tool = _parsed(representation, strategy, gripper)
-        check_tool(tool, spawn.robot, representation.material)
-        spawn.check(tool)
+        check_tool(tool, task.robot, representation.material)
     except DesignError as error:
         return tool, str(error)
     return tool, None

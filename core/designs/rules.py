@@ -29,6 +29,7 @@ from core.robot.solids import (
     solids_of,
 )
 from core.robot.trajectory import KNOT_M, KNOT_RAD
+from core.scene import Scene
 from core.support.text import kind, shorten
 from core.values.materials import PAPER, Material
 
@@ -251,7 +252,7 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
 
 
 class SpawnRules:
-    """Checks that a tool starts clear of the arm and of all bodies, in the scene of ``task`` and ``seed``.
+    """Checks that a tool starts clear of the arm and of all bodies, in ``scene`` (None: the task's layout of ``seed``).
 
     The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
     the flange for rigid tools, the component's own finger for gripper tools.
@@ -260,13 +261,14 @@ class SpawnRules:
         UserError: the arm can't reach the task's home pose.
     """
 
-    def __init__(self, task: Task, seed: int) -> None:
+    def __init__(self, task: Task, seed: int = 0, scene: Scene | None = None) -> None:
         self.task, self.robot = task, task.robot
         self._parts = [SpawnRules(part, seed) for part in task.parts if part is not task]
         if self._parts:
             return
         self._joints = arm_of(task.robot).home_for(task.home)
-        self._scene = Obstacles(solid for body in task.scene(seed).bodies for solid in body_solids(body))
+        bodies = (scene or task.scene(seed)).bodies
+        self._scene = Obstacles(solid for body in bodies for solid in body_solids(body))
         self._robots: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
@@ -314,9 +316,7 @@ class SpawnRules:
         return self._robots[gripper]
 
 
-def given_tool(
-    representation: ToolRepresentation, task: Task, seed: int = 0, spawn: SpawnRules | None = None
-) -> Tool | None:
+def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
     """The tool that a representation gives for a task; None: it gives none.
 
     Raises:
@@ -328,7 +328,6 @@ def given_tool(
             tool = representation.material.made(tool)
             if tool.components:
                 check_tool(tool, task.robot, representation.material)
-            (spawn or SpawnRules(task, seed)).check(tool)
     except DesignError as error:
         what = f"the tool that it gives for {task.name} breaks a rule"
         raise UserError(f"{describe_part(representation)}: {what}: {error}") from error

@@ -84,7 +84,7 @@ EVOLUTION = Kind(
     defaults={"refine": 0},
     checked="factory",
 )
-FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("evaluator",), checked="factory")
+FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("condition",), checked="factory")
 EXECUTOR = Kind("executor", "executors", Executor, checked="factory")
 LISTENER: Kind[object] = Kind("listener", "listeners", None, checked="factory")
 COMMAND = Kind("command", "commands", Command, checked="named")

@@ -41,6 +41,15 @@ class PluginPart(Generic[T_co]):
         part: T_co = installed().create(self.kind, self.name, dict(self.settings), **(made_for | given))
         return part
 
+    def shared(self) -> T_co:
+        """Return the part, which a process makes once."""
+        part: T_co = _shared(self)
+        return part
+
+    def declared(self, name: str, default: Any) -> Any:
+        """Return an attribute of the part's class, without making the part."""
+        return getattr(installed().factory(self.kind, self.name), name, default)
+
 
 @dataclass(frozen=True)
 class RobotPart(PluginPart[Robot]):
@@ -64,6 +73,11 @@ class RobotPart(PluginPart[Robot]):
         except pydantic.ValidationError as error:
             raise UsageError(f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}") from error
         return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw)) if any(self.base) else Pose()
+
+
+@lru_cache(maxsize=256)
+def _shared(part: PluginPart) -> Any:
+    return part.create()
 
 
 @lru_cache(maxsize=16)

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.interfaces import Designer
+from core.trial import Evaluation
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ from itertools import islice
 
 import numpy as np
 
-from core.design import Evaluation
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
 from core.interfaces import Brief, Picture, Reply, Request
-from core.simulation.together import weakest
+from core.search.together import weakest
 from core.support.text import clean
+from core.trial import Evaluation
 
 MAX_CRITIQUE = 2000  # characters
 STRIP = "Film strip of the rollout: six instants at which something happens, in reading order"

@@ -6,13 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
-from core.design import Evaluation, Tool
+from core.design import Tool
 from core.designs.composer import PromptComposer
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, RolloutSettings, Simulator, Task
+from core.search.together import weakest
 from core.simulation.pictures import SIZE, png, report_missing
 from core.simulation.strip import draw_strip
-from core.simulation.together import weakest
+from core.trial import Evaluation
 
 
 def pictures_by_task(

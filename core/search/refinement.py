@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from core.design import Candidate, Evaluation, best_first, best_tools
+from core.design import Candidate
 from core.errors import UsageError
 from core.geometry import Array
-from core.interfaces import Budget, EvolutionStrategy, Numbers, ToolRepresentation
-from core.search.designer import ModelDesigner
+from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, ToolRepresentation
+from core.search.variation import Variation
+from core.trial import Evaluation, best_first, best_tools
 
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
@@ -32,18 +33,21 @@ class Refinement(EvolutionStrategy):
 
     Args:
         strategy: gives the first generations.
-        designer: varies the candidates.
+        designer: see `core.interfaces.EvolutionStrategy`.
+        variation: varies the candidates.
         rollouts: the number of candidates that are tried here.
 
     Raises:
         UsageError: ``rollouts`` is no whole number above 0.
     """
 
-    def __init__(self, strategy: EvolutionStrategy, designer: ModelDesigner, rollouts: int) -> None:
+    def __init__(self, strategy: EvolutionStrategy, designer: Designer, variation: Variation, rollouts: int) -> None:
         if type(rollouts) is not int or rollouts < 1:
             raise UsageError(f"evolution.refine must be a whole number from 0 on; got {rollouts!r}")
         super().__init__(designer, strategy.budget, strategy.tie)
-        self._strategy, self._varies, self._rollouts = strategy, designer, rollouts
+        self._strategy = strategy
+        self._varies = variation
+        self._rollouts = rollouts
         self._earlier: list[Evaluation] = []
         self._searches: list[_Search] | None = None  # until the other strategy has come to its end
         self._spent, self._generation = 0, 0
@@ -92,12 +96,14 @@ class _Search:
     """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent."""
 
     def __init__(
-        self, number: int, designer: ModelDesigner, start: Evaluation, numbers: Numbers, earned: Sequence[Candidate]
+        self, number: int, variation: Variation, start: Evaluation, numbers: Numbers, earned: Sequence[Candidate]
     ) -> None:
         self.number, self.best = number, start.reward
-        self._designer, self._start, self._numbers = designer, start.candidate, numbers
+        self._variation = variation
+        self._start = start.candidate
+        self._numbers = numbers
         self._values, self._asked = numbers.values, dict[str, Array]()
-        others = [designer.toward(start.candidate, other) for other in earned if other.id != start.candidate.id]
+        others = [variation.toward(start.candidate, other) for other in earned if other.id != start.candidate.id]
         self._others = np.array([values for values in others if values is not None])
         self._rng = np.random.default_rng(int(start.candidate.content[:8], 16))
 
@@ -106,7 +112,7 @@ class _Search:
         for strategy in range(POPULATION):
             for _ in range(TRIES):
                 values = self._moved()
-                candidate = self._designer.vary(self._start, values, (generation, self.number, strategy, 0))
+                candidate = self._variation.vary(self._start, values, (generation, self.number, strategy, 0))
                 if candidate.problem is None:
                     break
             self._asked[candidate.id] = values

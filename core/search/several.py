@@ -1,7 +1,7 @@
 """Ask for plans for tools that must do several tasks: a request for each tool and task.
 
 What holds is kept: the plan of a parent for a task that it does goes over to its offspring, and for a tool that does
-some of its tasks plans are asked for the others alone. `core.simulation.together.Together.joined` joins what was tried.
+some of its tasks plans are asked for the others alone. `core.search.together.Together.joined` joins what was tried.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.interfaces import (
     ActionPlan,
@@ -25,7 +25,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.search.agent_groups import Team
-from core.simulation.together import of_task
+from core.trial import Evaluation
 from core.values.plans import TaskPlans
 
 Briefing = Callable[[int, int, Team, tuple[Evaluation, ...]], tuple[Brief, float]]
@@ -162,7 +162,7 @@ class TaskPlanner:
         """Compose the request for plans with which a tool does one task."""
         assert tool.tool is not None
         number = self.task.parts.index(part)
-        elites = [of_task(e, part.name) for e in parents if e.candidate.of(part.name).problem is None]
+        elites = [e.in_task(part.name) for e in parents if e.candidate.of(part.name).problem is None]
         own = replace(
             brief,
             task=part,
@@ -172,7 +172,7 @@ class TaskPlanner:
             n_tool=1,
             n_action=self.n_action,
             elites=tuple(e for e in elites if e.reward > 0),
-            tried=tuple(of_task(e, part.name) for e in brief.tried),
+            tried=tuple(e.in_task(part.name) for e in brief.tried),
             critiques={},
             seed=int(np.random.default_rng([brief.seed, tool.strategy, number]).integers(2**31)),
         )

@@ -15,7 +15,7 @@ from core.design import Candidate
 from core.geometry import Array
 from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
 from core.scene import Body, Camera
-from core.simulation.rollout import prepare
+from core.simulation.attempt import prepare
 from core.support.cli import say
 from core.support.text import clean
 

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from sqlite3 import Row
-from typing import Any
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import UserError
 from core.interfaces import VLM, Reply, Request, Text
 from core.store.database import Database
-from core.store.rows import load_details
-
-# An evaluation's numbers, which have columns of the same names.
-FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error_rad")
-
+from core.store.rows import load_trial
+from core.trial import Trial, TrialKey
 
 # Replies and rollouts of later generations build on a failure as on a result: it stays then. So does a critique:
 # the generation's other requests were composed without it.
@@ -34,12 +27,14 @@ _AGAIN = """
 
 
 class StoredProgress:
-    """The stored requests, replies and evaluations of a run.
+    """The stored requests, replies, evaluations and trials of a run.
 
     Attributes:
         requests: digests by request id.
         replies: replies by request id, without those to ask for again.
         candidates: the ids of the evaluated candidates.
+        trials: by content and condition.
+        numbers: of the rows of the trials.
         again: ids of requests that got no answer, for a reason that may pass, and that nothing stored builds on.
     """
 
@@ -56,43 +51,28 @@ class StoredProgress:
             row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
         }
         self.candidates = set(self._evaluations)
-        details = {name: load_details(row["details"]) for name, row in self._evaluations.items()}
-        tried = {name for name, of in details.items() if not any(t.tried_as for t in of.trials)}
-        rows = [row for name, row in self._evaluations.items() if name in tried]
-        self._by_content = {row["content"]: row for row in rows if row["content"] is not None}
+        self.trials: dict[TrialKey, Trial] = {}
+        self.numbers: dict[TrialKey, int] = {}
+        for row in database.rows("SELECT * FROM trials ORDER BY number"):
+            trial = load_trial(row)
+            self.trials[row["content"], trial.where] = trial
+            self.numbers[row["content"], trial.where] = row["number"]
 
-    def evaluation(self, candidate: Candidate) -> Evaluation | None:
-        """Return the stored evaluation of the candidate, or of an identical one; None: there is none.
+    def expect(self, candidate: Candidate) -> None:
+        """Check that a candidate is what it was when it was tried.
 
         Raises:
             UserError: another candidate was evaluated under this id.
         """
         row = self._evaluations.get(candidate.id)
-        unread = row is not None and row["status"] != "rejected" and candidate.problem is not None
-        if row is not None and (unread or row["content"] not in (None, candidate.content)):
+        if row is None:
+            return
+        unread = row["status"] != "rejected" and candidate.problem is not None
+        if unread or row["content"] != candidate.content:
             raise UserError(
                 f"{candidate.id} reads differently now than when it was tried: the package or a plugin has changed "
                 f"since; a new run with vlm=replay vlm.run={self._folder} takes the replies that there are"
             )
-        if candidate.problem is not None:
-            return None
-        row = row or self._by_content.get(candidate.content)
-        return None if row is None else _evaluation(candidate, row)
-
-
-def _evaluation(candidate: Candidate, row: Row) -> Evaluation:
-    figures: dict[str, Any] = {
-        name: math.nan if row[name] is None else row[name] for name in FIGURES
-    }  # SQLite has no nan
-    earned = Evaluation(
-        candidate,
-        row["status"],
-        reason=row["reason"],
-        moved_m=json.loads(row["moved_m"]),
-        warnings=tuple(json.loads(row["warnings"])),
-        **figures,
-    )
-    return replace(earned, **vars(load_details(row["details"])))
 
 
 class CachedVLM(VLM):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -16,13 +15,13 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
 from core.config.trust import as_stored
-from core.design import TIE, Candidate, Evaluation, best_first, count_rollouts
+from core.design import Candidate
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.interfaces import Reply, ToolRepresentation
+from core.interfaces import Reply, Task, ToolRepresentation
 from core.store.database import FILE, reading
-from core.store.rows import Details, GenerationFigures, RunFigures, load_details, load_plan, parsed, validated
+from core.store.rows import GenerationFigures, RunFigures, load_details, load_plan, load_trial, parsed, validated
+from core.trial import TIE, Evaluation, Score, Trial, best_first, count_rollouts
 
 Key = tuple[int, int, int]  # generation, agent and strategy of a design
 
@@ -64,7 +63,9 @@ class StoredEvaluation:
     reward: float
     distance_m: float | None
     content: str | None
-    details: Details
+    score: Score
+    trials: tuple[Trial, ...]
+    finals: tuple[Trial, ...]
 
     @property
     def plan(self) -> list[Any]:
@@ -73,19 +74,12 @@ class StoredEvaluation:
 
     @property
     def rollouts(self) -> int:
-        """The number of its rollouts."""
-        return count_rollouts(self.status, self.details.trials)
+        """The number of rollouts that were played for it."""
+        return count_rollouts(self.candidate, self.trials)
 
     def of(self, candidate: Candidate) -> Evaluation:
-        """Return it as the evaluation with status ``ok`` of a candidate that was read again."""
-        distance = math.nan if self.distance_m is None else self.distance_m  # SQLite has no nan
-        return Evaluation(candidate, "ok", self.reward, distance, **vars(self.details))
-
-
-def rollouts(evaluations: Sequence[StoredEvaluation]) -> list[int]:
-    """Count the rollouts of each evaluation; candidates with the same content are tried once."""
-    first = {evaluation.content: evaluation for evaluation in reversed(evaluations)}
-    return [e.rollouts if first[e.content] is e else 0 for e in evaluations]
+        """Return it as the evaluation of a candidate that was read again."""
+        return Evaluation(candidate, self.trials, self.score, self.finals)
 
 
 class StoredRun:
@@ -146,13 +140,27 @@ class StoredRun:
 
     def evaluations(self) -> list[StoredEvaluation]:
         """Return the evaluations of all candidates, in the order of `Candidate.key`."""
-        return [
-            StoredEvaluation(
-                *(row["candidate"], _key(row), row["plan"], row["waypoints"], row["status"], row["reason"]),
-                *(row["reward"], row["distance_m"], row["content"], load_details(row["details"])),
+        trials = {row["number"]: load_trial(row) for row in self._rows("trials")}
+        found = []
+        for row in self._rows("evaluations ORDER BY generation, agent, strategy, plan"):
+            details = load_details(row["details"])
+            found.append(
+                StoredEvaluation(
+                    candidate=row["candidate"],
+                    design=_key(row),
+                    number=row["plan"],
+                    waypoints=row["waypoints"],
+                    status=row["status"],
+                    reason=row["reason"],
+                    reward=row["reward"],
+                    distance_m=row["distance_m"],
+                    content=row["content"],
+                    score=details.score,
+                    trials=tuple(trials[number] for number in details.trials),
+                    finals=tuple(trials[number] for number in details.finals),
+                )
             )
-            for row in self._rows("evaluations ORDER BY generation, agent, strategy, plan")
-        ]
+        return found
 
     def _rows(self, table: str) -> list[Row]:
         with reading(self._folder) as database:
@@ -175,7 +183,7 @@ def stored_config(folder: Path) -> dict[str, Any]:
     return config
 
 
-def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
+def stored_evaluations(folder: Path, representation: ToolRepresentation, task: Task) -> list[Evaluation]:
     """Return the evaluations with status ``ok``, in the order of `Candidate.key`: candidates, rewards, distances
     and details.
 
@@ -190,14 +198,14 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
     for key, group in groupby(tried, lambda stored: stored.design):
         alike, design = list(group), designs[key]
         document = {"strategies": [design.written | {"action_sets": [stored.plan for stored in alike]}]}
-        candidates = read_designs(document, representation, spawn, generation=key[0], agent=key[1])
+        candidates = read_designs(document, representation, task, generation=key[0], agent=key[1])
         for stored, candidate in zip(alike, candidates, strict=True):
             known = replace(candidate, strategy=key[2], action=stored.number, parents=design.parents)
             evaluations.append(stored.of(known))
     return evaluations
 
 
-def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
+def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, task: Task) -> list[Evaluation]:
     """Read all designs of the file, or the best of the run, that ``cfg.designs`` names, and what each earned: in a file
     nothing.
     """
@@ -205,11 +213,11 @@ def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, spaw
     if not path.exists() and not path.suffix:
         raise UserError(f"{path}: there is no such folder of a run, and no designs file")
     if not path.is_dir():
-        return [Evaluation(candidate, "ok") for candidate in read_designs(load_designs(path), representation, spawn)]
+        return [Evaluation(candidate) for candidate in read_designs(load_designs(path), representation, task)]
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
     tie = stored_config(path).get("evolution", {}).get("tie", TIE)  # as the run chose its best
-    tried = stored_evaluations(path, representation, spawn)
+    tried = stored_evaluations(path, representation, task)
     if not tried:
         raise UserError(f"{path}: no design of this run came to the end of a rollout")
     ended = StoredRun(path).result()

@@ -5,36 +5,29 @@ The store is a listener; the loop does not know it.
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import logging
 import math
-import statistics
-import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing, suppress
-from dataclasses import asdict
+from contextlib import ExitStack, closing
 from datetime import UTC, datetime
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from packaging.requirements import Requirement
-
 from core.config.trust import as_stored
-from core.design import Candidate, Evaluation
-from core.designs.composer import as_markdown
+from core.design import Candidate
 from core.designs.reading import dump_design
 from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.hooks import hookimpl
-from core.interfaces import Picture, Reply, Request, Task
+from core.interfaces import Reply, Request
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
-from core.store.progress import FIGURES, StoredProgress, digest
-from core.store.rows import MAX_BYTES, Best, GenerationFigures, Unseen, dump_details, dump_plan
-from core.support.files import read_untrusted, write_whole
-from core.support.secrets import scrub
+from core.store.figures import report, summary, versions
+from core.store.files import keep_task, write_request, write_text
+from core.store.progress import StoredProgress, digest
+from core.store.rows import Details, dump_details, dump_plan, trial_row
+from core.trial import Evaluation, Trial, TrialKey
 
 _log = logging.getLogger(__name__)
 
@@ -119,7 +112,7 @@ class RunStore:
             if names:
                 changes = ", ".join(f"{name} {before.get(name)} -> {found.get(name)}" for name in names)
                 _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
-        self._keep_task(run.task)
+        keep_task(self.folder, run.task)
         with self._database.transaction():
             for request, (generation, agent) in self.past.again.items():
                 self._database.execute("DELETE FROM replies WHERE request_id = ?", request)
@@ -136,22 +129,6 @@ class RunStore:
             # A session that is killed leaves no result of an earlier one behind.
             self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
 
-    def _keep_task(self, task: Task) -> None:
-        """Keep the text of a task that is no program.
-
-        Raises:
-            UserError: it is not what it was when the run began.
-        """
-        if task.language == "python":
-            return
-        file, text = self.folder / f"task.{task.language}", scrub(task.source())
-        with writing(self.folder):
-            if not file.exists():
-                _write(file, text)
-            elif read_untrusted(file, MAX_BYTES) != text.encode():
-                what = f"the file of the task {task.name} has changed since the run in {self.folder} began"
-                raise UserError(f"{what}; put it back from {file}, or begin a new run")
-
     @hookimpl
     def request_composed(self, request: Request) -> None:
         found, known = digest(request), request.id in self.past.requests
@@ -162,13 +139,7 @@ class RunStore:
             return
         brief = request.brief
         with writing(self.folder):
-            folder = self.folder / "requests"
-            for part in (part for message in request.messages for part in message.parts):
-                if isinstance(part, Picture) and part.name != "scene":  # which the run's folder has already
-                    (folder / f"{part.name}.png").write_bytes(part.png)
-            _write(folder / f"{request.id}.md", _readable(request))
-            if not request.critique:
-                _write(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
+            write_request(self.folder, request)
         with self._database.transaction():
             self._database.insert(
                 "requests",
@@ -193,7 +164,7 @@ class RunStore:
             file = self.folder / "replies" / f"{reply.request_id}.txt"
             with writing(self.folder):
                 if not (file.exists() or reply.unanswered):
-                    _write(file, reply.text)
+                    write_text(file, reply.text)
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
@@ -201,9 +172,7 @@ class RunStore:
         if candidate.id in self.past.candidates:
             return
         generation, agent, strategy, action = candidate.key
-        # An engine's numbers may be numpy's.
-        numbers = {name: float(getattr(evaluation, name)) for name in FIGURES}
-        figures: dict[str, Any] = {name: number if math.isfinite(number) else None for name, number in numbers.items()}
+        distance_m = float(evaluation.distance_m)
         with self._database.transaction():
             self._insert_strategy(candidate)
             self._database.insert(
@@ -216,19 +185,35 @@ class RunStore:
                 waypoints=dump_plan(candidate.plan),
                 status=evaluation.status,
                 reason=evaluation.reason,
-                moved_m=json.dumps(evaluation.moved_m),
-                warnings=json.dumps(evaluation.warnings),
+                reward=float(evaluation.reward),
+                distance_m=distance_m if math.isfinite(distance_m) else None,
                 content=candidate.content,
-                details=dump_details(evaluation),
-                **figures,
+                details=dump_details(self._details(evaluation)),
             )
             self._count_time()
+
+    def keep_trial(self, key: TrialKey, trial: Trial) -> None:
+        """Store a trial when it ends (`core.search.trials.Trials.tell`)."""
+        content, _ = key
+        number = len(self.past.numbers) + 1
+        self.past.numbers[key] = number
+        with self._database.transaction():
+            self._database.insert("trials", number=number, **trial_row(content, trial))
+            self._count_time()
+
+    def _details(self, evaluation: Evaluation) -> Details:
+        """Name the trials of an evaluation by the numbers of their rows."""
+        numbers = self.past.numbers
+        content = {task: evaluation.candidate.of(task).content for task in evaluation.tasks}
+        trials = tuple(numbers[content[trial.task], trial.where] for trial in evaluation.trials)
+        finals = tuple(numbers[content[trial.task], trial.where] for trial in evaluation.finals)
+        return Details(evaluation.score, trials, finals)
 
     @hookimpl
     def finalist_tried(self, evaluation: Evaluation) -> None:
         with self._database.transaction():
             tried = "UPDATE evaluations SET details = ? WHERE candidate = ?"
-            self._database.execute(tried, dump_details(evaluation), evaluation.candidate.id)
+            self._database.execute(tried, dump_details(self._details(evaluation)), evaluation.candidate.id)
             self._count_time()
 
     def _insert_strategy(self, candidate: Candidate) -> None:
@@ -263,7 +248,7 @@ class RunStore:
     def run_finished(self, run: Run, result: Result) -> None:
         outcome = report(run, result)
         with writing(self.folder):
-            _write(self.folder / "result.json", json.dumps(outcome, indent=2) + "\n")
+            write_text(self.folder / "result.json", json.dumps(outcome, indent=2) + "\n")
         with self._database.transaction():
             self._database.execute("UPDATE run SET result = ?", json.dumps(outcome))
             self._count_time()
@@ -272,70 +257,3 @@ class RunStore:
     def run_ended(self) -> None:
         self._open = False
         self._database.close()
-
-
-def _write(file: Path, text: str) -> None:
-    write_whole(file, scrub(text).encode())
-
-
-def report(run: Run, result: Result) -> dict[str, Any]:
-    """Return the content of ``result.json``."""
-    return {
-        "name": run.config.get("name", ""),
-        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")},
-        "material": run.representation.material.name,
-        "budget": run.config["budget"]["name"],
-        "seed": run.seed,
-        "best": best_figures(result),
-        "unseen": unseen_figures(result),
-        "effort": asdict(result.effort) if result.effort is not None else None,
-        "finalists": {name: {of: list(r) for of, r in engines.items()} for name, engines in result.finals.items()},
-        "tie": result.tie,
-        "stopped": result.stopped,
-        "generations": [summary(generation) for generation in result.generations],
-        "n_evaluations": result.n_evaluations,
-        "rollouts": result.rollouts,
-        "wall_time_s": round(result.wall_time_s, 3),
-        "rollouts_per_s": round(result.rollouts / result.wall_time_s, 3),
-        "versions": versions(),
-    }
-
-
-def best_figures(result: Result) -> dict[str, Any] | None:
-    """Return the figures of the best candidate, as in ``result.json``; None: no candidate could be tried."""
-    if (best := result.best) is None:
-        return None
-    candidate = best.candidate
-    distance_m = None if math.isnan(best.distance_m) else best.distance_m  # of plans that were joined it is not known
-    return asdict(Best(best.reward, distance_m, candidate.generation, candidate.id, best.least_margin))
-
-
-def unseen_figures(result: Result) -> dict[str, Any] | None:
-    """Return what the best candidate earned in unseen layouts, as in ``result.json``; None: it was tried in none."""
-    if not result.unseen:
-        return None
-    rewards = min(result.unseen.values(), key=statistics.fmean)
-    return asdict(Unseen(len(rewards), statistics.fmean(rewards), min(rewards), rewards, dict(result.unseen)))
-
-
-@lru_cache
-def versions() -> dict[str, str]:
-    """Return the installed versions of Python, of this distribution, and of each package that it requires."""
-    found = {"python": sys.version.split()[0]}
-    for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
-        name = Requirement(requirement).name
-        with suppress(importlib.metadata.PackageNotFoundError):  # an extra, or not for this platform
-            found[name] = importlib.metadata.version(name)
-    return found
-
-
-def summary(generation: Generation) -> dict[str, Any]:
-    """Return a generation's figures, as in ``result.json``."""
-    earned, counts = (generation.best_reward, generation.mean_reward), map(generation.count, ("rejected", "failed"))
-    return asdict(GenerationFigures(generation.index, *earned, len(generation.evaluations), *counts))
-
-
-def _readable(request: Request) -> str:
-    """Write the messages as one Markdown text with links to the pictures."""
-    blocks = [f"# {message.role}\n\n{as_markdown(message).rstrip()}" for message in request.messages]
-    return "\n\n".join(blocks).replace("![scene](scene.png)", "![the scene](../scene.png)") + "\n"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import Field as DataclassField
 from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar, cast
@@ -12,8 +13,8 @@ from typing import Annotated, Any, Literal, TypeVar, cast
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import model_validator as check_whole
 
-from core.design import Evaluation, Trial
 from core.support.text import clean
+from core.trial import Score, Trial, Where
 from core.values.efforts import Effort
 from core.values.margins import Margin
 from core.values.plans import ActionPlan, Waypoints
@@ -164,27 +165,17 @@ class RunFigures:
 
 @dataclass(frozen=True)
 class Details:
-    """What the column ``details`` holds of an evaluation; see `core.design.Evaluation`."""
+    """What the column ``details`` holds of an evaluation: its score, and the numbers of its trials."""
 
-    trials: tuple[Trial, ...] = ()
-    combined: bool = False
-    figures: dict[str, Number] = field(default_factory=dict)
-    final: tuple[tuple[str, Count, Reward], ...] = ()
-
-
-def dump_details(evaluation: Evaluation) -> str:
-    """Write the column ``details``: what is not as its default."""
-    written = {each.name: getattr(evaluation, each.name) for each in fields(Details)}
-    written |= {"trials": [_spare(trial) for trial in evaluation.trials], "figures": dict(evaluation.figures)}
-    return json.dumps({name: value for name, value in written.items() if value})
+    score: Score
+    trials: tuple[Count, ...] = ()
+    finals: tuple[Count, ...] = ()
 
 
-def _spare(trial: Trial) -> dict[str, Any]:
-    return {
-        each.name: asdict(trial)[each.name] if each.name in ("observation", "margins") else value
-        for each in fields(Trial)
-        if (value := getattr(trial, each.name)) != each.default
-    }
+def dump_details(details: Details) -> str:
+    """Write the column ``details`` of an evaluation."""
+    score = non_default_fields(details.score) | {"reward": details.score.reward}
+    return json.dumps({"score": score, "trials": details.trials, "finals": details.finals}, default=float)
 
 
 def load_details(text: str) -> Details:
@@ -194,6 +185,42 @@ def load_details(text: str) -> Details:
         ValueError: it is something else.
     """
     return validated(Details, parsed(text))
+
+
+def trial_row(content: str, trial: Trial) -> dict[str, Any]:
+    """Return the columns of a trial of a design's content; ``details`` has what has no column of its own.
+
+    An engine's numbers may be numpy's.
+    """
+    row = {"candidate": trial.candidate, "status": trial.status, "reward": float(trial.reward)}
+    details = non_default_fields(trial)
+    for name in ("where", *row):
+        details.pop(name, None)
+    return {"content": content, **trial.where._asdict(), **row, "details": json.dumps(details, default=float)}
+
+
+def load_trial(row: Mapping[str, Any] | sqlite3.Row) -> Trial:
+    """Read the columns that `trial_row` made.
+
+    Raises:
+        ValueError: they hold something else.
+    """
+    where = [row[name] for name in Where._fields]
+    columns = {name: row[name] for name in ("candidate", "status", "reward")}
+    return validated(Trial, {**parsed(row["details"]), **columns, "where": where})
+
+
+def non_default_fields(value: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass that are not as their defaults, in plain types."""
+    written = asdict(value)
+    return {each.name: written[each.name] for each in fields(value) if _differs(getattr(value, each.name), each)}
+
+
+def _differs(value: object, field: DataclassField[Any]) -> bool:
+    if isinstance(value, dict | tuple) and not value:
+        return False
+    is_nan = value != value
+    return not is_nan and value != field.default
 
 
 class _Schema(BaseModel):
@@ -294,11 +321,6 @@ class _Evaluation(_Schema):
     reason: str
     reward: Reward
     distance_m: Amount | None
-    ik_error_m: Number | None
-    ik_error_rad: Number | None
-    tracking_error_rad: Number | None
-    moved_m: Annotated[dict[str, float], Json]
-    warnings: Annotated[list[str], Json]
     content: Id
     details: Annotated[Details, Json]
 
@@ -307,7 +329,21 @@ class _Evaluation(_Schema):
         literal = self.waypoints if isinstance(self.waypoints, list) else []
         if self.status == "ok" and {len(waypoint) for waypoint in literal} not in (set(), {6}, {7}):
             raise ValueError("waypoints: 6 or 7 numbers are needed in each")
+        shown = self.details.score.shown
+        if not 0 <= shown < max(len(self.details.trials), 1):
+            raise ValueError(f"details: there is no trial {shown} to show")
         return self
+
+
+class _Trial(_Schema):
+    number: Count
+    content: Id
+
+    @check_whole(mode="before")
+    @classmethod
+    def _is_trial(cls, row: dict[str, Any]) -> dict[str, Any]:
+        load_trial(row)
+        return row
 
 
 class _Generation(_Schema):
@@ -322,11 +358,17 @@ TABLES: dict[str, type[_Schema]] = {
     "replies": _Reply,
     "strategies": _Strategy,
     "evaluations": _Evaluation,
+    "trials": _Trial,
     "generations": _Generation,
 }
 _ORPHANS = (
     "SELECT candidate FROM evaluations LEFT JOIN strategies USING (generation, agent, strategy)"
     " WHERE status = 'ok' AND design IS NULL"
+)
+_LOST_TRIALS = (
+    "SELECT candidate, value FROM evaluations,"
+    " (SELECT '$.trials' AS list UNION SELECT '$.finals'), json_each(details, list)"
+    " WHERE value NOT IN (SELECT number FROM trials)"
 )
 
 
@@ -347,4 +389,6 @@ def damage(database: sqlite3.Connection) -> str | None:
                 return f"row {row['at']} of {table}: {error}"
     for (candidate,) in database.execute(_ORPHANS):
         return f"evaluations: {candidate} has no row in strategies"
+    for candidate, number in database.execute(_LOST_TRIALS):
+        return f"evaluations: trial {number} of {candidate} has no row in trials"
     return None

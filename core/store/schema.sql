@@ -19,7 +19,11 @@ CREATE TABLE IF NOT EXISTS strategies (
 CREATE TABLE IF NOT EXISTS evaluations (
     candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
     plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL,
-    reward REAL NOT NULL, distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL,
-    moved_m TEXT NOT NULL, warnings TEXT NOT NULL, content TEXT NOT NULL, details TEXT NOT NULL
+    reward REAL NOT NULL, distance_m REAL, content TEXT NOT NULL, details TEXT NOT NULL
+);
+CREATE TABLE IF NOT EXISTS trials (
+    number INTEGER PRIMARY KEY, content TEXT NOT NULL, task TEXT NOT NULL, engine TEXT NOT NULL,
+    layout INTEGER NOT NULL, change INTEGER, candidate TEXT NOT NULL, status TEXT NOT NULL, reward REAL NOT NULL,
+    details TEXT NOT NULL
 );
 CREATE TABLE IF NOT EXISTS generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL);

@@ -8,11 +8,12 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from core.errors import UserError
-from core.support.scratch import temporary_folder
+from core.support.scratch import scratch
 
 LIMIT_S = 600
 MEMORY = 8_000_000_000  # bytes of addresses
@@ -27,7 +28,7 @@ def isolated(
     Raises:
         UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
     """
-    with temporary_folder() as folder:
+    with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         out = Path(folder) / "made"
         called = [__name__, function.__module__, function.__name__, *words, str(out)]
         try:

@@ -40,13 +40,13 @@ def scratch() -> Path:
         return _folder
 
 
-def temporary_folder() -> tempfile.TemporaryDirectory[str]:
-    """Make a new folder in `scratch`.
+def temporary_folder() -> Path:
+    """Make a new folder in `scratch`, which is removed with it: a forked process that ends leaves it alone.
 
     Raises:
         UserError: it can't be made.
     """
-    return tempfile.TemporaryDirectory(dir=scratch())
+    return Path(tempfile.mkdtemp(dir=scratch()))
 
 
 def use_scratch(folder: Path) -> None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -79,10 +80,11 @@ FEEL_S = 0.01  # between two readings
 class Rollout:
     """One job for a simulator.
 
-    It spawns the layout of ``seed``, and the robot with ``tool`` at the trajectory's first targets. It lets
-    ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for ``hold_s``, and notes the
-    end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces`` contact forces too. A
-    ``guards`` change the trajectory on the way; engines that play them say so (`Simulator.feels`).
+    It spawns the ``scene`` (None: the task's layout of ``seed``), and the robot with ``tool`` at the trajectory's first
+    targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
+    ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
+    contact forces too. A ``guards`` change the trajectory on the way; engines that play them say so
+    (`Simulator.feels`).
     """
 
     tool: Tool
@@ -93,6 +95,16 @@ class Rollout:
     record_hz: float = 0.0
     forces: bool = False
     guards: Guards | None = None
+    scene: Any = None  # a `core.scene.Scene`
+
+    def scene_in(self, task: Any) -> Any:
+        """Return the scene to play in, of a `core.task.Task`: the same object for jobs that share it."""
+        return self.scene if self.scene is not None else _layout(task, self.seed)
+
+
+@lru_cache(maxsize=4)
+def _layout(task: Any, seed: int) -> Any:
+    return task.scene(seed)
 
 
 @dataclass(unsafe_hash=True)
@@ -145,7 +157,7 @@ class RolloutSettings:
     one another (`core.solids.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
     (`core.solids.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
-    evaluation holds an observation of its rollout (`core.simulation.rollout.Observe`). Plans that look see the scene
+    evaluation holds an observation of its rollout (`core.simulation.observing`). Plans that look see the scene
     with the noise of ``perception``, and guards feel by ``feel``.
     """
 

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import LimitReached
 from core.geometry import Array
 from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, Seen, Waypoints
 from core.search.agent_groups import Team
+from core.trial import Evaluation, tried_once
 from plugins.conformance.checking import expect, rigid
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
@@ -65,7 +66,7 @@ def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(_pl
             expect(isinstance(candidate, Candidate), f"ask returned a {type(candidate).__name__}, not a Candidate")
         generations.append(candidates)
         ordered = sorted(candidates, key=lambda candidate: candidate.key)
-        strategy.tell([Evaluation(candidate, "ok", reward=earns(candidate), distance_m=1.0) for candidate in ordered])
+        strategy.tell([tried_once(candidate, "ok", earns(candidate), 1.0) for candidate in ordered])
     return generations
 
 
@@ -87,7 +88,7 @@ def check_generations_may_be_empty_or_broken(make: Make) -> None:
     strategy.tell([])
     candidates = list(strategy.ask())
     expect(candidates, "after an empty generation there are no candidates")
-    strategy.tell([Evaluation(candidate, "failed", reason="it broke") for candidate in candidates])
+    strategy.tell([tried_once(candidate, "failed", reason="it broke") for candidate in candidates])
     expect(list(strategy.ask()), "after a generation that failed there are no candidates")
 
 

@@ -1,122 +1,102 @@
-"""Checks that every fitness must pass. Each takes a factory, ``make(evaluator)``, and raises an AssertionError.
+"""Checks that every fitness must pass. Each takes a factory, ``make(condition)``, and raises an AssertionError.
 
-Candidates are tried for real: in the first task and the first engine that are installed, for a second each.
+A fitness plays nothing itself, so its checks need no rollout: they give it trials.
 """
 
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
-from core.design import Candidate, Evaluation
-from core.designs.planning import NO_PLAN
+from core.design import Candidate
 from core.errors import RAISED
-from core.interfaces import Fitness, RolloutSettings, Waypoints
+from core.interfaces import Condition, Fitness, Score, Trial, Waypoints
 from core.plugins import PluginPart, installed
-from core.simulation.rollout import Evaluator
-from plugins.conformance.checking import as_json, between, expect, some_simulator, some_task
+from plugins.conformance.checking import as_json, expect, some_simulator, some_task
 from plugins.conformance.worlds import stick
 
-Make = Callable[[Evaluator], Fitness]
-QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1, max_motion_s=2.0)
-BREAKS = "breaks"
+Make = Callable[[Condition], Fitness]
+MOST_FINALS = 100  # that are looked at: there may be no end to them
 
 
-@dataclass(frozen=True)
-class Breaking(Evaluator):
-    """Reports a failure for each candidate named `BREAKS`, as for a rollout that broke."""
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return [
-            Evaluation(e.candidate, "failed", reason="it broke") if e.candidate.strategy_name == BREAKS else e
-            for e in super().__call__(candidates)
-        ]
+def condition() -> Condition:
+    """The first task and the first engine that are installed."""
+    return Condition(PluginPart("task", installed().ready("task")[0]), PluginPart("sim", some_simulator()[0]))
 
 
-def evaluator() -> Evaluator:
-    """An evaluator in the first task and the first engine that are installed."""
-    return Breaking(PluginPart("task", installed().ready("task")[0]), PluginPart("sim", some_simulator()[0]), 0, QUICK)
-
-
-def candidates(*lengths: float, steps: int = 1) -> list[Candidate]:
-    """A candidate for each length of a stick: from home a little to the side, in so many steps."""
+def candidate() -> Candidate:
+    """A stick that stays at home."""
     home = some_task().home
-    tools = {length: stick(length) for length in lengths}
-    made = []
-    for number, length in enumerate(lengths):
-        plan = np.tile([*home.position, *home.rpy], (steps, 1))
-        plan[:, 1] += 0.01 * (number + 1) + 0.1 * (np.arange(steps) % 2)
-        made.append(Candidate(tools[length], Waypoints(plan), action=number))
-    return made
+    return Candidate(stick(0.1), Waypoints(np.array([[*home.position, *home.rpy]])))
 
 
-def figures(evaluations: Sequence[Evaluation]) -> list[tuple[str, float]]:
-    return [(evaluation.status, float(evaluation.reward)) for evaluation in evaluations]
+def trials(fitness: Fitness, rewards: Sequence[float], status: str = "ok") -> list[Trial]:
+    """A trial in each condition of a fitness, with these rewards in turn."""
+    name = candidate().id
+    found = []
+    for number, where in enumerate(each.where for each in fitness.conditions()):
+        reward = rewards[number % len(rewards)]
+        reason = "" if status == "ok" else "it broke"
+        found.append(Trial(where, name, status, reward, reason, distance_m=1.0, motion_s=2.0))  # type: ignore[arg-type]
+    return found
 
 
-def check_each_candidate_has_its_evaluation(make: Make) -> None:
-    tried, fitness = candidates(0.1, 0.1, 0.15), make(evaluator())
-    expect(isinstance(fitness.instructions(), str), "instructions did not return a text")
-    expect(fitness([]) == [], "without candidates it did not return an empty list")
-    evaluations = fitness(tried)
-    expect(isinstance(evaluations, list), f"it returned a {type(evaluations).__name__}, not a list of Evaluation")
-    owners = [evaluation.candidate.id for evaluation in evaluations]
-    wanted = [candidate.id for candidate in tried]
-    expect(owners == wanted, f"candidates {', '.join(wanted)} have evaluations of {', '.join(owners)}; keep the order")
-    for evaluation in evaluations:
-        between("a reward", evaluation.reward, 0.0, 1.0)
-        as_json(dict(evaluation.figures), "what an evaluation has as figures")
+def scores(make: Make) -> Iterator[Score]:
+    fitness = make(condition())
+    for rewards in ((0.0,), (0.5,), (1.0,), (0.2, 0.9)):
+        yield fitness.score(candidate(), trials(fitness, rewards))
 
 
-def check_it_travels_to_workers(make: Make) -> None:
-    """A pickled copy gives the same evaluations."""
-    fitness = make(evaluator())
-    try:
-        copy = pickle.loads(pickle.dumps(fitness))  # noqa: S301 - written in this line
-    except RAISED as error:
-        raise AssertionError(f"it can't be pickled, and workers need a copy: {error}") from error
-    tried = candidates(0.1, 0.1, 0.1)
-    _expect_same("by a pickled copy", fitness(tried), copy(tried))
+def check_it_names_conditions(make: Make) -> None:
+    fitness = make(condition())
+    expect(isinstance(said := fitness.instructions(), str), f"instructions returned {said!r}, not a text")
+    for what, found in {
+        "conditions": fitness.conditions(),
+        "unseen": fitness.unseen(),
+        "finals": [each for alike in islice(fitness.finals(), MOST_FINALS) for each in alike],
+    }.items():
+        for each in found:
+            expect(isinstance(each, Condition), f"{what} has a {type(each).__name__}, not a Condition")
+        places = [each.where for each in found]
+        twice = sorted({str(place) for place in places if places.count(place) > 1})
+        expect(not twice, f"{what} repeats {', '.join(twice)}; each place is tried once")
+    expect(len(fitness.conditions()) > 0, "conditions is empty: a candidate is tried nowhere")
 
 
-def check_the_same_again(make: Make) -> None:
-    """The same candidates earn the same again, after others too."""
-    fitness = make(evaluator())
-    tried = candidates(0.1, 0.1, 0.1)
-    first = fitness(tried)
-    fitness(candidates(0.2))
-    _expect_same("again (draw from a seed that is a setting)", first, fitness(tried))
+def check_the_search_does_not_see_the_unseen(make: Make) -> None:
+    fitness = make(condition())
+    seen = {each.where for each in fitness.conditions()}
+    both = sorted(str(each.where) for each in fitness.unseen() if each.where in seen)
+    expect(not both, f"the search sees what should be unseen: {', '.join(both)}")
 
 
-def check_a_batch_gives_what_each_alone_gives(make: Make) -> None:
-    """With a ``batch`` greater than 1 candidates need not share a tool."""
-    fitness = make(evaluator())
-    batch = fitness.batch
-    expect(isinstance(batch, int) and batch >= 1, f"batch is {batch!r}, not a number from 1 up")
-    tried = candidates(0.1, 0.15, 0.1) if batch > 1 else candidates(0.1, 0.1, 0.1)
-    alone = [fitness([candidate])[0] for candidate in tried]
-    _expect_same("each alone", fitness(tried), alone)
+def check_conditions_travel_to_workers(make: Make) -> None:
+    for each in make(condition()).conditions():
+        try:
+            copy = pickle.loads(pickle.dumps(each))  # noqa: S301 - written in this line
+        except RAISED as error:
+            raise AssertionError(f"a condition can't be pickled, and workers need a copy: {error}") from error
+        expect(copy == each, "a pickled condition is another one; let what it holds be compared by value")
 
 
-def _expect_same(what: str, first: Sequence[Evaluation], other: Sequence[Evaluation]) -> None:
-    one, two = figures(first), figures(other)
-    expect(one == two, f"the same candidates earned {one}, and {what} {two}")
+def check_scores_are_rewards(make: Make) -> None:
+    for score in scores(make):
+        expect(isinstance(score, Score), f"score returned a {type(score).__name__}, not a Score")
+        expect(0 <= score.reward <= 1, f"a reward is {score.reward}, not in [0, 1]")
+        as_json(dict(score.figures), "what a score has as figures")
 
 
-def check_rejected_and_failed_candidates_earn_nothing(make: Make) -> None:
-    """They keep their place, say why, and leave their neighbours as they are."""
-    fitness = make(evaluator())
-    (sound,) = candidates(0.1)
-    (slow,) = candidates(0.1, steps=20)
-    unread = Candidate(None, NO_PLAN, problem="the tool is missing")
-    broken = Candidate(sound.tool, sound.plan, strategy_name=BREAKS)
-    first, beside, second, failed = fitness([unread, sound, slow, broken])
-    for evaluation in (first, second):
-        expect(evaluation.status == "rejected", f"a rejected candidate has the status {evaluation.status!r}")
-    for evaluation in (first, second, failed):
-        nothing = evaluation.reward == 0 and evaluation.reason
-        expect(nothing or evaluation.status == "ok", f"a {evaluation.status} candidate needs the reward 0 and a reason")
-    _expect_same("beside rejected ones", fitness([sound]), [beside])
+def check_the_same_trials_score_the_same(make: Make) -> None:
+    one, other = ([score.reward for score in scores(make)] for _ in range(2))
+    expect(one == other, f"the same trials scored {one}, then {other}; a score follows from the trials alone")
+
+
+def check_what_fails_earns_nothing(make: Make) -> None:
+    """Trials that were rejected or failed have the reward 0, in each condition."""
+    fitness = make(condition())
+    for status in ("rejected", "failed"):
+        score = fitness.score(candidate(), trials(fitness, (0.0,), status))
+        expect(score.reward == 0, f"a candidate whose trials were all {status} scores {score.reward}, not 0")

@@ -19,12 +19,13 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.design import Candidate, Evaluation, Trial
+from core.design import Candidate
 from core.designs.planning import NO_PLAN
 from core.errors import RAISED
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub, installed
+from core.trial import Evaluation, Score, Trial, Where, tried_once
 from plugins.conformance.checking import LengthOnly, brief, describe_error, request, rigid, some_simulator
 
 Make = Callable[[], Any]
@@ -61,7 +62,8 @@ def script(folder: Path, text: str = PLAIN, simulator: Simulator | None = None) 
             *(("candidate_evaluated", {"evaluation": evaluation}) for evaluation in evaluations),
             ("generation_finished", {"generation": generations[-1]}),
         ]
-    finalist = replace(generations[0].evaluations[0], final=(("engine", 0, 1.0),))
+    first = generations[0].evaluations[0]
+    finalist = replace(first, finals=first.trials)
     events.append(("finalist_tried", {"evaluation": finalist}))
     return [*events, ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)})]
 
@@ -73,13 +75,12 @@ def _evaluations(generation: int, text: str) -> tuple[Evaluation, ...]:
     parents = ("g0-a0-s0-p0",) if generation else ()
     whole = Candidate(tool, plan, generation, 0, 0, 0, text, text, text, parents)
     unread = Candidate(None, NO_PLAN, generation, 1, problem=text)
-    moved, goals = {text: 0.1}, (text,)
+    where = Where(text, text, 0)
+    trial = Trial(where, whole.id, "ok", 0.25, text, 0.3, 0.001, 0.01, 0.002, moved_m={text: 0.1}, warnings=(text,))
     return (
-        Evaluation(
-            whole, "ok", 0.25, 0.3, "", 0.001, 0.01, 0.002, moved, goals, (Trial(text, reason=text),), figures={text: 1}
-        ),
-        Evaluation(unread, "rejected", reason=text),
-        Evaluation(replace(whole, action=1), "failed", reason=text),
+        Evaluation(whole, (trial,), Score(0.25, {text: 1})),
+        Evaluation(unread),
+        tried_once(replace(whole, action=1), "failed", reason=text),
     )
 
 

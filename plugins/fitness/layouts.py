@@ -2,50 +2,26 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from core.config.compose import engines
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import UsageError, choices
-from core.interfaces import Simulator, Task
-from core.plugins import PluginPart
-from core.simulation.rollout import Evaluator
+from core.interfaces import Condition, Fitness, Score, Simulator, Task, Trial
 from core.support.templates import fill
+from core.trial import Part
 from core.values.layouts import NONE, Ranges
-from plugins.fitness.robustness import CheckedEvaluator, mean
-from plugins.fitness.several import SeveralTrials
+from plugins.fitness.several import Combine, mean, score_by_worst_engine, worst_quarter
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
 
 
-def worst_quarter(rewards: Sequence[float]) -> float:
-    """Compute the mean of the lowest quarter of rewards, of at least one."""
-    return float(np.mean(sorted(rewards)[: math.ceil(len(rewards) / 4)]))
-
-
-@dataclass(frozen=True)
-class _Weighed(CheckedEvaluator):
-    """Give a tenth of each reward for the least margin: all of it where that is far from the limit."""
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return [self._weighed(evaluation) for evaluation in super().__call__(candidates)]
-
-    @staticmethod
-    def _weighed(evaluation: Evaluation) -> Evaluation:
-        if (least := evaluation.least_margin) is None:
-            return evaluation
-        return replace(evaluation, reward=evaluation.reward * (1 - MARGIN_SHARE * (1 - max(least.margin, 0.0))))
-
-
-COMBINE: dict[str, tuple[Callable[[Sequence[float]], float], str]] = {
+COMBINE: dict[str, tuple[Combine, str]] = {
     "mean": (mean, "the mean of its rewards"),
     "margin": (mean, f"the mean of its rewards, of each of which a share of {MARGIN_SHARE:g} is for the least margin"),
     "worst": (min, "its lowest reward"),
@@ -54,11 +30,11 @@ COMBINE: dict[str, tuple[Callable[[Sequence[float]], float], str]] = {
 """What becomes of a plan's rewards over the layouts, and that in words."""
 
 
-class Layouts(SeveralTrials):
+class Layouts(Fitness):
     """The rewards over layouts, combined, in the engine where that is the lowest.
 
     Args:
-        evaluator: the task, how plans are executed, and the first layout's seed; the others' seeds follow it.
+        condition: the task, how plans are executed, and the first layout; the others' seeds follow it.
         layouts: how many there are; each costs a rollout in each engine.
         combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards; ``margin``: the mean, of which a share is for
             the least margin.
@@ -74,7 +50,7 @@ class Layouts(SeveralTrials):
 
     def __init__(
         self,
-        evaluator: Evaluator,
+        condition: Condition,
         layouts: int = 5,
         combine: str = "mean",
         sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
@@ -85,32 +61,38 @@ class Layouts(SeveralTrials):
         for name, count, least in (("layouts", layouts, 1), ("final", final, 0), ("unseen", unseen, 0)):
             if count < least:
                 raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
-        if evaluator.seed + layouts + final > _MOST_SEED:
+        if condition.layout + layouts + final > _MOST_SEED:
             what = "seed, fitness.layouts and fitness.final together"
             raise UsageError(f"{what} must be at most {_MOST_SEED}; those after are unseen")
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
-        task = evaluator.task.create()
-        if _alike(task, evaluator.seed):
+        task = condition.task.shared()
+        if _alike(task, condition.layout):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
-        self._evaluator, self._final, self._unseen = evaluator, final, unseen
-        self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
+        self._condition = condition
+        self._final = final
+        self._unseen = unseen
+        self._sims: Mapping[str, Part[Simulator]] = (
+            engines(sims, condition.sim) if sims else {condition.sim.name: condition.sim}
+        )
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
-        self._seeds = range(evaluator.seed, evaluator.seed + layouts)
-        how, self._counts = COMBINE[combine]
-        kind = _Weighed if combine == "margin" else CheckedEvaluator
-        super().__init__(self._in_layouts(self._seeds, self._sims, kind), how, "layout")
+        self._seeds = range(condition.layout, condition.layout + layouts)
+        self._combine, self._counts = COMBINE[combine]
+        self._weighs_margins = combine == "margin"
 
-    def _in_layouts(
-        self,
-        seeds: Sequence[int],
-        sims: Mapping[str, PluginPart[Simulator]],
-        kind: type[CheckedEvaluator] = CheckedEvaluator,
-    ) -> dict[str, list[Evaluator]]:
-        base = self._evaluator
-        return {name: [kind(base.task, sim, seed, base.settings) for seed in seeds] for name, sim in sims.items()}
+    def conditions(self) -> list[Condition]:
+        return self._in_layouts(self._seeds, self._sims)
+
+    def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
+        rewards = [_weigh(trial) if self._weighs_margins else trial.reward for trial in trials]
+        return score_by_worst_engine(trials, self._combine, "layout", rewards)
+
+    def _in_layouts(self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]) -> list[Condition]:
+        return [
+            replace(self._condition, sim=sim, layout=seed, engine=name) for name, sim in sims.items() for seed in seeds
+        ]
 
     def instructions(self) -> str:
         return fill(
@@ -119,20 +101,27 @@ class Layouts(SeveralTrials):
             layouts=len(self._seeds),
             sims=[*self._sims],
             elsewhere=[] if self._unseen_sims is self._sims else [*self._unseen_sims],
-            drawn=describe_ranges(self._evaluator.task.create().ranges),
-            noise=self._evaluator.settings.perception,
+            drawn=describe_ranges(self._condition.task.shared().ranges),
+            noise=self._condition.settings.perception,
             counts=self._counts,
             final=self._final,
             unseen=self._unseen,
         )
 
-    def final(self) -> dict[str, list[Evaluator]]:
-        seeds = range(self._seeds.stop, self._seeds.stop + self._final)
-        return self._in_layouts(seeds, self._unseen_sims) if self._final else {}
+    def finals(self) -> Iterator[list[Condition]]:
+        for seed in range(self._seeds.stop, self._seeds.stop + self._final):
+            yield self._in_layouts([seed], self._unseen_sims)
 
-    def unseen(self) -> dict[str, list[Evaluator]]:
-        seeds = range(UNSEEN, UNSEEN + self._unseen)
-        return self._in_layouts(seeds, self._unseen_sims) if self._unseen else {}
+    def unseen(self) -> list[Condition]:
+        return self._in_layouts(range(UNSEEN, UNSEEN + self._unseen), self._unseen_sims)
+
+
+def _weigh(trial: Trial) -> float:
+    """Give a tenth of a reward for the least margin: all of it where that is far from the limit."""
+    if not trial.margins:
+        return trial.reward
+    least = min(margin.margin for margin in trial.margins)
+    return trial.reward * (1 - MARGIN_SHARE * (1 - max(least, 0.0)))
 
 
 def _alike(task: Task, seed: int) -> bool:

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import UsageError
-from core.simulation.rollout import Evaluator
+from core.interfaces import Condition, Score, Trial
 from core.support.templates import fill
-from core.values.efforts import HOLDS, Effort
+from core.trial import effort_of, rewards_by_engine
+from core.values.efforts import HOLDS, Effort, holds
 from plugins.fitness.layouts import Layouts
+from plugins.fitness.several import mean
 
 
 class Lean(Layouts):
@@ -21,13 +23,13 @@ class Lean(Layouts):
     0.5 + 0.5 s / (1 + s), so that the reference earns 0.75, and no design 1. What does not hold earns half its mean.
 
     Args:
-        evaluator: see `Layouts`, as for ``layouts``, ``sims``, ``final``, ``unseen`` and ``unseen_sims``.
+        condition: see `Layouts`, as for ``layouts``, ``sims``, ``final``, ``unseen`` and ``unseen_sims``.
         references: of each task the effort of its reference: time of the motion, s; mass, kg; margin, or null.
     """
 
     def __init__(
         self,
-        evaluator: Evaluator,
+        condition: Condition,
         references: dict[str, list[float | None]] = {},  # noqa: B006 - read as a configuration's default
         layouts: int = 5,
         sims: list[str | dict[str, Any]] = [],  # noqa: B006
@@ -35,8 +37,8 @@ class Lean(Layouts):
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
     ) -> None:
-        super().__init__(evaluator, layouts, "mean", sims, final, unseen, unseen_sims)
-        task = evaluator.task.create().name
+        super().__init__(condition, layouts, "mean", sims, final, unseen, unseen_sims)
+        task = condition.task.shared().name
         form = f"[SECONDS, KILOGRAMS, MARGIN], as in +fitness.references.{task}=[8,0.2,0.5]"
         if task not in references:
             raise UsageError(f"fitness=lean has no reference for {task}; add {form}")
@@ -48,13 +50,13 @@ class Lean(Layouts):
     def instructions(self) -> str:
         return fill("plugins.fitness", "lean", layouts=super().instructions(), known=self._reference, holds=HOLDS)
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return [self._weighed(evaluation) for evaluation in super().__call__(candidates)]
+    def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
+        score = super().score(candidate, trials)
+        effort = effort_of(candidate, trials)
+        means = [mean(rewards) for rewards in rewards_by_engine(trials).values()]
+        if effort is None or not holds(min(means)):
+            return replace(score, reward=score.reward / 2)
 
-    def _weighed(self, evaluation: Evaluation) -> Evaluation:
-        effort = evaluation.effort
-        if effort is None or not evaluation.holds:
-            return replace(evaluation, reward=evaluation.reward / 2)
-        score = effort.saved(self._reference)
-        figures = {"lean": round(score, 4), "motion_s": round(effort.motion_s, 3), "mass_kg": round(effort.mass_kg, 4)}
-        return replace(evaluation, reward=0.5 + 0.5 * score / (1 + score), figures={**evaluation.figures, **figures})
+        saved = effort.saved(self._reference)
+        figures = {"lean": round(saved, 4), "motion_s": round(effort.motion_s, 3), "mass_kg": round(effort.mass_kg, 4)}
+        return replace(score, reward=0.5 + 0.5 * saved / (1 + saved), figures=figures)

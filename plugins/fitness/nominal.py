@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from core.design import Candidate, Evaluation
-from core.interfaces import Fitness
-from core.simulation.rollout import Evaluator
+from core.design import Candidate
+from core.interfaces import Condition, Fitness, Score, Trial
 
 
 class Nominal(Fitness):
     """The reward in the run's engine, in the scene as the task has it."""
 
-    def __init__(self, evaluator: Evaluator) -> None:
-        self._evaluator = evaluator
+    def __init__(self, condition: Condition) -> None:
+        self._condition = condition
 
-    @property
-    def batch(self) -> int:
-        return self._evaluator.batch
+    def conditions(self) -> Sequence[Condition]:
+        return [self._condition]
 
-    def prepare(self) -> None:
-        self._evaluator.prepare()
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return self._evaluator(candidates)
+    def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
+        return Score(trials[0].reward)

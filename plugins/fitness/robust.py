@@ -1,22 +1,24 @@
-"""Evaluate candidates in perturbed scenes and several engines."""
+"""Score candidates by perturbed scenes and several engines."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from core.config.compose import engines
-from core.simulation.rollout import Evaluator
+from core.design import Candidate
+from core.interfaces import Condition, Fitness, Score, Trial
 from core.support.templates import fill
-from plugins.fitness.robustness import PerturbationRange, check_draws, mean, perturbed
-from plugins.fitness.several import SeveralTrials
+from plugins.fitness.robustness import Perturbation, PerturbationRange, check_draws
+from plugins.fitness.several import score_by_worst_engine
 
 
-class Robust(SeveralTrials):
+class Robust(Fitness):
     """The lowest, over the engines ``sims``, of the mean rewards over perturbed scenes.
 
     Args:
-        evaluator: the task, its layout, how plans are executed, and the settings of its engine if ``sims`` names it.
+        condition: the task, its layout, how plans are executed, and the settings of its engine if ``sims`` names it.
         sims: see `core.config.compose.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
@@ -27,19 +29,27 @@ class Robust(SeveralTrials):
 
     def __init__(
         self,
-        evaluator: Evaluator,
+        condition: Condition,
         sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
         seeds: list[int] = [0, 1, 2],  # noqa: B006
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
     ) -> None:
         check_draws(seeds)
-        evaluators = {
-            name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
-            for name, sim in engines(sims, evaluator.sim).items()
-        }
-        super().__init__(evaluators, mean, "change")
-        self._draws, self._perturbation = len(seeds), perturbation
+        self._condition = condition
+        self._sims = engines(sims, condition.sim)
+        self._changes = [Perturbation(perturbation, seed) for seed in seeds]
+        self._ranges = perturbation
+
+    def conditions(self) -> list[Condition]:
+        return [
+            replace(self._condition, sim=sim, engine=name, change=change)
+            for name, sim in self._sims.items()
+            for change in self._changes
+        ]
+
+    def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
+        return score_by_worst_engine(trials)
 
     def instructions(self) -> str:
-        given = {"draws": self._draws, "sims": [*self.evaluators], "most": self._perturbation}
+        given = {"draws": len(self._changes), "sims": [*self._sims], "most": self._ranges}
         return fill("plugins.fitness", "robust", **given)

@@ -1,47 +1,66 @@
-"""Try candidates in several trials, in one or more engines."""
+"""Score candidates by several trials, in one or more engines."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
 
-from core.design import Candidate, Evaluation
-from core.interfaces import Evaluate, Fitness
-from plugins.fitness.robustness import worst
+import numpy as np
+
+from core.interfaces import Score, Trial
+
+Combine = Callable[[Sequence[float]], float]
 
 
-@dataclass(eq=False)
-class SeveralTrials(Fitness):
-    """The rewards of several trials, combined, in the engine where that is the lowest.
+def mean(rewards: Sequence[float]) -> float:
+    """Compute the mean."""
+    return float(np.mean(rewards))
 
-    Attributes:
-        evaluators: one for each trial, by engine.
-        combine: what becomes of an engine's rewards.
-        trial: what a trial is called.
+
+def worst_quarter(rewards: Sequence[float]) -> float:
+    """Compute the mean of the lowest quarter of rewards, of at least one."""
+    return mean(sorted(rewards)[: math.ceil(len(rewards) / 4)])
+
+
+def score_by_worst_engine(
+    trials: Sequence[Trial], combine: Combine = mean, word: str = "change", rewards: Sequence[float] | None = None
+) -> Score:
+    """Combine the rewards in each engine, and take the engine where that is the lowest.
+
+    The trial that is shown is the one with the lowest reward of those that succeeded, of equal ones that with the least
+    margin, in the worst engine if there is one there. Failures become warnings.
+
+    Args:
+        trials: of a candidate; one that was rejected or failed counts 0.
+        combine: makes one number of an engine's rewards.
+        word: what the warnings call a trial.
+        rewards: what counts of each trial; None: its reward.
     """
+    counted = [trial.reward for trial in trials] if rewards is None else rewards
+    by_engine: dict[str, list[int]] = {}
+    for number, trial in enumerate(trials):
+        by_engine.setdefault(trial.engine, []).append(number)
+    combined = {engine: combine([counted[n] for n in own]) for engine, own in by_engine.items()}
+    worst = min(combined, key=lambda engine: combined[engine])
 
-    evaluators: Mapping[str, Sequence[Evaluate]]
-    combine: Callable[[Sequence[float]], float]
-    trial: str
+    succeeded = [n for n, trial in enumerate(trials) if trial.status == "ok"]
+    in_worst = [n for n in succeeded if trials[n].engine == worst]
+    candidates = in_worst or succeeded or by_engine[worst][:1]
+    shown = min(candidates, key=lambda n: (counted[n], _least_margin(trials[n])))
+    warnings = _failures(trials, by_engine, word) if trials[shown].status == "ok" else []
+    return Score(combined[worst], shown=shown, warnings=tuple(warnings))
 
-    @property
-    def batch(self) -> int:
-        """The smallest batch among its engines."""
-        return min(evaluate.batch for each in self.evaluators.values() for evaluate in each)
 
-    def prepare(self) -> None:
-        for each in self.evaluators.values():
-            for evaluate in each:
-                evaluate.prepare()
+def _least_margin(trial: Trial) -> float:
+    return min((margin.margin for margin in trial.margins), default=np.inf)
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self.evaluators.items()}
-        return [
-            worst(
-                candidate,
-                {engine: [evaluations[number] for evaluations in each] for engine, each in tried.items()},
-                self.combine,
-                self.trial,
-            )
-            for number, candidate in enumerate(candidates)
-        ]
+
+def _failures(trials: Sequence[Trial], by_engine: dict[str, list[int]], word: str) -> list[str]:
+    """Name the trials that were rejected or failed, each with its reason."""
+    lines = []
+    for engine, numbers in by_engine.items():
+        for place, number in enumerate(numbers, start=1):
+            trial = trials[number]
+            if trial.status != "ok":
+                lines.append(f"{engine}, {word} {place} of {len(numbers)}: {trial.status}: {trial.reason}")
+    return lines

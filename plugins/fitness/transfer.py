@@ -4,34 +4,32 @@ designs on several arms and in several engines, in the scene as it is and with s
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
-import operator
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress
 
 from core.config.compose import check_seed, engines, listed, node, part, robot_part, task_part, task_parts, tool_part
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.designs.feedback import statistics
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings, Task
 from core.plugins import EXECUTOR, PluginPart, RobotPart
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator
+from core.robot.kinematics import arm_of
+from core.search.trials import Trials
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import clean
+from core.trial import Condition, Evaluation, Trial
 from core.values.materials import Material
-from plugins.fitness.robustness import PerturbationRange, check_draws, perturbed, worst
+from plugins.fitness.robustness import Perturbation, PerturbationRange, check_draws
+from plugins.fitness.several import score_by_worst_engine
 
 USAGE = (
     "usage: vlmgineer transfer designs=FILE|RUN_DIR [task=NAME] [robots=[NAME,...]] [sims=[NAME,...]] "
@@ -64,29 +62,6 @@ class TransferConfig:
     output: str | None = None
 
 
-World = tuple[str, str, int | None]
-"""A robot, an engine, and the seed of a perturbation (None: the scene as it is)."""
-
-
-@dataclass(frozen=True, eq=False)
-class CandidateInWorld(Candidate):
-    """A candidate that is tried in one world."""
-
-    world: World = ("", "", None)
-    evaluator: Evaluator = field(kw_only=True)
-
-    @cached_property
-    def content(self) -> str:
-        """A name of the trial: the design and the world."""
-        return f"{self.id} {self.world}"
-
-
-def attempt(candidates: Sequence[Candidate]) -> list[Evaluation]:
-    """Try each candidate with its own evaluator; neighbours that share one go together."""
-    groups = itertools.groupby(candidates, key=operator.attrgetter("evaluator"))
-    return [evaluation for evaluator, group in groups for evaluation in evaluator(list(group))]
-
-
 def transfer(cfg: DictConfig) -> dict[str, Any]:
     """Try every design in every task on every robot in every engine, in the scene as it is and with each perturbation.
 
@@ -99,7 +74,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
     each = {task.create().name: _transfer(cfg, task) for task in task_parts(cfg)}
-    designs = [{"task": task, **of} for task, found in each.items() for of in found["designs"]]
+    designs = [{"task": task, **design} for task, found in each.items() for design in found["designs"]]
     return {"task": task_part(cfg).name} | next(iter(each.values())) | {"designs": designs}
 
 
@@ -109,41 +84,44 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     tasks = {robot: replace(task, robot=part) for robot, part in robots.items()}
     candidates = on_each(cfg, tasks)
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
-    settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)
-    evaluators: dict[World, Evaluator] = {}
-    for (robot, own), (engine, sim) in itertools.product(tasks.items(), sims.items()):
-        evaluators[robot, engine, None] = nominal = Evaluator(own, sim, cfg.seed, settings)
-        evaluators |= {(robot, engine, change): perturbed(nominal, ranges, change) for change in cfg.seeds}
-    tried: dict[tuple[str, World], Evaluation] = {}
-    with part(EXECUTOR, cfg.executor).create() as executor:
-        for evaluation in track(
-            evaluate_all(trials(candidates, evaluators), attempt, executor),
-            "trials",
-            total=sum(len(candidates[robot]) for robot, *_ in evaluators),
-            console=(console := Console(stderr=True)),
-            transient=True,
-            disable=not console.is_terminal,
-        ):
-            trial = evaluation.candidate
-            assert isinstance(trial, CandidateInWorld)
-            tried[trial.id, trial.world] = evaluation
+    ranges = node(cfg.perturbation, PerturbationRange)
+    changes = [Perturbation(ranges, seed) for seed in cfg.seeds]
+    settings = node(cfg.rollout, RolloutSettings)
+
+    designs: list[dict[str, Any]] = []
+    with part(EXECUTOR, cfg.executor).create() as executor, _progress() as progress:
+        for robot, own in tasks.items():
+            conditions = [
+                Condition(own, sim, cfg.seed, settings, change, engine)
+                for engine, sim in sims.items()
+                for change in (None, *changes)
+            ]
+            trials = Trials(executor)  # a robot's own: conditions do not say which it is
+            bar = progress.add_task(f"trials on {robot}", total=len(candidates[robot]))
+            for candidate, tried in trials.try_in(conditions, candidates[robot]):
+                progress.advance(bar)
+                designs.append(record(candidate, robot, tried or _rejected(candidate, conditions)))
+    order = {candidate.id: number for number, candidate in enumerate(next(iter(candidates.values())))}
+    designs.sort(key=lambda design: order[design["design"]])
     return {
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
         "perturbation": asdict(ranges),
         "robots": {robot: {"name": arm.name, **dict(arm.settings), "base": arm.base} for robot, arm in robots.items()},
         "engines": {engine: {"name": sim.name, **dict(sim.settings)} for engine, sim in sims.items()},
-        "designs": [
-            record(
-                candidate,
-                robot,
-                {engine: tried[candidate.id, (robot, engine, None)] for engine in sims},
-                {engine: [tried[candidate.id, (robot, engine, change)] for change in cfg.seeds] for engine in sims},
-            )
-            for alike in zip(*candidates.values(), strict=True)
-            for robot, candidate in zip(candidates, alike, strict=True)
-        ],
+        "designs": designs,
     }
+
+
+def _rejected(candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Trial, ...]:
+    """Make the trials of a candidate that breaks a rule in any condition."""
+    reason = candidate.problem or ""
+    return tuple(Trial(condition.where, candidate.id, "rejected", reason=reason) for condition in conditions)
+
+
+def _progress() -> Progress:
+    console = Console(stderr=True)
+    return Progress(console=console, transient=True, disable=not console.is_terminal)
 
 
 def _arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[str, RobotPart]:
@@ -157,18 +135,6 @@ def _arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[
     for robot in found.values():
         robot.create()  # so that a fault is reported once
     return found
-
-
-def trials(
-    candidates: Mapping[str, Sequence[Candidate]], evaluators: Mapping[World, Evaluator]
-) -> Iterator[CandidateInWorld]:
-    """Yield each robot's candidates with each of its evaluators; candidates that share a tool stay together."""
-    for robot, own in candidates.items():
-        worlds = [(world, evaluator) for world, evaluator in evaluators.items() if world[0] == robot]
-        for _, alike in itertools.groupby(own, key=lambda candidate: id(candidate.tool)):
-            for (world, evaluator), candidate in itertools.product(worlds, list(alike)):
-                named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
-                yield CandidateInWorld(**named, world=world, evaluator=evaluator)
 
 
 def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str, list[Candidate]]:
@@ -187,8 +153,8 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str,
         if not {*aliases} <= {*arm.aliases}:
             arm = replace(arm, aliases=(*arm.aliases, *aliases))
         try:
-            rules = SpawnRules(own.create(robot=arm), cfg.seed)
-            chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), rules)
+            arm_of(arm).home_for(own.create(robot=arm).home)  # an arm that can't start is reported once
+            chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), own.create(robot=arm))
             read[robot] = [evaluation.candidate.of(own.create().name) for evaluation in chosen]
         except UserError as error:
             problems[robot] = str(error)
@@ -201,11 +167,12 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str,
     }
 
 
-def record(
-    candidate: Candidate, robot: str, nominal: Mapping[str, Evaluation], changed: Mapping[str, Sequence[Evaluation]]
-) -> dict[str, Any]:
+def record(candidate: Candidate, robot: str, tried: Sequence[Trial]) -> dict[str, Any]:
     """The entry of one design on one robot in the output file."""
-    robust = worst(candidate, changed)
+    nominal = {trial.engine: trial.reward for trial in tried if trial.change is None}
+    changed = tuple(trial for trial in tried if trial.change is not None)
+    robust = Evaluation(candidate, changed, score_by_worst_engine(changed))
+    shown = changed[robust.score.shown]
     return {
         "design": candidate.id,
         "robot": robot,
@@ -213,10 +180,9 @@ def record(
         "robust": robust.reward,
         "status": robust.status,
         "reason": robust.reason,
-        "ik_error_m": None if math.isnan(robust.ik_error_m) else robust.ik_error_m,
+        "ik_error_m": None if math.isnan(shown.ik_error_m) else shown.ik_error_m,
         "engines": {
-            engine: {"nominal": nominal[engine].reward, **statistics(rewards)}
-            for engine, rewards in robust.by_engine.items()
+            engine: {"nominal": nominal[engine], **statistics(rewards)} for engine, rewards in robust.by_engine.items()
         },
         "warnings": list(robust.warnings),
     }

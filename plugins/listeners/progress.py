@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from core.design import Evaluation
 from core.hooks import hookimpl
 from core.support.text import visible
+from core.trial import Evaluation
 
 if TYPE_CHECKING:
     import rich.progress

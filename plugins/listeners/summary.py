@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from core.design import best_tools
 from core.errors import UserError
 from core.hooks import hookimpl
 from core.plugins import TASK
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
+from core.trial import best_tools
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -90,8 +90,8 @@ def _tied(result: Result) -> Iterable[str]:
 
 def _tasks(result: Result) -> Iterable[str]:
     """Say what the best candidate earned in each of several tasks, and the most that any candidate did."""
-    names = {trial.task: 0.0 for trial in result.best.trials if trial.task} if result.best is not None else {}
-    if result.best is not None and names:
+    names = result.best.tasks if result.best is not None else ()
+    if result.best is not None and len(names) > 1:
         most = {name: max(e.figures.get(name, 0.0) for e in result.ranking) for name in names}
         own = (f"{name} {number(result.best.figures[name], 3)} ({number(most[name], 3)})" for name in names)
         yield f"tasks, by the best candidate (and the most by any): {', '.join(own)}"
@@ -100,7 +100,9 @@ def _tasks(result: Result) -> Iterable[str]:
 def _goals(result: Result) -> Iterable[str]:
     """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached."""
     every = [trial.goals for evaluation in result.ranking for trial in evaluation.trials]
-    best = [dict(trial.goals) for trial in result.best.trials if trial.goals and not trial.task] if result.best else []
+    if result.best is None or len(result.best.tasks) > 1:
+        return
+    best = [dict(trial.goals) for trial in result.best.trials if trial.goals]
     if best:
         most = {name: max(dict(goals).get(name, 0.0) for goals in every) for name in best[0]}
         means = {name: statistics.fmean(goals.get(name, 0.0) for goals in best) for name in most}

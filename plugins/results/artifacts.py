@@ -20,7 +20,7 @@ from plugins.results.workshop.tool import bodies
 
 
 def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path) -> None:
-    """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes; see `core.search.orchestration.Export`.
+    """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes; see `core.search.best.Export`.
 
     ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
     """

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import cast
 
-from core.design import TIE, Candidate, Evaluation, best_first, best_tools
+from core.design import Candidate
 from core.errors import UsageError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.agent_groups import AsksTeams, Team
+from core.trial import TIE, Evaluation, best_first, best_tools
 
 STYLES = [
     "",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.hooks import hookimpl
 from core.interfaces import EvolutionStrategy
+from core.trial import Evaluation
 
 
 @hookimpl

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal
 
-from core.design import TIE, Candidate, Evaluation, best_first, best_tools
+from core.design import Candidate
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
+from core.trial import TIE, Evaluation, best_first, best_tools
 
 
 @hookimpl
@@ -28,7 +29,9 @@ def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, ti
 
 
 def _best_by_task(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
-    tasks = dict.fromkeys(trial.task for e in evaluations for trial in e.trials if trial.task)
+    tasks = dict.fromkeys(task for evaluation in evaluations for task in evaluation.tasks)
+    if len(tasks) < 2:
+        return {}
     return {task: max(evaluations, key=lambda e: e.figures.get(task, 0.0)) for task in tasks}
 
 

@@ -7,10 +7,10 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from core.design import DesignError
+from core.design import Candidate, DesignError
 from core.designs.composer import as_markdown
 from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import SpawnRules
@@ -168,11 +168,26 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     if request.critique:  # any text is one
         return (True, []) if text.strip() else (False, ["it is empty"])
     brief = request.brief
-    spawn = SpawnRules(brief.task, brief.scene_seed)
+    document = parse_reply(text)
     most = (brief.n_tool, brief.n_action)
-    candidates = read_designs(parse_reply(text), brief.representation, spawn, most=most, actions=brief.actions)
+    candidates = read_designs(document, brief.representation, brief.task, most=most, actions=brief.actions)
+    candidates = _check_starts(candidates, SpawnRules(brief.task, brief.scene_seed))
     problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)
     return any(c.problem is None for c in candidates), list(problems)
+
+
+def _check_starts(candidates: Sequence[Candidate], start: SpawnRules) -> list[Candidate]:
+    """Give candidates whose tool does not start clear of everything that as their problem."""
+    checked = []
+    for candidate in candidates:
+        problem = candidate.problem
+        if problem is None and candidate.tool is not None:
+            try:
+                start.check(candidate.tool)
+            except DesignError as error:
+                problem = str(error)
+        checked.append(replace(candidate, problem=problem))
+    return checked
 
 
 def _write(file: Path, data: bytes) -> None:

@@ -11,11 +11,12 @@ import coal
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from core.design import Evaluation, Tool
+from core.design import Tool
 from core.geometry import Array, Box, Shape
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
 from core.scene import Scene, State
 from core.solids.tracks import Track
+from core.trial import Evaluation
 from plugins.results.workshop.tracks import body_tracks, robot_tracks
 from tests.panda import PANDA
 

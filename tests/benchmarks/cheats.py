@@ -26,20 +26,20 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import engines, load, part
-from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, ToolJoint
+from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import dump_design, read_designs
-from core.designs.rules import SpawnRules
 from core.designs.statics import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, RolloutSettings, Simulator, Task
-from core.plugins import installed
-from core.simulation.rollout import PluginPart, evaluate_batch
+from core.plugins import PluginPart, installed
 from core.support.cli import arguments, command
+from core.trial import Evaluation
 from plugins.actions.anchored import AnchoredPlan, Step
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import MEASURES, Watched, tried
+from tests.playing import evaluate_batch
 from tests.solutions import FILES, anchored
 
 USAGE = (
@@ -306,7 +306,7 @@ class _Search:
         self.simulator = Watched(pair.sim.create())
         self.tools = installed().create("tool", "solids", {"joints": True})
         self.actions = installed().create("action", "anchored")
-        self.spawn, self.scene = SpawnRules(self.task, pair.seed), self.task.scene(pair.seed)
+        self.scene = self.task.scene(pair.seed)
         self.random = np.random.default_rng(zlib.crc32(pair.file.name.encode()))
         names = ["world", *(body.name for body in self.scene.bodies)]
         self.varied = Varied(names, self.random)
@@ -353,7 +353,7 @@ class _Search:
         return read
 
     def read(self, strategies: list[Any]) -> list[Candidate]:
-        return read_designs({"strategies": strategies}, self.tools, self.spawn, actions=self.actions)
+        return read_designs({"strategies": strategies}, self.tools, self.task, actions=self.actions)
 
     def tried(self, candidates: list[Candidate]) -> list[tuple[Evaluation, float]]:
         """Play candidates; those that could be played, with what each lacks to be absurd."""

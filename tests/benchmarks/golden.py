@@ -18,15 +18,14 @@ from pathlib import Path
 from core.config.compose import engines
 from core.design import Candidate
 from core.designs.reading import dump_design, load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.evaluate import record as entry
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator
 from core.support.cli import command
+from core.trial import Condition
 from tests.benchmarks import measuring
+from tests.playing import evaluate_all
 
 USAGE = (
     "usage: python -m tests.benchmarks.golden record folder=DIR [like=DIR] [sims=NAME,NAME,...] [tasks=NAME,...] "
@@ -93,7 +92,7 @@ def designs(task: str, count: int, seed: int, file: Path) -> list[Candidate]:
     document = load_designs(file)
     if document["seed"] != seed:
         raise UserError(f"{file} has other designs, of seed={document['seed']}; choose another folder=...")
-    return read_designs(document, form, SpawnRules(installed().create("task", task), seed))
+    return read_designs(document, form, installed().create("task", task))
 
 
 def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:
@@ -101,11 +100,10 @@ def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:
     solution = measuring.SOLUTIONS / f"{task}.json"
     if file.exists() or not solution.exists():
         return
-    spawn = SpawnRules(installed().create("task", task), 0)
-    candidates = read_designs(load_designs(solution), installed().create("tool", "urdf"), spawn)
-    evaluations = evaluate_all(candidates, Evaluator(PluginPart("task", task), sim), executor)
-    file.parent.mkdir(parents=True, exist_ok=True)
     made = installed().create("task", task)
+    candidates = read_designs(load_designs(solution), installed().create("tool", "urdf"), made)
+    evaluations = evaluate_all(candidates, Condition(PluginPart("task", task), sim), executor)
+    file.parent.mkdir(parents=True, exist_ok=True)
     measuring.save(file, [entry(e, made) for e in sorted(evaluations, key=lambda e: e.candidate.key)])
 
 

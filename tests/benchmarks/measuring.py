@@ -20,13 +20,12 @@ from rich.progress import track
 from core.config.compose import load, part
 from core.design import Candidate
 from core.designs.reading import parse_reply, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Executor, RolloutSettings
-from core.plugins import installed
+from core.interfaces import Executor
+from core.plugins import PluginPart, installed
 from core.prompt import compose
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator, PluginPart
+from core.trial import Condition
+from tests.playing import evaluate_all
 
 T = TypeVar("T")
 
@@ -104,9 +103,8 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
     budget = {"n_agent": 1, "n_tool": n_tool, "n_action": plans, "n_iteration": 0}
     cfg = load("prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())])
     (reply,) = part("vlm", cfg.vlm).create().complete([compose(cfg)])
-    spawn = SpawnRules(installed().create("task", task), seed)
     representation = part("tool", cfg.tool).create()
-    read = read_designs(parse_reply(reply.text), representation, spawn, most=(n_tool, plans))
+    read = read_designs(parse_reply(reply.text), representation, installed().create("task", task), most=(n_tool, plans))
     groups = itertools.groupby((c for c in read if c.problem is None), key=lambda c: c.strategy)
     whole = [group for group in (list(group) for _, group in groups) if len(group) == plans]
     if len(whole) < tools:
@@ -127,7 +125,7 @@ def rewards(
     engine = {"name": sim.name, **dict(sim.settings)}
     if any(record["engine"] == engine for record in records):
         return
-    tried = evaluate_all(candidates, Evaluator(PluginPart("task", task), sim, seed, RolloutSettings()), executor)
+    tried = evaluate_all(candidates, Condition(PluginPart("task", task), sim, seed), executor)
     shown = track(tried, f"{task} in {sim.name}", len(candidates), console=console, disable=not console.is_terminal)
     evaluations = sorted(shown, key=lambda evaluation: evaluation.candidate.key)
     record = {

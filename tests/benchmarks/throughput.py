@@ -10,26 +10,29 @@ from __future__ import annotations
 
 import functools
 import importlib
+import itertools
 import os
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.progress import track
 
-import core.simulation.rollout
 from core.config.compose import load, node, part
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import UsageError, choices
 from core.interfaces import Executor, RolloutSettings
-from core.search.evolution import Trials
-from core.simulation.rollout import Evaluator, PluginPart
+from core.plugins import PluginPart
+from core.search.trials import Chunk
+from core.simulation import attempt, judging
+from core.simulation.play import play
 from core.support.cli import arguments, command
+from core.trial import Condition, Trial
 from plugins.simulators import fresh
 from tests.benchmarks import measuring
 
@@ -74,11 +77,11 @@ def main() -> None:
     cfg = load("evaluate", [*words, "designs=none", f"executor={given.executor}", f"executor.workers={workers}"])
     sim = part("sim", cfg.sim)
     steps_of(sim.name)
-    evaluator = Evaluator(PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
+    condition = Condition(PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
     candidates = measuring.designs(task, given.tools, given.plans, given.seed)
 
     with part("executor", cfg.executor).create() as executor:
-        figures = population(candidates, evaluator, executor, workers)
+        figures = population(candidates, condition, executor, workers)
 
     found = {"task": task, "sim": {"name": sim.name, **dict(sim.settings)}, "executor": given.executor} | figures
     measuring.save(Path(given.output), found)
@@ -86,26 +89,33 @@ def main() -> None:
 
 
 def population(
-    candidates: Sequence[Candidate], evaluator: Evaluator, executor: Executor, workers: int
+    candidates: Sequence[Candidate], condition: Condition, executor: Executor, workers: int
 ) -> dict[str, Any]:
     """Measure rollouts per second, and the time of each part."""
-    clock = Clocked(evaluator)
+    clock = Clocked()
+    alike = itertools.groupby(candidates, key=lambda candidate: candidate.strategy)
+    chunks = [Chunk(condition, tuple(group)) for _, group in alike]
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        for _, result in executor.map(Roll(folder, workers, clock), [[c] for c in candidates[:1] * workers]):
+        single = Chunk(condition, (candidates[0],))
+        for _, result in executor.map(Roll(folder, workers, clock), [single] * workers):
             if isinstance(result, Exception):
                 raise result
     started = time.perf_counter() - began
 
     began = time.perf_counter()
-    tried = Trials(clock, executor)(candidates)
-    shown = track(tried, total=len(candidates), console=measuring.console, disable=not measuring.console.is_terminal)
-    evaluations = list(shown)
+    tried = executor.map(clock, chunks)
+    shown = track(tried, total=len(chunks), console=measuring.console, disable=not measuring.console.is_terminal)
+    total: Counter[str] = Counter()
+    statuses: Counter[str] = Counter()
+    for _, result in shown:
+        if isinstance(result, Exception):
+            raise result
+        trials, took = result
+        total.update(took)
+        statuses.update(trial.status for trial in trials)
     wall = time.perf_counter() - began
 
-    total: Counter[str] = Counter()
-    for evaluation in evaluations:
-        total.update(evaluation.figures)
     all_time = workers * wall
     parts = {
         "stepping": total["step"],
@@ -120,7 +130,7 @@ def population(
     return {
         "workers": workers,
         "rollouts": len(candidates),
-        "tried": Counter(evaluation.status for evaluation in evaluations),
+        "tried": statuses,
         "started_s": started,
         "wall_s": wall,
         "rollouts_per_s": len(candidates) / wall,
@@ -173,18 +183,23 @@ class Clock:
 _clocks: list[Clock] = []  # the process's
 
 
-def _started(evaluator: Evaluator) -> Clock:
-    """Return the process's clock, around the parts of this evaluator."""
+def _started(condition: Condition) -> Clock:
+    """Return the process's clock, around the parts of this condition."""
     if not _clocks:
-        evaluator([])  # its parts are made before the clock runs
+        play(condition, [])  # its parts are made before the clock runs
         clock = Clock()
-        for holder, name in steps_of(evaluator.sim.name):
+        for holder, name in steps_of(condition.sim.name):
             clock.around(holder, name, "step")
-        clock.around(core.simulation.rollout, "prepare", "ik")
-        for check in ("findings", "_self_collision", "find_self_collision", "find_contacts"):
-            clock.around(core.simulation.rollout, check, "checks")
-        task = core.simulation.rollout._task(evaluator.task)
-        simulator = core.simulation.rollout._simulator(evaluator.sim)
+        clock.around(attempt, "prepare", "ik")
+        for holder, check in (
+            (attempt, "_self_collision"),
+            (attempt, "find_self_collision"),
+            (judging, "findings"),
+            (judging, "find_contacts"),
+        ):
+            clock.around(holder, check, "checks")
+        task = condition.task.shared()
+        simulator = condition.sim.shared()
         clock.around(type(task), "reward", "reward")
         clock.around(type(simulator), "rollout", "simulator")
         own = sys.modules[type(simulator).__module__]
@@ -211,20 +226,17 @@ def steps_of(sim: str) -> list[tuple[Any, str]]:
 
 @dataclass(frozen=True)
 class Clocked:
-    """Evaluate as ``evaluator`` does, with the chunk's times in ``figures`` of its first evaluation."""
+    """Try a chunk, and return its trials with the times that they took."""
 
-    evaluator: Evaluator
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        clock = _started(self.evaluator)
+    def __call__(self, chunk: Chunk) -> tuple[list[Trial], dict[str, float]]:
+        clock = _started(chunk.condition)
         before = dict(clock.seconds)
         steps = clock.steps
         began = time.perf_counter()
-        evaluations = self.evaluator(candidates)
-        took: dict[str, Any] = {"chunk": time.perf_counter() - began, "steps": clock.steps - steps}
+        trials = play(chunk.condition, chunk.candidates)
+        took: dict[str, float] = {"chunk": time.perf_counter() - began, "steps": clock.steps - steps}
         took |= {label: total - before[label] for label, total in clock.seconds.items()}
-        first, *others = (replace(evaluation, figures={}) for evaluation in evaluations)
-        return [replace(first, figures=took), *others]
+        return trials, took
 
 
 @dataclass(frozen=True)
@@ -235,12 +247,11 @@ class Roll:
     workers: int
     clocked: Clocked
 
-    def __call__(self, chunk: Sequence[Any]) -> list[Any]:
+    def __call__(self, chunk: Chunk) -> None:
         self.clocked(chunk)
         (Path(self.folder) / str(os.getpid())).touch()
         while len(list(Path(self.folder).iterdir())) < self.workers:
             time.sleep(0.01)
-        return [None] * len(chunk)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 import json
 import sqlite3
+from collections import Counter
 from contextlib import closing
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,15 +12,18 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import load, part
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Tool
 from core.events import Generation, Result, Run
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Reply, Request, Text
 from core.plugins import event_hub
 from core.store.recorder import RunStore
+from core.trial import Evaluation, Where, tried_once
 from plugins.actions.waypoints import WaypointActions
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
+
+ALONG_X = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def hook(length: float, name: str = "hook", description: str = "") -> Tool:
@@ -42,8 +47,8 @@ def write_run(
 ) -> Path:
     """A run of ``rewards`` by generation and candidate; a reward of None is a rejected candidate.
 
-    Each candidate has a tool of its own, ``tools[i]`` or a longer hook each time. Without ``finish`` the run is left
-    as a killed one leaves it, its store open (as `write_run.open`).
+    Each candidate has a tool of its own, ``tools[i]`` or a longer hook each time; a tool that comes again has another
+    plan. Without ``finish`` the run is left as a killed one leaves it, its store open (as `write_run.open`).
     """
     cfg = _composed(*(word for word in overrides if not word.startswith("seed="))).copy()
     cfg.seed = next((int(word[5:]) for word in overrides if word.startswith("seed=")), 0)
@@ -63,6 +68,8 @@ def write_run(
     events.register(store)
     events.hook.run_started(run=run)
     given = representation.given(task)
+    where = Where(task.name, parts["sim"], cfg.seed)
+    plans_of = Counter()
     generations = []
     elite = ()
     for index, row in enumerate(rewards):
@@ -85,13 +92,17 @@ def write_run(
         evaluations = []
         for i, reward in enumerate(row):
             tool = given or (tools[i % len(tools)] if tools else hook(0.2 + 0.05 * i + 0.01 * index))
-            plan = np.hstack([PLAN, np.zeros((2, 1))]) if tool.gripper else PLAN
+            plan = PLAN + 0.001 * plans_of[tool.content] * ALONG_X
+            plans_of[tool.content] += 1
+            if tool.gripper:
+                plan = np.hstack([plan, np.zeros((2, 1))])
             candidate = Candidate(tool, plan, index, 0, i, 0, strategy_name=name, parents=elite)
-            evaluations.append(
-                Evaluation(candidate, "rejected", reason="it is too heavy")
-                if reward is None
-                else Evaluation(candidate, "ok", reward=reward, distance_m=distances[i % len(distances)])
-            )
+            if reward is None:
+                evaluations.append(Evaluation(replace(candidate, problem="it is too heavy")))
+            else:
+                distance_m = distances[i % len(distances)]
+                evaluations.append(tried_once(candidate, "ok", reward=reward, distance_m=distance_m, where=where))
+            keep_trials(store, evaluations[-1])
             events.hook.candidate_evaluated(evaluation=evaluations[-1])
         generations.append(Generation(index, tuple(evaluations)))
         events.hook.generation_finished(generation=generations[-1])
@@ -107,6 +118,12 @@ def write_run(
 
 
 write_run.open = []
+
+
+def keep_trials(store: RunStore, evaluation: Evaluation) -> None:
+    """Store the trials of an evaluation, as the scheduler does when they end."""
+    for trial in (*evaluation.trials, *evaluation.finals):
+        store.keep_trial((evaluation.candidate.of(trial.task).content, trial.where), trial)
 
 
 @lru_cache(maxsize=64)

@@ -5,19 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import (
-    GRIPPER_MOUNTS,
-    RIGID_MOUNT,
-    Candidate,
-    Component,
-    DesignError,
-    Evaluation,
-    Tool,
-    Trial,
-    best_first,
-    ranked,
-)
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Tool
 from core.geometry import Box, Pose
+from core.trial import best_first, ranked, tried_once
 
 LEFT, RIGHT = GRIPPER_MOUNTS
 
@@ -75,7 +65,7 @@ keys = st.tuples(*[st.integers(0, 200)] * 4)
 
 
 def ok(reward, distance, key=(0, 0, 0, 0)):
-    return Evaluation(candidate(*key), "ok", reward=reward, distance_m=distance)
+    return tried_once(candidate(*key), "ok", reward=reward, distance_m=distance)
 
 
 def test_best_first_by_reward_then_distance_then_key_where_there_are_no_ties():
@@ -94,8 +84,8 @@ def test_best_first_by_reward_then_distance_then_key_where_there_are_no_ties():
 
 
 def test_what_was_not_tried_is_not_among_the_best():
-    rejected = Evaluation(candidate(0, 0, 0, 0), "rejected", reason="a rule")
-    failed = Evaluation(candidate(0, 0, 0, 1), "failed", reward=1.0, reason="it broke")
+    rejected = tried_once(candidate(0, 0, 0, 0), "rejected", reason="a rule")
+    failed = tried_once(candidate(0, 0, 0, 1), "failed", reward=1.0, reason="it broke")
     good = ok(0.1, 1.0, (0, 0, 0, 2))
     assert best_first([rejected, failed, good]) == [good]
     assert best_first([rejected]) == []
@@ -135,23 +125,3 @@ def test_rewards_within_the_tie_of_the_best_count_as_equal():
 def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest():
     figures = [(0.5, None), (0.501, 1.0), (0.502, 1.0), (0.503, math.nan)]
     assert ranked(figures, lambda f: f) == [figures[2], figures[1], figures[3], figures[0]]
-
-
-THREE = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2), Trial("sapien"))
-REFUSED = Trial("mujoco", status="rejected")
-
-
-@pytest.mark.parametrize(
-    ("status", "trials", "count"),
-    [
-        ("ok", (), 1),  # a stranger's fitness says nothing of its trials
-        ("rejected", (), 0),
-        ("rejected", (REFUSED,), 0),
-        ("failed", (), 1),
-        ("ok", THREE, 3),
-        ("ok", (*THREE, REFUSED), 3),
-    ],
-)
-def test_rollouts_of_an_evaluation(status, trials, count):
-    evaluation = Evaluation(Candidate(None, np.zeros((1, 6))), status, trials=trials)
-    assert evaluation.rollouts == count

@@ -3,13 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Candidate, Evaluation, Tool, Trial
+from core.design import Candidate, Tool
 from core.events import Generation, Result
+from core.trial import Trial, Where, tried_once
 
 
 def evaluation(number, reward, status="ok", distance_m=1.0):
     candidate = Candidate(Tool(), np.zeros((1, 6)), 0, number, 0, 0)
-    return Evaluation(candidate, status, reward=reward, distance_m=distance_m)
+    return tried_once(candidate, status, reward=reward, distance_m=distance_m)
 
 
 def test_a_generation_counts_what_was_tried():
@@ -43,7 +44,9 @@ def test_a_result_is_of_all_generations():
 
 
 def test_rollouts_of_equal_candidates_count_once():
-    trials = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2))
-    one, same, other = (replace(evaluation(n, 0.7), trials=trials) for n in range(3))
-    other = replace(other, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
-    assert Result((Generation(0, (one, same)), Generation(1, (other,))), 1.0).rollouts == 4
+    one, same = evaluation(0, 0.7), evaluation(1, 0.7)
+    same = replace(same, trials=one.trials)
+    two_trials = tuple(Trial(Where("Task", "mujoco", layout), "g0-a2-s0-p0") for layout in range(2))
+    other = replace(evaluation(2, 0.7), trials=two_trials)
+    assert Result((Generation(0, (one, same)), Generation(1, (other,))), 1.0).rollouts == 3
+    assert Result((Generation(0, (same, one)),), 1.0).rollouts == 1

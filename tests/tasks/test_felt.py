@@ -6,12 +6,11 @@ import pytest
 
 from core.config.compose import load, node
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.simulation.rollout import evaluate_batch
 from plugins.fitness.layouts import UNSEEN
 from tests.engines import simulator
+from tests.playing import evaluate_batch
 from tests.solutions import anchored, representation
 
 pytestmark = pytest.mark.slow
@@ -26,7 +25,7 @@ def rewards(candidate, task, engine, layouts):
 
 
 def guarded(file, task):
-    return read_designs(load_designs(file), representation(file, "pla"), SpawnRules(task, 0))[0]
+    return read_designs(load_designs(file), representation(file, "pla"), task)[0]
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

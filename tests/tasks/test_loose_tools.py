@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.simulation.rollout import evaluate_batch, prepare
+from core.simulation.attempt import prepare
 from tasks.bring_cube import SIDE
 from tests.engines import every_simulator, mujoco_first, simulator
+from tests.playing import evaluate_batch
 
 SHAPES = Path(__file__).parent / "solutions" / "shapes"
 TOOLS = {"ladle": ("GatherSpheres", "solids"), "tongs": ("BringCube", "boxes"), "scraper": ("CleanTable", "boxes")}
@@ -26,7 +26,7 @@ def task_of(name):
 
 def candidate_of(name):
     representation = installed().create("tool", TOOLS[name][1], joints=True)
-    (candidate,) = read_designs(load_designs(SHAPES / f"{name}.json"), representation, SpawnRules(task_of(name), 0))
+    (candidate,) = read_designs(load_designs(SHAPES / f"{name}.json"), representation, task_of(name))
     assert candidate.problem is None
     return candidate
 

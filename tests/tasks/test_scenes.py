@@ -5,12 +5,11 @@ from pathlib import Path
 import pytest
 
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.simulation.rollout import evaluate_batch
 from tests.engines import every_simulator, simulator
+from tests.playing import evaluate_batch
 
 ROOT = Path(__file__).parents[2]
 SCENES = sorted((ROOT / "tasks/scenes").glob("*.yaml"))
@@ -23,9 +22,7 @@ def tried(scene, engine, variation="none", seeds=(0,)):
     designs = load_designs(ROOT / "tests/tasks/scenes" / f"{scene.stem}.json")
     boxes = installed().create("tool", "boxes")
     return [
-        evaluate_batch(
-            task, simulator(engine), read_designs(designs, boxes, SpawnRules(task, seed)), seed, RolloutSettings()
-        )[0]
+        evaluate_batch(task, simulator(engine), read_designs(designs, boxes, task), seed, RolloutSettings())[0]
         for seed in seeds
     ]
 

@@ -11,24 +11,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from omegaconf import OmegaConf
 
 from core.config.compose import load, node
 from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings, Waypoints
 from core.plugins import installed
 from core.robot.solids import Obstacles, body_solids
-from core.simulation.rollout import evaluate_batch
 from core.values.layouts import Draw
 from plugins.fitness.layouts import UNSEEN
 from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN
+from tests.playing import evaluate_batch
 from tests.solutions import anchored
 
 pytestmark = pytest.mark.slow
@@ -90,8 +89,7 @@ def test_names_and_words(name):
     assert task.success_reward > 0.5
     assert f"class {name}(Task):" in task.source()  # the file that a model is shown
     assert "def reward" in task.source()
-    config = yaml.safe_load((ROOT / "conf" / "task" / f"{name}.yaml").read_text())
-    assert config["name"] == name
+    assert load("config", [f"task={name}"]).task.name == name
     if name in HARD:
         assert set(task.variations) == set(VARIATIONS)
         assert all(heading in type(task).__doc__ for heading in ("Task: ", "Layouts: ", "Success: "))
@@ -99,7 +97,7 @@ def test_names_and_words(name):
 
 @every_task
 def test_the_config_has_the_papers_parameters(name):
-    config = yaml.safe_load((ROOT / "conf" / "task" / f"{name}.yaml").read_text())
+    config = OmegaConf.to_container(load("config", [f"task={name}"]).task)
     keys = ("n_agent", "n_tool", "n_action", "k_top", "reward_save", "n_iteration")
     assert config["tool_kinds"]
     assert set(config["tool_kinds"]) <= {"rigid", "gripper"}
@@ -273,7 +271,7 @@ def test_everything_thrown_far_away_earns_little(name):
 
 def solutions(name):
     document = load_designs(Path(__file__).parent / "solutions" / f"{name}.json")
-    return read_designs(document, installed().create("tool", "urdf"), SpawnRules(task_of(name), 0))
+    return read_designs(document, installed().create("tool", "urdf"), task_of(name))
 
 
 def cases(quick):

@@ -8,11 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from core.design import best_tools
 from core.errors import check_positive
 from core.hooks import hookimpl
-from core.simulation.together import of_task
 from core.support.cli import say
+from core.trial import best_tools
 
 if TYPE_CHECKING:
     from core.events import Generation, Run
@@ -59,7 +58,7 @@ class RerunListener:
     def _record(self, generation: Generation, writer: Writer) -> None:
         writer.generation(generation)
         for evaluation in best_tools(generation.ranking)[:1]:
-            one = of_task(evaluation, writer.task.name)
+            one = evaluation.in_task(writer.task.name)
             if one.candidate.problem is None:
                 writer.rollout(generation.index, one, self._hz)
 

@@ -17,7 +17,7 @@ import rerun.blueprint as rrb
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
 from core.interfaces import Outcome, Recording, Robot
@@ -25,10 +25,11 @@ from core.robot.kinematics import arm_of, link_frames
 from core.robot.meshes import link_visuals, solids
 from core.robot.trajectory import Motion
 from core.scene import Camera, Color, Soft, State
-from core.simulation.rollout import played, prepare
+from core.simulation.attempt import played, prepare
 from core.support.templates import fill
 from core.support.text import clean
 from core.task import reward_of
+from core.trial import Evaluation
 
 _FLUSH_S, _END_S = 10.0, 5.0  # until all data are on the disk
 

@@ -192,5 +192,5 @@ def _why_zero(evaluation: StoredEvaluation) -> str:
     """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
     if evaluation.status != "ok" or evaluation.reward > 0:
         return ""
-    seen = {trial.observation.result for trial in evaluation.details.trials if trial.observation is not None}
+    seen = {trial.observation.result for trial in evaluation.trials if trial.observation is not None}
     return f"earned nothing{': ' if seen else ''}{', '.join(sorted(seen))}"

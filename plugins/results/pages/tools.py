@@ -13,9 +13,8 @@ from omegaconf import OmegaConf
 from core.config.compose import task_part, tool_part
 from core.design import Tool
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
-from core.interfaces import Material, Robot, ToolRepresentation
+from core.interfaces import Material, Robot, Task, ToolRepresentation
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.runs import FinishedRun
 
@@ -43,9 +42,9 @@ class Winner:
 
 
 @lru_cache(maxsize=256)
-def _parts(settings: str, seed: int) -> tuple[ToolRepresentation, SpawnRules]:
+def _parts(settings: str) -> tuple[ToolRepresentation, Task]:
     config = OmegaConf.create(json.loads(settings))
-    return tool_part(config).create(), SpawnRules(task_part(config).create(), seed)
+    return tool_part(config).create(), task_part(config).create()
 
 
 def best_tool(run: FinishedRun) -> Winner:
@@ -59,10 +58,10 @@ def best_tool(run: FinishedRun) -> Winner:
     if evaluation is None:
         raise UserError(f"its best candidate {name} is not among those that were tried")
     chosen = {kind: run.config.get(kind, {}) for kind in ("task", "tool", "material", "robot")}
-    representation, rules = _parts(json.dumps(chosen, sort_keys=True), run.seed)
+    representation, task = _parts(json.dumps(chosen, sort_keys=True))
     design = run.store.designs()[evaluation.design].written | {"action_sets": [evaluation.plan]}
     # It may break a rule, but must have a size: there were others when it was tried.
-    (read,) = read_designs({"strategies": [design]}, representation, rules)
+    (read,) = read_designs({"strategies": [design]}, representation, task)
     if read.tool is None:
         raise UserError(f"the design of {name} can't be read again: {read.problem}")
     for component, solid in as_held(read.tool, representation.robot):

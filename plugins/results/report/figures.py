@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from core.geometry import Array
-from core.store.reader import rollouts
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wrapped
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.results import Results
@@ -73,7 +72,7 @@ def rewards(results: Results) -> FigurePage:
 def _course(run: FinishedRun) -> tuple[Array, Array]:
     """The number of rollouts, and the best reward so far, after each of a run's N candidates: each (N,)."""
     evaluations = run.store.evaluations()
-    return np.cumsum(rollouts(evaluations)), np.maximum.accumulate([e.reward for e in evaluations])
+    return np.cumsum([e.rollouts for e in evaluations]), np.maximum.accumulate([e.reward for e in evaluations])
 
 
 def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePage | None:

@@ -20,7 +20,7 @@ from core.config.compose import load
 from core.errors import UserError, choices
 from core.plugins import installed
 from core.store.database import FILE
-from core.store.reader import StoredRun, rollouts
+from core.store.reader import StoredRun
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from core.support.files import read_untrusted
 from core.values.efforts import Effort, holds
@@ -269,7 +269,7 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
         seed=run.config["seed"],
         rewards=dict.fromkeys(rules.engines, (0.0,) * rules.layouts),
         candidates=len(tried),
-        rollouts=sum(rollouts(tried)),
+        rollouts=sum(each.rollouts for each in tried),
         requests=cost.requests,
         cost_usd=cost.cost_usd,
         wall_time_s=store.seconds(),

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from functools import wraps
 from statistics import fmean
 
-from core.design import ranked
 from core.store.reader import Key, StoredEvaluation, StoredRequest
+from core.trial import ranked
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import reasons as why
 from plugins.results.pages.tools import size

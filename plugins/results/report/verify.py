@@ -11,14 +11,14 @@ from typing import NamedTuple
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load, node, part, task_part, tool_part
-from core.design import DesignError, Evaluation
+from core.design import DesignError
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import EXECUTOR, FITNESS, SIMULATOR
 from core.search.finalists import try_unseen
-from core.simulation.rollout import Evaluator
+from core.search.trials import Trials
+from core.trial import Condition, Evaluation
 from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import short
 from plugins.results.report.leaderboard import Entry, RunResult, protocol
@@ -63,15 +63,14 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
         DesignError: the design can't be read.
     """
     cfg = _config(entry, task)
-    spawn = SpawnRules(task_part(cfg).create(), run.seed)
     document = {"strategies": [run.design]}
-    (candidate, *_) = read_designs(document, tool_part(cfg).create(), spawn, most=(1, 1))
+    (candidate, *_) = read_designs(document, tool_part(cfg).create(), task_part(cfg).create(), most=(1, 1))
     if candidate.problem is not None:
         raise DesignError(candidate.problem)
-    evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), run.seed, node(cfg.rollout, RolloutSettings))
-    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
+    condition = Condition(task_part(cfg), part(SIMULATOR, cfg.sim), run.seed, node(cfg.rollout, RolloutSettings))
+    fitness = part(FITNESS, cfg.fitness).create(condition=condition)
     with part(EXECUTOR, cfg.executor).create() as executor:
-        rewards, effort = try_unseen(Evaluation(candidate, "ok"), fitness, executor)
+        rewards, effort = try_unseen(Evaluation(candidate), fitness, Trials(executor))
     again = RunResult(run.seed, rewards, 1, 1, 1, None, 0.0, effort=effort)
     return again.score(protocol(entry.protocol), task)
 

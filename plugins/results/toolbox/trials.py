@@ -10,7 +10,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import listed, load, part, task_part, tool_part
-from core.design import DesignError, Evaluation, Tool
+from core.design import DesignError, Tool
 from core.designs.reading import save_design
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
@@ -18,10 +18,10 @@ from core.events import INTERRUPTED
 from core.interfaces import ActionPlan, ToolRepresentation
 from core.plugins import TASK, installed
 from core.search.orchestration import run as search
-from core.simulation.together import of_task
 from core.store.database import writing
 from core.store.reader import StoredRun, chosen_evaluations, stored_evaluations
 from core.store.recorder import RunStore
+from core.trial import Evaluation
 from core.values.plans import digest
 from plugins.results.pages.figure import slug
 from plugins.results.pages.runs import FinishedRun
@@ -69,8 +69,7 @@ def tools_of(run: FinishedRun, top: int) -> list[Held]:
     task, representation = task_part(config).create(), tool_part(config).create()
     if representation.given(task) is not None:
         return []
-    rules = SpawnRules(task, run.seed)
-    return [Held(run, best, representation) for best in chosen_evaluations(config, representation, rules)]
+    return [Held(run, best, representation) for best in chosen_evaluations(config, representation, task)]
 
 
 def nodes_of(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -90,7 +89,7 @@ def together(nodes: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def _cells(config: Mapping[str, Any], tried: Sequence[Evaluation]) -> Iterator[tuple[str, dict[str, Any], Cell]]:
     """Yield the name and configuration of each task of a run, and what was best in it."""
     for name, node in nodes_of(config).items():
-        plans = [one for e in tried if (one := of_task(e, name)).candidate.problem is None]
+        plans = [one for e in tried if (one := e.in_task(name)).candidate.problem is None]
         best = max(plans, key=lambda e: e.reward, default=None)
         yield name, node, NOTHING if best is None else (best.reward, best.candidate.plan)
 
@@ -171,5 +170,5 @@ def _tried(folder: Path, file: Path) -> list[tuple[str, dict[str, Any], Cell]]:
     config["tool"]["file"] = str(file)  # the folder may have been moved
     known = OmegaConf.create(config)
     representation, tasks = tool_part(known).create(), task_part(known).create()
-    found = stored_evaluations(folder, representation, SpawnRules(tasks, config["seed"]))
+    found = stored_evaluations(folder, representation, tasks)
     return [*_cells(config, found)]

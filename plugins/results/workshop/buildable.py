@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from core.config.compose import listed, part
-from core.design import Candidate, DesignError, Evaluation, Tool
+from core.design import Candidate, DesignError, Tool
 from core.designs.planning import resolve
 from core.designs.statics import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
-from core.interfaces import Evaluate, Fitness, Material
+from core.interfaces import Condition, Fitness, Material, Robot, Score, Trial
 from core.plugins import FITNESS
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
-from core.simulation.rollout import Evaluator
 from core.solids.self_collision import DEEP_M
 from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance
@@ -40,7 +40,7 @@ class Buildable(Fitness):
     that is fixed.
 
     Args:
-        evaluator: the task, the engine of that rollout, and how plans are executed.
+        condition: the task, the engine of that rollout, and how plans are executed.
         of: the fitness that judges what is buildable: a name, or a mapping of a ``name`` and settings.
         material: of the tools; ``paper`` has no strength, which is then not judged.
         plate_mm: the printer's build volume (x, y, z).
@@ -54,7 +54,7 @@ class Buildable(Fitness):
 
     def __init__(
         self,
-        evaluator: Evaluator,
+        condition: Condition,
         of: str | dict[str, Any] = "nominal",
         material: Material = PAPER,
         plate_mm: list[float] = [250.0, 210.0, 220.0],  # noqa: B006 - read as a configuration's default
@@ -68,96 +68,144 @@ class Buildable(Fitness):
         check_positive("fitness.", safety=safety)
         if not 0 <= margin_m <= 0.2:
             raise UsageError(f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}")
-        self._printer = Printer(list(plate_mm), min_wall_mm)
-        self._inner = part(FITNESS, node).create(evaluator=evaluator)
-        self._evaluator, self._material = evaluator, material
-        self._safety, self._margin = safety, margin_m
+        printer = Printer(list(plate_mm), min_wall_mm)
+        self._inner = part(FITNESS, node).create(condition=condition)
+        self._condition = condition
+        self._material = material
+        self._examination = Examination(material, tuple(printer.plate_mm), min_wall_mm, safety, margin_m)
 
     def instructions(self) -> str:
-        task, material = self._evaluator.task.create(), self._material
+        task, material = self._condition.task.shared(), self._material
         rules = filled(
             "buildable.md.j2",
-            printer=self._printer,
+            printer=Printer(list(self._examination.plate_mm), self._examination.min_wall_mm),
             material=material,
-            safety=self._safety,
+            safety=self._examination.safety,
             most_kg=mass_limit(task.robot, material)[0],
             most_nm=moment_limit(task.robot),
             bend_mm=1000 * BENT * tolerance(task),
-            margin_mm=1000 * self._margin,
+            margin_mm=1000 * self._examination.margin_m,
         )
         return f"{self._inner.instructions() or 'What counts is the reward of one rollout.'}\n\n{rules}".strip()
 
-    @property
-    def batch(self) -> int:
-        return self._inner.batch
+    def conditions(self) -> list[Condition]:
+        first, *others = self._inner.conditions()
+        builder = replace(self._examination, plays=False)
+        return [
+            replace(first, examiner=self._examination),
+            *(replace(condition, examiner=builder) for condition in others),
+        ]
 
-    def prepare(self) -> None:
-        self._inner.prepare()
-        self._evaluator.prepare()
+    def finals(self) -> Iterator[Sequence[Condition]]:
+        return self._inner.finals()
 
-    def final(self) -> Mapping[str, Sequence[Evaluate]]:
-        return self._inner.final()
-
-    def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
+    def unseen(self) -> Sequence[Condition]:
         return self._inner.unseen()
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        tools = {id(candidate.tool): candidate.tool for candidate in candidates if candidate.problem is None}
-        problems = {number: self._problem(tool) for number, tool in tools.items()}
-        asked = [replace(c, problem=c.problem or problems[id(c.tool)]) for c in candidates]
-        return [self._judged(evaluation) for evaluation in self._inner(asked)]
+    def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
+        """Take the inner score, unless the first trial, which was examined, speaks against the design."""
+        score = self._inner.score(candidate, trials)
+        examined = trials[0].figures
+        figures = {name: number for name, number in examined.items() if name != _EXPORTED}
+        score = replace(score, figures={**score.figures, **figures})
+        problems = [line for line in trials[0].warnings if line.startswith(_PROBLEM)]
+        if score.reward <= 0 or not problems:
+            exported = examined.get(_EXPORTED, score.reward)
+            return score if len(trials) > 1 else replace(score, reward=min(score.reward, exported))
+        reason = f"{problems[0]}, so that its reward of {score.reward:.2f} does not count"
+        return replace(score, reward=0.0, reason=reason)
 
-    def _problem(self, tool: Tool | None) -> str | None:
+
+_PROBLEM = "not buildable: "
+_EXPORTED = "exported"  # the reward of the exported motion
+
+
+@dataclass(frozen=True)
+class Examination:
+    """Looks at designs as those who make and run them do; see `core.trial.Examiner`.
+
+    Attributes:
+        material: of the tools.
+        plate_mm: the printer's build volume (x, y, z).
+        min_wall_mm: the thinnest wall that it prints.
+        safety: the least safety factor.
+        margin_m: the least distance of the arm from itself and from what is fixed, metres.
+        plays: play the motion once more as it is exported, with forces. What speaks against the design then becomes
+            warnings of the trial. The figures are the least safety factor, the least distance in metres, and the
+            reward of the exported motion.
+    """
+
+    material: Material
+    plate_mm: tuple[float, ...]
+    min_wall_mm: float
+    safety: float
+    margin_m: float
+    plays: bool = True
+
+    def refuse(self, condition: Condition, candidate: Candidate) -> str | None:
         """Say what speaks against making or carrying a tool, if anything does."""
+        tool = candidate.tool
         if tool is None or not tool.components:
             return None
-        robot = self._evaluator.made()[0].robot
-        verdicts = carried(tool, robot, self._material)
-        if all(verdict.passed for verdict in verdicts):  # as an export makes and checks it
-            made = make_tool(tool, robot, self._material, self._printer, Fit())
-            verdicts = [*printable(made.parts), *printable((), made.checks)]
-        failing = (of for of in verdicts if of.passed is False and of.name != "weight")  # that is the material's
-        return next((f"not buildable: {verdict}" for verdict in failing), None)
+        return _problem(tool, condition.task.shared().robot, self.material, self.plate_mm, self.min_wall_mm)
 
-    def _judged(self, evaluation: Evaluation) -> Evaluation:
-        """Play what earned something once more, with forces."""
-        candidate, tool = evaluation.candidate, evaluation.candidate.tool
-        if evaluation.status != "ok" or evaluation.reward <= 0 or tool is None or not tool.components:
-            return evaluation
+    def examine(self, condition: Condition, candidate: Candidate, trial: Trial) -> Trial:
+        tool = candidate.tool
+        if not self.plays or trial.status != "ok" or trial.reward <= 0 or tool is None or not tool.components:
+            return trial
         try:
-            exported, found, problems = self._played(candidate, tool)
+            figures, problems = self._play(condition, candidate.of(trial.task), tool)
         except (Unplayable, DesignError) as error:
-            exported, found, problems = 0.0, {}, [str(error)]
-        figures = {**evaluation.figures, **found}
-        if not problems:
-            reward = evaluation.reward if evaluation.combined else min(evaluation.reward, exported)
-            return replace(evaluation, reward=reward, figures=figures)
-        reason = f"not buildable: {problems[0]}, so that its reward of {evaluation.reward:.2f} does not count"
-        warnings = (*evaluation.warnings, *(f"not buildable: {problem}" for problem in problems))
-        return replace(evaluation, reward=0.0, reason=reason, warnings=warnings, figures=figures)
+            figures = {_EXPORTED: 0.0}
+            problems = [str(error)]
+        warnings = (*trial.warnings, *(f"{_PROBLEM}{problem}" for problem in problems))
+        return replace(trial, figures=figures, warnings=warnings)
 
-    def _played(self, candidate: Candidate, tool: Tool) -> tuple[float, dict[str, float], list[str]]:
-        """Play the motion as it is exported; return its reward, figures, and what speaks against the design."""
-        (task, simulator), seed, settings = self._evaluator.made(), self._evaluator.seed, self._evaluator.settings
-        scene, robot = task.scene(seed), task.robot
+    def _play(self, condition: Condition, candidate: Candidate, tool: Tool) -> tuple[dict[str, float], list[str]]:
+        """Play the motion as it is exported; return figures, and what speaks against the design."""
+        task, simulator = condition.task.shared(), condition.sim.shared()
+        seed, settings = condition.layout, condition.settings
+        scene, robot = condition.scene(), task.robot
         waypoints = resolve(candidate.plan, task, seed, settings, scene)
         planned = plan_task_motion(waypoints, task, settings)
         motion = sample(planned.trajectory, arm_of(robot), RECORD_HZ)
         replay = play(task, simulator, tool, motion, scene, seed, settings)
-        rows = measured(tool, robot, self._material, scene, motion, {self._evaluator.sim.name: replay})
-        problems = [str(of) for of in strong(self._material, rows, task, self._safety) if of.passed is False]
-        problems += ["exported programs have no guards"] if waypoints.guards else []
+        rows = measured(tool, robot, self.material, scene, motion, {condition.sim.name: replay})
+        problems = [
+            str(verdict) for verdict in strong(self.material, rows, task, self.safety) if verdict.passed is False
+        ]
+        if waypoints.guards:
+            problems.append("exported programs have no guards")
+
         near = clearance(scene, robot, tool, replay.recording)
         fixed = {"itself", *(body.name for body in scene.bodies if body.fixed)}
         least = {row.to: row.metres for row in near if row.what == "arm" and row.to in fixed}
         # Hulls of links are this deep in each other where nothing is wrong.
-        to_spare = {name: of - self._margin + (DEEP_M if name == "itself" else 0.0) for name, of in least.items()}
+        to_spare = {
+            name: metres - self.margin_m + (DEEP_M if name == "itself" else 0.0) for name, metres in least.items()
+        }
         closest = min(to_spare, key=lambda name: to_spare[name])
         if to_spare[closest] < 0:
             problems.append(
                 f"clearance: the arm comes as near as {1000 * least[closest]:.0f} mm to {closest}; at least "
-                f"{1000 * self._margin:g} mm are asked for: move or turn waypoints, or lengthen the tool"
+                f"{1000 * self.margin_m:g} mm are asked for: move or turn waypoints, or lengthen the tool"
             )
+        figures = {_EXPORTED: replay.reward, "clearance_m": round(least[closest], 4)}
         safety = min((row.safety for row in rows if row.safety is not None), default=math.inf)
-        figures: dict[str, float] = {"safety_factor": round(safety, 3)} if safety < math.inf else {}
-        return replay.reward, figures | {"clearance_m": round(least[closest], 4)}, problems
+        if safety < math.inf:
+            figures["safety_factor"] = round(safety, 3)
+        return figures, problems
+
+
+@lru_cache(maxsize=16)
+def _problem(
+    tool: Tool, robot: Robot, material: Material, plate_mm: tuple[float, ...], min_wall_mm: float
+) -> str | None:
+    verdicts = carried(tool, robot, material)
+    if all(verdict.passed for verdict in verdicts):  # as an export makes and checks it
+        made = make_tool(tool, robot, material, Printer(list(plate_mm), min_wall_mm), Fit())
+        verdicts = [*printable(made.parts), *printable((), made.checks)]
+    for verdict in verdicts:
+        if verdict.passed is False and verdict.name != "weight":  # that is the material's
+            return f"{_PROBLEM}{verdict}"
+    return None

@@ -16,10 +16,9 @@ import numpy as np
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from core.config.compose import check_seed, engines, node, task_part, task_parts, tool_part
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.reading import save_design
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Task, ToolRepresentation
 from core.plugins import PluginPart
@@ -27,11 +26,11 @@ from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene
-from core.simulation.rollout import Evaluator
-from core.simulation.together import of_task
+from core.simulation.play import play as play_in
 from core.store.database import writing
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
+from core.trial import Condition, Evaluation
 from core.values.materials import Material
 from plugins.results.artifacts import save_files
 from plugins.results.workshop.clearance import NEAR_M, Nearest, clearance, margins, payload
@@ -145,7 +144,7 @@ def export(cfg: DictConfig) -> list[Export]:
     check_seed(cfg.seed)
     output = new_folder(Path(cfg.output))
     task, representation = task_part(cfg).create(), tool_part(cfg).create()
-    best = chosen_evaluations(cfg, representation, SpawnRules(task, cfg.seed))[0]
+    best = chosen_evaluations(cfg, representation, task)[0]
     if best.candidate.tool is None or best.candidate.problem is not None:
         raise UserError(f"the design can't be used: {best.candidate.problem}")
     fit, printer = node(cfg.fit, Fit), node(cfg.printer, Printer)
@@ -180,7 +179,7 @@ def _play(cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, printed: 
     task = part.create()
     arm = arm_of(task.robot)
     scene = task.scene(cfg.seed)
-    best = of_task(chosen, task.name)
+    best = chosen.in_task(task.name)
     candidate = best.candidate
     several = f" of {task.name}" if candidate.plan is not chosen.candidate.plan else ""
     if candidate.tool is None or candidate.problem is not None:
@@ -202,7 +201,9 @@ def _play(cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, printed: 
         return play(task, sims[engine].create(), tool, motion, scene, cfg.seed, settings)
 
     replays = {name: replay(name, candidate.tool) for name in sims}
-    searched = {name: _earned(Evaluator(part, sim, cfg.seed, settings), best) for name, sim in sims.items()}
+    searched = {
+        name: _earned(Condition(part, sim, cfg.seed, settings, engine=name), best) for name, sim in sims.items()
+    }
     rewards = {name: played.reward for name, played in replays.items()}
     checks = [as_good(f"motion{several}", "as exported", rewards, searched)]
     if guarded := [str(number) for number, guard in enumerate(waypoints.guards, 1) if guard]:
@@ -241,11 +242,11 @@ def _write(made: Export, written: PrintedTool, representation: ToolRepresentatio
     save_files(made.candidate, robot, made.planned, output / "design")
 
 
-def _earned(evaluator: Evaluator, best: Evaluation) -> float:
+def _earned(condition: Condition, best: Evaluation) -> float:
     """Return what the search says that a design earns: in this engine, and in a run that tried it once."""
-    (found,) = evaluator([best.candidate])
+    (found,) = play_in(condition, [best.candidate])
     if found.status != "ok":
-        raise UserError(f"the design is {found.status} in {evaluator.sim.name}: {found.reason}")
+        raise UserError(f"the design is {found.status} in {condition.engine}: {found.reason}")
     return max(found.reward, 0.0 if best.combined else best.reward)
 
 

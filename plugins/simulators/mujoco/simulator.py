@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Sequence
-from functools import lru_cache
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import MAX_TIME_STEP, Stepped, World, compiled, weighed
+from plugins.simulators.mujoco.world import MAX_TIME_STEP, Stepped, World, compiled, inertias_of
 from plugins.simulators.rendering import DrawingSimulator
 
 _KEPT = 4  # worlds: most batches have one tool
@@ -35,14 +35,25 @@ class MuJoCoSimulator(DrawingSimulator):
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
         self._rates = time_step, tracking_rate, slip_rate
-        self._world = lru_cache(maxsize=_KEPT)(self._build)
+        self._worlds: OrderedDict[tuple[int, Tool], World] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        return [self._world(task, job.seed, job.tool).play(job) for job in jobs]
+        return [self._world(task, job).play(job) for job in jobs]
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> Stepped:
-        return self._world(task, seed, tool).stepped(at_home(task))
+        motion = at_home(task)
+        return self._world(task, Rollout(tool, motion, seed)).stepped(motion)
 
-    def _build(self, task: Task, seed: int, tool: Tool) -> World:
-        scene, inertias = weighed(task, seed)
-        return World(task.robot, scene, tool, compiled(task.robot, scene, inertias, tool, *self._rates))
+    def _world(self, task: Task, job: Rollout) -> World:
+        """Return the world of a job's scene and tool; the last few are kept."""
+        scene = job.scene_in(task)
+        key = (id(scene), job.tool)  # the world keeps the scene, so that its id is its own
+        world = self._worlds.get(key)
+        if world is None:
+            model = compiled(task.robot, scene, inertias_of(scene), job.tool, *self._rates)
+            world = World(task.robot, scene, job.tool, model)
+        self._worlds[key] = world
+        self._worlds.move_to_end(key)
+        if len(self._worlds) > _KEPT:
+            self._worlds.popitem(last=False)
+        return world

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout, Task
+from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout
 from core.robot.description import assembled, joint_name
 from core.scene import Inertia, Scene, Soft, State
 from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
@@ -31,11 +30,9 @@ HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
 
 
-@lru_cache(maxsize=1)
-def weighed(task: Task, seed: int) -> tuple[Scene, dict[str, Inertia]]:
-    """Make a scene, and the inertias of its free bodies; consecutive jobs mostly share them."""
-    scene = task.scene(seed)
-    return scene, {body.name: body.inertia() for body in scene.free if not isinstance(body, Soft)}
+def inertias_of(scene: Scene) -> dict[str, Inertia]:
+    """Compute the inertias of the free rigid bodies, by name."""
+    return {body.name: body.inertia() for body in scene.free if not isinstance(body, Soft)}
 
 
 def compiled(

@@ -8,6 +8,7 @@ from typing import Unpack
 from core.design import Tool
 from core.errors import check_positive
 from core.interfaces import Image, Robot, Rollout, Task, View
+from core.scene import Scene
 from core.support.scratch import temporary_folder
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.pybullet.engine import Client, pybullet
@@ -45,23 +46,24 @@ class PyBulletSimulator(FreshWorlds):
         self._folder = temporary_folder()
         self._renderer: PyBulletRenderer | None = None
         # Those of the last job, since consecutive jobs mostly share them; the world is fresh each time.
-        self._scene: tuple[Task, int, PreparedScene] | None = None
+        self._scene: tuple[Scene, PreparedScene] | None = None
         self._robot: tuple[Robot, Tool, Path] | None = None
 
     def build(self, task: Task, job: Rollout) -> World:
-        folder = Path(self._folder.name)
-        if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
-            self._scene = task, job.seed, PreparedScene(only_rigid(task.scene(job.seed), task.name, "pybullet"), folder)
+        folder = self._folder
+        scene = job.scene_in(task)
+        if self._scene is None or self._scene[0] is not scene:
+            self._scene = scene, PreparedScene(only_rigid(scene, task.name, "pybullet"), folder)
         robot = task.robot
         if self._robot is None or self._robot[0] != robot or self._robot[1] is not job.tool:
             self._robot = robot, job.tool, robot_file(folder, robot, job.tool, visuals=False)
         forces = job.forces and job.record_hz > 0
         return World(
-            self._client, self._scene[2], robot, self._robot[2], job.tool, job.trajectory, self._settings, forces
+            self._client, self._scene[1], robot, self._robot[2], job.tool, job.trajectory, self._settings, forces
         )
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
-        folder = Path(self._folder.name)
+        folder = self._folder
         if self._renderer is None:
             self._renderer = PyBulletRenderer(folder)
         return self._renderer.render(task, **view)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from core.errors import check_positive
 from core.interfaces import Rollout, Task
+from core.scene import Scene
 from core.support.scratch import temporary_folder
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
@@ -37,11 +36,12 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
         check_positive("sim.", **self._settings._asdict())
         check_time_step(time_step)
         self._folder = temporary_folder()
-        self._placed: tuple[Task, int, Weighed] | None = None  # of the last job: consecutive ones mostly share it
+        self._placed: tuple[Scene, Weighed] | None = None  # of the last job: consecutive ones mostly share it
 
     def build(self, task: Task, job: Rollout) -> World:
-        if self._placed is None or self._placed[0] is not task or self._placed[1] != job.seed:
-            self._placed = (task, job.seed, Weighed(only_rigid(task.scene(job.seed), task.name, "sapien")))
-        folder = Path(self._folder.name)
+        scene = job.scene_in(task)
+        if self._placed is None or self._placed[0] is not scene:
+            self._placed = (scene, Weighed(only_rigid(scene, task.name, "sapien")))
+        folder = self._folder
         forces = job.forces and job.record_hz > 0
-        return World(folder, self._placed[2], task.robot, job.tool, job.trajectory, self._settings, forces)
+        return World(folder, self._placed[1], task.robot, job.tool, job.trajectory, self._settings, forces)

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from core.design import TIE, Evaluation, Tool, best_first
+from core.design import Tool
 from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
+from core.trial import TIE, Evaluation, best_first
 from core.values.efforts import front
 
 MAX_BINS = 100
@@ -157,7 +158,7 @@ class Archive:
 
     @property
     def best(self) -> dict[Cell, Evaluation]:
-        """The best evaluation of each cell (`core.design.ranked`), in the order of the cells."""
+        """The best evaluation of each cell (`core.trial.ranked`), in the order of the cells."""
         return {cell: best_first(self._found[cell], self.tie)[0] for cell in sorted(self._found)}
 
 

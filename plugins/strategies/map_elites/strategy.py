@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from core.design import TIE, Candidate, Evaluation, best_first, best_tools
+from core.design import Candidate
 from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
+from core.trial import TIE, Evaluation, best_first, best_tools
 from plugins.strategies.map_elites.archive import Archive, observes, read_measures, save_archive
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from core.design import Component, DesignError, Evaluation, Tool
+from core.design import Component, DesignError, Tool
 from core.geometry import Array, Box, Pose
 from core.interfaces import Anchor, Seen
+from core.trial import Evaluation
 from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.heads import draw
 from plugins.vlms.offline.sampler import SampledPlan, Sampler
@@ -60,7 +61,8 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
         kept = [i for i in range(len(plan.poses)) if not plan.guards or not plan.guards[i]]
         rows = plan.poses[kept]
         anchors = [anchors[i] for i in kept]
-        elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, evaluation.moved_m))
+        moved_m = evaluation.shown.moved_m if evaluation.shown is not None else {}
+        elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, moved_m))
     return elites
 
 

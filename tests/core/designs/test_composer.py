@@ -18,7 +18,7 @@ import pytest
 import prompts
 from core.config.compose import load, node
 from core.config.schemas import EVOLUTION, GIVEN, INITIAL, SYSTEM, TOOLS, PromptSettings
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool, Trial
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Tool
 from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
@@ -26,6 +26,7 @@ from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, floor, table
+from core.trial import Evaluation, Score, Trial, Where, tried_once
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from tests.panda import PANDA, on_panda
@@ -78,7 +79,7 @@ def make_elite(strategy: int, reward: float, *, gripper: bool = False) -> Evalua
     bar = Component(f"bar{strategy}", mount, Pose(np.array([0.0, 0.0, -0.1])), Box((0.01, 0.01, 0.2)))
     tool = Tool((bar,), gripper, name=f"Bar {strategy}", description="A long bar.")
     candidate = Candidate(tool, np.zeros((1, 7 if gripper else 6)), strategy=strategy, strategy_name=f"Push {strategy}")
-    return Evaluation(candidate, "ok", reward=reward)
+    return tried_once(candidate, "ok", reward=reward)
 
 
 ELITES = (make_elite(0, 0.87654321), make_elite(1, 0.6))
@@ -170,8 +171,9 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     plain = prompt(elites=ELITES)
     assert "judged by" not in plain
     assert "`details`" not in plain
-    trials = (Trial("one", reward=0.5, change=1), Trial("one", reward=0.524690, change=2))
-    elites = (replace(ELITES[0], trials=trials, combined=True, figures={"cost": float("nan")}), ELITES[1])
+    trials = (Trial(Where("Task", "one", 0, 1), reward=0.5), Trial(Where("Task", "one", 0, 2), reward=0.524690))
+    score = Score(ELITES[0].reward, {"cost": float("nan")})
+    elites = (replace(ELITES[0], trials=trials, score=score), ELITES[1])
     text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites)))
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
     _, _, (first, second) = elites_in(text)
@@ -209,7 +211,7 @@ FIGURES = {
 @pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
 def test_feedback(feedback: str) -> None:
     plan = np.array([[0.5, 0.0, 0.123456, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]])
-    elite = replace(ELITES[0], candidate=replace(ELITES[0].candidate, plan=plan), **FIGURES)
+    elite = tried_once(replace(ELITES[0].candidate, plan=plan), "ok", ELITES[0].reward, **FIGURES)
     pictures = {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")} if feedback == "full" else {}
     prompts = PromptComposer(PromptSettings(feedback=feedback))
     messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), [PICTURE], pictures)
@@ -346,7 +348,7 @@ def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
 
 
 def test_an_elite_without_a_tool_is_an_error() -> None:
-    elite = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no tool"), "rejected")
+    elite = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no tool"))
     with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool"):
         PromptComposer().compose(make_brief(elites=(elite,)))
 

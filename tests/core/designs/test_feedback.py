@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.config.schemas import PromptSettings
-from core.design import Candidate, Component, Evaluation, Tool, Trial
+from core.design import Candidate, Component, Tool
 from core.designs.composer import PromptComposer
 from core.designs.feedback import (
     elite_feedback,
@@ -20,6 +20,7 @@ from core.designs.feedback import (
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
 from core.scene import Camera
+from core.trial import Evaluation, Score, Trial, Where
 from core.values.margins import Margin
 from core.values.observations import Moved
 from plugins.vlms.told.sight import Hidden
@@ -47,11 +48,18 @@ SEEN = Observation(
 ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
 
 
+def trial(layout=0, engine="mujoco", **given) -> Trial:
+    return Trial(Where("Slide", engine, layout), **given)
+
+
 def tried(number=0, reward=0.5, seen: Observation | None = SEEN, generation=0, **given) -> Evaluation:
+    """A candidate with one trial, of which ``given`` are further fields."""
+    return tried_in(trial(reward=reward, observation=seen, **given), number=number, generation=generation)
+
+
+def tried_in(*trials: Trial, reward: float | None = None, shown=0, number=0, generation=0) -> Evaluation:
     candidate = Candidate(ROD, np.zeros((1, 6)), generation, 0, number // 10, number % 10)
-    return Evaluation(
-        candidate, **{"status": "ok", "reward": reward, "trials": (Trial("mujoco", observation=seen),)} | given
-    )
+    return Evaluation(candidate, trials, Score(trials[shown].reward if reward is None else reward, shown=shown))
 
 
 def lines(*evaluations, budget=10_000):
@@ -60,24 +68,24 @@ def lines(*evaluations, budget=10_000):
 
 def test_a_line_of_several_trials_says_what_became_of_each_and_is_about_the_worst():
     near = Margin.clearance("vase", 0.004)
-    poor = Trial("mujoco", 4, reward=0.2, outcome="forbidden fin touched vase", observation=SEEN, margins=(near,))
-    good = [Trial("mujoco", layout, reward=1.0, outcome="solved") for layout in (3, 5)]
-    failed = Trial("mujoco", 6, status="failed", reason="it blew up")
-    (line,) = lines(tried(trials=(*good, poor, failed), combined=True))
+    poor = trial(4, reward=0.2, outcome="forbidden fin touched vase", observation=SEEN, margins=(near,))
+    good = [trial(layout, reward=1.0, outcome="solved") for layout in (3, 5)]
+    failed = trial(6, status="failed", reason="it blew up")
+    (line,) = lines(tried_in(*good, poor, failed, reward=0.5, shown=2))
     assert line.startswith(
         "- g0-a0-s0-p0: 0.500 (0.000 failed: it blew up in mujoco layout 6; 0.200 forbidden fin touched vase in mujoco "
         "layout 4; 1.000 solved in mujoco layout 3, mujoco layout 5); in mujoco layout 4, least margin: clearance to "
         "vase 0.004 m, limit 0 m: missed; cube by"
     )
-    both = [replace(poor, engine=engine) for engine in ("mujoco", "sapien")]
-    assert trial_lines(tried(trials=tuple(both))) == ["0.200 forbidden fin touched vase in all 2 trials"]
+    both = [replace(poor, where=poor.where._replace(engine=engine)) for engine in ("mujoco", "sapien")]
+    assert trial_lines(tried_in(*both)) == ["0.200 forbidden fin touched vase in all 2 trials"]
 
 
 def test_an_elite_has_its_least_margins_with_their_limits():
     margins = tuple(Margin.clearance(name, gap) for name, gap in (("vase", 0.004), ("cup", 0.01), ("pan", 0.02)))
-    found = elite_feedback(Trial("mujoco", observation=SEEN, margins=margins), SEEN)
+    found = elite_feedback(trial(observation=SEEN, margins=margins), SEEN)
     assert found["margins"][:2] == ["clearance to vase 0.004 m, limit 0 m", "clearance to cup 0.01 m, limit 0 m"]
-    assert "margins" not in elite_feedback(Trial("mujoco", observation=SEEN), SEEN)
+    assert "margins" not in elite_feedback(trial(observation=SEEN), SEEN)
 
 
 def test_a_line_says_what_happened():
@@ -104,7 +112,7 @@ def test_of_several_bodies_those_that_are_not_in_place_come_first():
     errors = dict.fromkeys(moved, (0.1, None, None))
     (line,) = lines(tried(seen=replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))))
     assert "missed, 3 of 5 in place; dust_2 by (0.2, 0, 0) to (1, 0, 0); dust_1 by" in line
-    found = elite_feedback(Trial("mujoco"), replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2")))
+    found = elite_feedback(trial(), replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2")))
     assert [*found["moved"].items()][-1] == ("1 others", "moved too")
 
 
@@ -122,13 +130,13 @@ def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the
 
 
 def test_of_several_goals_that_count_each_has_its_share_and_no_number_of_a_body():
-    trial = Trial("mujoco", observation=SEEN, goals=(("door", 0.996), ("cube (goal 1)", 0.0)))
-    (line,) = lines(tried(trials=(trial,)))
+    half = trial(reward=0.5, observation=SEEN, goals=(("door", 0.996), ("cube (goal 1)", 0.0)))
+    (line,) = lines(tried_in(half))
     assert "0.500 missed; of the goals door 99 %, cube (goal 1) 0 %; cube by" in line
-    assert elite_feedback(trial, SEEN)["goals"] == {"door": "99 %", "cube (goal 1)": "0 %"}
+    assert elite_feedback(half, SEEN)["goals"] == {"door": "99 %", "cube (goal 1)": "0 %"}
     sight = Hidden(("door", "cube", "can"), Camera())
     assert "of the goals door 99 %, cube (goal 1) 0 %; cube in the picture" in generation_lines(
-        (tried(trials=(trial,)),), 1000, sight
+        (tried_in(half),), 1000, sight
     )
 
 
@@ -176,8 +184,7 @@ def test_the_most_instructive_failure_is_the_best_of_the_most_frequent_class():
 
 
 def test_what_is_said_of_an_elite():
-    elite = tried(0, 0.5)
-    elite = replace(elite, trials=(replace(elite.trials[0], change=2),))
+    elite = tried_in(replace(trial(observation=SEEN), where=Where("Slide", "mujoco", 0, change=2)))
     found = elite_feedback(elite.shown, elite.observation)
     assert found == {
         "trial": "mujoco layout 0 change 2",

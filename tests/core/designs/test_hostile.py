@@ -14,7 +14,7 @@ from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import MAX_COMPONENTS
 from core.plugins import installed
 from tests.conftest import FUZZ_CASES
-from tests.hostile import REPLIES, ROD, TOOLS, boxes, frames, reply, reply_of, sound, spawn_rules, tool_reply
+from tests.hostile import REPLIES, ROD, TOOLS, boxes, bring_cube, frames, reply, reply_of, sound, tool_reply
 from tests.soundness import check_candidate
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,7 @@ HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them
 
 def reading(text):
     """Read a reply as `core.search.designer` does."""
-    return read_designs(parse_reply(text), URDF, spawn_rules(), most=(10, 10))
+    return read_designs(parse_reply(text), URDF, bring_cube(), most=(10, 10))
 
 
 def problems(names):

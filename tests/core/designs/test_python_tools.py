@@ -5,7 +5,7 @@ import pytest
 
 from core.design import Candidate, Component, Tool
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules, given_tool
+from core.designs.rules import given_tool
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import EvolutionStrategy, GivenTools
@@ -55,7 +55,6 @@ def play(tmp_path, monkeypatch):
     [
         (rod(z=-0.4), "component 'rod' is 295.0 mm away from its mount 'tool_mount'; move or lengthen it"),
         (rod(mass=50.0), "component 'rod' weighs 50 kg"),
-        (rod(z=-0.35, length=0.7), "component 'rod' starts 200.0 mm inside 'table' of the scene"),
         ("a rod", "given returned \"'a rod'\"; expected a Tool or None"),
     ],
 )
@@ -69,7 +68,17 @@ def test_a_given_tool_that_breaks_a_rule_ends_the_command(play, tmp_path, tool, 
     assert "\n" not in line
     assert not (tmp_path / "run").exists()
     with pytest.raises(UserError, match=r"expected a Tool|breaks a rule"):
-        read_designs({"strategies": [{"action_sets": [[]]}]}, part(), SpawnRules(on_panda(BringCube()), 0))
+        read_designs({"strategies": [{"action_sets": [[]]}]}, part(), on_panda(BringCube()))
+
+
+def test_a_given_tool_that_starts_inside_something_is_rejected_where_it_is_tried(play):
+    part = type("Mine", (Given,), {"tool": rod(z=-0.35, length=0.7)})
+    result = play("tool", part)
+    tried = [e for generation in result.generations for e in generation.evaluations if e.trials]
+    assert len(tried) > 5
+    assert {(e.status, e.reward) for e in tried} == {("rejected", 0.0)}
+    assert {e.reason for e in tried} == {tried[0].reason}
+    assert tried[0].reason.startswith("component 'rod' starts 200.0 mm inside 'table' of the scene")
 
 
 def test_given_tools_that_keep_the_rules_are_given():

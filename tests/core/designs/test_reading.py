@@ -8,13 +8,15 @@ from hypothesis import strategies as st
 
 from core.design import Component, DesignError, Tool
 from core.designs.reading import MAX_SAVED, dump_design, load_designs, load_tool, parse_reply, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import ToolRepresentation
+from core.simulation.play import play
 from core.support.text import clean
 from tests.core.designs.test_rules import CubeOnTable
+from tests.faults import Faulty
 from tests.panda import on_panda
+from tests.playing import condition
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +50,7 @@ class Rod(ToolRepresentation):
         return {"length": tool.components[0].shape.size[2]}
 
 
-SPAWN = SpawnRules(on_panda(CubeOnTable()), 0)
+TASK = on_panda(CubeOnTable())
 PLAN = [[0.5, 0, 0.4, 0, 0, 0], [0.6, 0, 0.4, 0, 0, 0.5]]
 OPEN = [[*waypoint, 0.0] for waypoint in PLAN]
 STRATEGY = {
@@ -63,7 +65,7 @@ STRATEGY = {
 
 
 def read(*strategies, **how):
-    return read_designs({"strategies": list(strategies)}, Rod(), SPAWN, **how)
+    return read_designs({"strategies": list(strategies)}, Rod(), TASK, **how)
 
 
 def without(field):
@@ -82,7 +84,7 @@ def test_parents_are_kept_if_they_are_elites():
 def test_one_candidate_per_action_plan():
     rods = Rod()
     document = {"scene_analysis": "ignored", "strategies": [STRATEGY, {**STRATEGY, "extra": 1}]}
-    candidates = read_designs(document, rods, SPAWN, generation=2, agent=3)
+    candidates = read_designs(document, rods, TASK, generation=2, agent=3)
     assert [c.id for c in candidates] == ["g2-a3-s0-p0", "g2-a3-s0-p1", "g2-a3-s1-p0", "g2-a3-s1-p1"]
     assert all(c.problem is None and c.parents == () for c in candidates)
     assert rods.parsed == 2
@@ -113,7 +115,6 @@ def test_gripper_designs():
     [
         ({"length": "long"}, "length must be a number"),
         ({"length": 5}, "5 m long in z"),
-        ({"length": 0.6}, "inside 'table' of the scene"),
         ({"tool_name": 3}, "'tool_name' is a number; it must be a text"),
         ({"tool_description": []}, "'tool_description' is a list"),
         ({"strategy_name": {}}, "'strategy_name' is an object"),
@@ -128,6 +129,14 @@ def test_a_fault_of_a_strategy_is_a_problem_of_all_its_plans(change, reason):
     assert good.problem is None
     assert [c.action for c in bad] == [0, 1]
     assert all(reason in c.problem and c.strategy == 1 for c in bad)
+
+
+def test_whether_a_tool_starts_clear_is_asked_where_it_is_tried():
+    (candidate,) = read({**STRATEGY, "length": 0.6, "action_sets": [PLAN]})
+    assert candidate.problem is None
+    (trial,) = play(condition(TASK, Faulty()), [candidate])
+    assert trial.status == "rejected"
+    assert "inside 'table' of the scene" in trial.reason
 
 
 def test_a_fault_of_a_plan_is_its_own():
@@ -180,7 +189,7 @@ def test_a_strategy_that_is_not_an_object():
 )
 def test_a_document_without_strategies(document, reason):
     with pytest.raises(DesignError, match=f"{reason}.*expected an object"):
-        read_designs(document, Rod(), SPAWN)
+        read_designs(document, Rod(), TASK)
 
 
 def test_texts_are_cleaned():
@@ -247,7 +256,7 @@ def test_malformed_json_is_located_at_its_outermost_object():
 
 def test_complete_strategies_of_a_reply_that_is_cut_off_are_kept():
     whole = json.dumps({"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1)
-    candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), SPAWN)
+    candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), TASK)
     assert [c.problem is None for c in candidates] == [True] * 4 + [False]
     assert re.search(r"cut off or malformed \(it begins at line \d+ of the reply\)", candidates[-1].problem)
 
@@ -256,7 +265,7 @@ def test_strategies_after_a_malformed_one_are_kept():
     first, *_ = whole = [json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)]
     broken = whole[1].replace("[[", "[[;", 1)
     text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
-    candidates = read_designs(parse_reply(text), Rod(), SPAWN)
+    candidates = read_designs(parse_reply(text), Rod(), TASK)
     assert [(c.strategy, c.problem is None) for c in candidates] == [
         *([(0, True)] * 2), (1, False), (2, False), *([(3, True)] * 2)
     ]  # fmt: skip
@@ -301,7 +310,7 @@ def test_no_more_designs_are_read_than_requested():
     document = {
         "strategies": [{**STRATEGY, "action_sets": [PLAN] * 5}, {**STRATEGY, "gripper": 1, "action_sets": [1] * 5}] * 3
     }
-    candidates = read_designs(document, rods, SPAWN, most=(2, 3))
+    candidates = read_designs(document, rods, TASK, most=(2, 3))
     assert [c.key[2:] for c in candidates] == [(s, p) for s in range(2) for p in range(3)]
     assert rods.parsed == 1
 

@@ -6,12 +6,10 @@ import pytest
 
 from core.design import Tool
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import EvolutionStrategy
-from core.plugins import Offer, installed
+from core.plugins import Offer, installed, parts
 from core.search.orchestration import run
-from core.simulation import rollout
 from tests import toys
 
 
@@ -43,7 +41,7 @@ def play(tmp_path, monkeypatch):
     """Run with toys, and with one part in the place of another; the candidates' reasons."""
 
     def play_with(kind, name, part, *words):
-        rollout._simulator.cache_clear()  # made once per process; here it is another one in each test
+        parts._shared.cache_clear()  # made once per process; here it is another one in each test
         for key, offer in toys.offered().items():
             monkeypatch.setitem(installed().offers, key, offer)
         monkeypatch.setitem(installed().offers, (kind, name), Offer(kind, name, "shoddy", "shoddy-parts", part))
@@ -51,7 +49,7 @@ def play(tmp_path, monkeypatch):
         return [e.reason for generation in result.generations for e in generation.evaluations if e.status == "failed"]
 
     yield play_with
-    rollout._simulator.cache_clear()
+    parts._shared.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -74,7 +72,7 @@ def test_replies_without_a_request_are_left_out(play, capfd):
 
 
 def test_an_executor_that_loses_chunks_ends_the_run(play):
-    with pytest.raises(UserError, match=r"executor 'here' of shoddy-parts .*: map gave no result for \d+ c"):
+    with pytest.raises(UserError, match=r"executor 'here' of shoddy-parts .*: map gave no result for \d+ trials"):
         play("executor", "here", Losing)
 
 
@@ -99,5 +97,5 @@ def test_a_representation_that_reads_something_else_loses_the_design(monkeypatch
     monkeypatch.setattr(type(made), "parse", lambda self, data, *, gripper: parse(data))
     document = {"strategies": [{"tool_urdf": "", "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}]}
     task = installed().create("task", "BringCube")
-    (candidate,) = read_designs(document, made, SpawnRules(task, 0))
+    (candidate,) = read_designs(document, made, task)
     assert candidate.problem.startswith(f"tool 'urdf' of vlmgineer (hook 'tool_representations'): {said}")

@@ -9,14 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.config.schemas import PromptSettings, Sampling
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached, UsageError
 from core.events import Generation
 from core.interfaces import Budget, Picture, Reply, Text
 from core.search.agent_groups import Team
+from core.search.assemble import make_designer
+from core.search.assignment import Assignment
 from core.search.critic import MAX_CRITIQUE, Critic
-from core.search.designer import Assignment, make_designer
+from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
@@ -31,7 +33,7 @@ def tried(generation, *rewards):
     """Evaluations of a generation."""
     candidates = [Candidate(ROD, np.array(PLAN), generation, agent) for agent in range(len(rewards))]
     return [
-        Evaluation(c, "ok", reward, 1.0, moved_m={"cube": 0.1}) for c, reward in zip(candidates, rewards, strict=True)
+        tried_once(c, "ok", reward, 1.0, moved_m={"cube": 0.1}) for c, reward in zip(candidates, rewards, strict=True)
     ]
 
 

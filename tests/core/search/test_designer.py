@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.config.schemas import PromptSettings, Sampling
-from core.design import Candidate, Component, Evaluation, Tool, Trial
+from core.design import Candidate, Component, Tool
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached
 from core.geometry import Box, Pose
@@ -15,7 +15,9 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
 from core.search.agent_groups import Team
-from core.search.designer import Assignment, ModelDesigner
+from core.search.assignment import Assignment
+from core.search.designer import ModelDesigner
+from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
@@ -78,7 +80,7 @@ class Listener:
 
 
 def test_a_team_has_its_own_elites_temperature_and_style_and_sees_nothing_of_others():
-    tried = [Evaluation(Candidate(ROD, np.array(PLAN), 0, agent), "ok", reward=0.5) for agent in range(3)]
+    tried = [tried_once(Candidate(ROD, np.array(PLAN), 0, agent), "ok", reward=0.5) for agent in range(3)]
     vlm, plain = Canned(good), Canned(good)
     asking, alike = designer(vlm), designer(plain)
     for each in (asking, alike):
@@ -145,7 +147,7 @@ def test_an_agent_that_fails_costs_its_own_candidates_only(reply, reason):
 
 
 def test_elites_reach_the_brief_and_parents_come_back():
-    elite = Evaluation(Candidate(ROD, np.array(PLAN), strategy_name="poke"), "ok", reward=0.8)
+    elite = tried_once(Candidate(ROD, np.array(PLAN), strategy_name="poke"), "ok", reward=0.8)
     vlm = Canned(lambda r: Reply(r.id, document(parents=["g0-a0-s0-p0", "g7-a7-s7-p7"]), "a can"))
     found = list(designer(vlm).design(1, [elite]))
     assert all(c.parents == ("g0-a0-s0-p0",) for c in found)
@@ -236,7 +238,7 @@ def test_the_best_elite_is_drawn_once_and_only_if_it_is_shown(feedback):
         drawn.append(evaluation.candidate.id)
         return Picture(b"drawn", f"strip_{evaluation.candidate.id}")
 
-    elites = [Evaluation(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8) for n in range(2)]
+    elites = [tried_once(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8) for n in range(2)]
     vlm = Canned(good)
     list(designer(vlm, prompt=PromptSettings(feedback=feedback), show=show).design(1, elites))
     names = ["g0-a0-s0-p0"] if feedback == "full" else []
@@ -252,7 +254,7 @@ def test_a_failure_of_the_last_generation_is_drawn_too_with_elites_or_without():
 
     def tried(generation, strategy, result, reward):
         candidate = Candidate(ROD, np.array(PLAN), generation, strategy=strategy)
-        return Evaluation(candidate, "ok", reward=reward, trials=(Trial(observation=Observation(result)),))
+        return tried_once(candidate, "ok", reward=reward, observation=Observation(result))
 
     last = [tried(1, 0, "missed", 0.8), tried(1, 1, "tipped", 0.3), tried(1, 2, "solved", 1.0)]
     for elites, names in ((last[:1], ["g1-a0-s0-p0", "g1-a0-s1-p0"]), ([], ["g1-a0-s0-p0"])):

@@ -4,15 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import TIE, Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Tool
 from core.errors import Fault, LimitReached, UserError
 from core.events import INTERRUPTED
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import CHUNK, Budget, EvolutionStrategy
 from core.plugins import event_hub, installed
-from core.search.evolution import evaluate_all, evolve
+from core.search.evolution import evolve
+from core.trial import TIE, tried_once
 from tests.executors import Inline
+from tests.playing import scripted
 
 
 def tool(name="rod"):
@@ -70,10 +72,15 @@ def reward_of(candidate):
 
 
 def earn(chunk):
-    return [Evaluation(candidate, "ok", reward=reward_of(candidate), distance_m=1.0) for candidate in chunk]
+    return [tried_once(candidate, "ok", reward=reward_of(candidate), distance_m=1.0) for candidate in chunk]
 
 
-def run(generations, evaluate=earn, executor=None, known=None, tie=TIE, **budget):
+def evaluate_all(candidates, evaluate, executor):
+    trials, fitness = scripted(evaluate, executor)
+    return trials.evaluate(candidates, fitness)
+
+
+def run(generations, evaluate=earn, executor=None, known=(), tie=TIE, **budget):
     strategy = Scripted(generations)
     strategy.tie = tie
     diary = Diary(strategy)
@@ -81,7 +88,10 @@ def run(generations, evaluate=earn, executor=None, known=None, tie=TIE, **budget
     events.register(diary)
     limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
     spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
-    found = evolve(strategy, evaluate, executor or Inline(), spent, events, known)
+    trials, fitness = scripted(evaluate, executor or Inline())
+    (condition,) = fitness.conditions()
+    trials.known.update({(e.candidate.content, condition.where): e.trials[0] for e in known})
+    found = evolve(strategy, fitness, trials, spent, events)
     return found, strategy, diary.entries
 
 
@@ -116,7 +126,7 @@ def test_a_reward_that_is_enough_ends_the_run(stop_reward, generations):
 def earn_by_action(rewards):
     """The later an action, the shorter its way; the later a generation, the longer."""
     return lambda chunk: [
-        Evaluation(c, "ok", reward=rewards[c.action], distance_m=2.0 + c.generation - c.action / 10) for c in chunk
+        tried_once(c, "ok", reward=rewards[c.action], distance_m=2.0 + c.generation - c.action / 10) for c in chunk
     ]
 
 
@@ -322,9 +332,9 @@ def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():
 
 
 def test_what_is_known_is_not_tried():
-    known = {"g0-a0-s0-p1": Evaluation(population(0, 2)[1], "ok", reward=0.75, distance_m=3.0)}
+    known = [tried_once(population(0, 2)[1], "ok", reward=0.75, distance_m=3.0)]
     executor = Inline()
-    result, strategy, diary = run([population(0, 3)], executor=executor, known=lambda c: known.get(c.id))
+    result, strategy, diary = run([population(0, 3)], executor=executor, known=known)
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p2"]
     assert [e.reward for e in strategy.evaluated[0]] == [0.0, 0.75, 0.02]
     assert sorted(diary[1:-1]) == ["g0-a0-s0-p0", "g0-a0-s0-p1", "g0-a0-s0-p2"]
@@ -353,7 +363,8 @@ def test_a_limit_ends_the_run_with_what_there_is(last):
     diary = Diary(strategy)
     events = event_hub()
     events.register(diary)
-    result = evolve(strategy, earn, Inline(np.random.default_rng(1)), Budget(1, 1, 3, 5, 5, 0.5), events)
+    trials, fitness = scripted(earn, Inline(np.random.default_rng(1)))
+    result = evolve(strategy, fitness, trials, Budget(1, 1, 3, 5, 5, 0.5), events)
     assert result.stopped == "3 dollars are spent"
     assert [len(generation.evaluations) for generation in result.generations] == [2, 3][: 1 + bool(last)]
     assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
@@ -382,7 +393,8 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
     events = event_hub()
     events.register(Impatient(strategy))
-    result = evolve(strategy, interrupted, Inline(), Budget(1, 1, 1, 2, 5, 0.5), events)
+    trials, fitness = scripted(interrupted, Inline())
+    result = evolve(strategy, fitness, trials, Budget(1, 1, 1, 2, 5, 0.5), events)
     assert result.stopped == INTERRUPTED
     arrived = {"while one is tried": 2, "while one is reported": 1, "while a generation ends": 4}[when]
     assert [len(generation.evaluations) for generation in result.generations] == [4, arrived]
@@ -401,7 +413,8 @@ def test_processes_come_to_the_same_as_this_one():
     for executor in (Inline(), installed().create("executor", "local", {"workers": 2})):
         strategy = Limited([asked, asked], 5)
         with executor:
-            result = evolve(strategy, earn, executor, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
+            trials, fitness = scripted(earn, executor)
+            result = evolve(strategy, fitness, trials, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
         found.append([[(e.candidate.id, e.status, e.reward) for e in g.evaluations] for g in result.generations])
         assert result.stopped == "3 dollars are spent"
     assert found[0] == found[1]

@@ -1,56 +1,60 @@
 """Of candidates that earn alike, more trials choose the winner."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from core.config.compose import load
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import UserError
 from core.events import Generation, Result
 from core.hooks import hookimpl
-from core.interfaces import Fitness
+from core.interfaces import Condition, Fitness, Trial
 from core.plugins import event_hub
 from core.search.finalists import FIRST, choose, finalists
 from core.search.orchestration import resume, run
+from core.search.trials import Trials
 from core.store.reader import StoredRun
+from core.trial import tried_once
 from tests.executors import Inline
+from tests.playing import Named
 
 
-class Trial:
-    """Earn what the candidate's plan says for this trial."""
-
-    def __init__(self, engine, number):
-        self.engine, self.number = engine, number
-
-    def __call__(self, candidates):
-        assert len(candidates) == 1
-        rewards = candidates[0].strategy_description.split(self.engine)[1].split("b")[0].split()
-        reward = rewards[self.number % len(rewards)]
+def earn(condition, candidates):
+    """Earn what the candidate's plan says for this engine and layout."""
+    found = []
+    for candidate in candidates:
+        where = condition.where
+        rewards = candidate.strategy_description.split(where.engine)[1].split("b")[0].split()
+        reward = rewards[where.layout % len(rewards)]
         if reward == "full":
             raise OSError(28, "No space left on device")
         if reward == "raise":
             raise ValueError
-        return [Evaluation(candidates[0], "ok", float(reward))]
+        found.append(Trial(where, candidate.id, "ok", float(reward)))
+    return found
 
 
 class Several(Fitness):
     def __init__(self, count=8):
         self.count = count
 
-    def __call__(self, candidates):
+    def conditions(self):
         raise AssertionError
 
-    def final(self):
-        return {engine: [Trial(engine, n) for n in range(self.count)] for engine in ("a", "b")}
+    def score(self, candidate, trials):
+        raise AssertionError
+
+    def finals(self):
+        for layout in range(self.count):
+            yield [Condition(Named(), Named(engine), layout) for engine in ("a", "b")]
 
 
 def result(*designs):
     """Rewards in the search, distances, and what is earned in the trials of both engines."""
     evaluations = [
-        Evaluation(
+        tried_once(
             Candidate(None, np.full((1, 6), float(n)), 0, n, strategy_description=trials), "ok", reward, distance
         )
         for n, (reward, distance, trials) in enumerate(designs)
@@ -59,7 +63,7 @@ def result(*designs):
 
 
 def winner(*designs, count=8):
-    best, earned = choose(result(*designs), Several(count), Inline(), event_hub())
+    best, earned = choose(result(*designs), Several(count), Trials(Inline(), play=earn), event_hub())
     return best.candidate.agent, earned
 
 
@@ -93,7 +97,7 @@ def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
 
 
 def test_a_machine_at_fault_is_named():
-    with pytest.raises(UserError, match="can't be tried in more layouts"):
+    with pytest.raises(UserError, match=r"can't be tried: .*fault of the machine"):
         winner((1.0, 0.5, "a full b 1"), (1.0, 0.6, "a 1 b 1"))
 
 
@@ -114,18 +118,20 @@ def listening(until=1000):
     return hub, hears
 
 
-def test_listeners_hear_of_each_trial_and_what_was_tried_is_not_tried_again():
+def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     designs = [(1, 1, "a 0.5 1 b 1"), (1, 2, "a 1 b 1"), (1, 3, "a 1 b 0.7")]
     hub, hears = listening()
-    of = result(*designs)
-    winner, finals = choose(of, Several(), Inline(), hub)
-    assert len(hears.heard) == sum(len(r) for engines in finals.values() for r in engines.values())
-    paid = {e.candidate.id: e.final for e in hears.heard[:7]}
-    known = [replace(e, final=paid.get(e.candidate.id, ())) for e in of.generations[0].evaluations]
-    hub, again = listening()
-    found = choose(Result((Generation(0, tuple(known)),), 1.0), Several(), Inline(), hub)
-    assert (found[0].candidate.id, found[1]) == (winner.candidate.id, finals)
-    assert len(again.heard) == len(hears.heard) - 7
+    stored = {}
+    found = result(*designs)
+    winner, finals = choose(found, Several(), Trials(Inline(), stored.__setitem__, play=earn), hub)
+    assert {e.candidate.id: len(e.finals) for e in hears.heard} == {
+        name: sum(map(len, engines.values())) for name, engines in finals.items()
+    }
+    kept = dict(list(stored.items())[:7])
+    tried = {}
+    again = choose(found, Several(), Trials(Inline(), tried.__setitem__, kept, play=earn), event_hub())
+    assert (again[0].candidate.id, again[1]) == (winner.candidate.id, finals)
+    assert len(tried) == len(stored) - 7
 
 
 WORDS = ["task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=1", "fitness.unseen=0"]
@@ -137,11 +143,11 @@ WORDS += ["evolution.tie=1", "film=false", "listener=[]", "prompt.picture=false"
 @pytest.mark.usefixtures("inline")
 def test_an_interrupted_run_keeps_the_trials_of_its_finalists(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
-        patched.setattr("core.search.orchestration.event_hub", lambda: listening(3)[0])
+        patched.setattr("core.search.setup.event_hub", lambda: listening(3)[0])
         with pytest.raises(KeyboardInterrupt):
             run(load("config", WORDS), tmp_path / "run")
-    stored = [e.details.final for e in StoredRun(tmp_path / "run").evaluations()]
-    assert sum(map(len, stored)) == 3
+    stored = [e.finals for e in StoredRun(tmp_path / "run").evaluations()]
+    assert sum(map(len, stored)) == 3 * FIRST
     resume(tmp_path / "run")
     run(load("config", WORDS), tmp_path / "whole")
     one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("run", "whole"))

@@ -1,43 +1,46 @@
 import numpy as np
 import pytest
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Tool
 from core.errors import Fault, UserError
-from core.interfaces import Fitness, Waypoints
+from core.interfaces import Condition, Fitness, Trial, Waypoints
 from core.search.finalists import try_unseen
-from plugins.executors.local import LocalExecutor
+from core.search.trials import Trials
+from core.trial import tried_once
+from tests.executors import Inline
+from tests.playing import Named
 
-BEST = Evaluation(Candidate(Tool(), Waypoints(np.zeros((1, 6)))), "ok", reward=1.0)
-
-
-class Trial:
-    """A trial that earns so much, or raises."""
-
-    def __init__(self, earns):
-        self.earns = earns
-
-    def __call__(self, candidates):
-        if isinstance(self.earns, Exception):
-            raise self.earns
-        return [Evaluation(candidate, "ok", reward=self.earns) for candidate in candidates]
+BEST = tried_once(Candidate(Tool(), Waypoints(np.zeros((1, 6)))), "ok", reward=1.0)
 
 
 class Hidden(Fitness):
-    """Unseen trials by engine."""
+    """Unseen layouts by engine."""
 
-    def __init__(self, **trials):
-        self.trials = {engine: [Trial(earns) for earns in of] for engine, of in trials.items()}
+    def __init__(self, **rewards):
+        self.rewards_in = rewards
 
-    def unseen(self):
-        return self.trials
-
-    def __call__(self, candidates):
+    def conditions(self):
         raise AssertionError("the search is over")
 
+    def score(self, candidate, trials):
+        raise AssertionError("the search is over")
 
-def earned(**trials):
-    with LocalExecutor(workers=2) as executor:
-        return try_unseen(BEST, Hidden(**trials), executor)[0]
+    def unseen(self):
+        return [
+            Condition(Named(), Named(engine), layout)
+            for engine, rewards in self.rewards_in.items()
+            for layout in range(len(rewards))
+        ]
+
+
+def earned(**rewards):
+    def play(condition, candidates):
+        earns = rewards[condition.where.engine][condition.layout]
+        if isinstance(earns, Exception):
+            raise earns
+        return [Trial(condition.where, candidate.id, "ok", earns) for candidate in candidates]
+
+    return try_unseen(BEST, Hidden(**rewards), Trials(Inline(), play=play))[0]
 
 
 def test_the_rewards_of_each_engine_in_order():
@@ -53,5 +56,5 @@ def test_no_trials_no_rewards():
 
 
 def test_a_fault_of_the_machine_is_reported():
-    with pytest.raises(UserError, match="more layouts: no room"):
+    with pytest.raises(UserError, match="fault of the machine"):
         earned(one=[0.5, Fault("no room")])

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Tool
 from core.errors import UsageError
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
 from core.search.orchestration import Experiment, resume
 from core.search.refinement import Refinement
+from core.trial import tried_once
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)
 GOAL = np.array([0.3, -0.1, 0.2, 0.0, 0.0, 0.0])
@@ -48,10 +49,10 @@ def search(rollouts, designer=None, earns=earned):
     """The rewards of each generation, and the candidates' ids."""
     designer = designer or Plans()
     inner = installed().create("evolution", "sampling", designer=designer, budget=BUDGET)
-    strategy, generations = Refinement(inner, designer, rollouts), []
+    strategy, generations = Refinement(inner, designer, designer, rollouts), []
     while strategy.goes_on(len(generations), BUDGET):
         candidates = list(strategy.ask())
-        generations.append([Evaluation(c, "ok", reward=earns(c), distance_m=1.0) for c in candidates])
+        generations.append([tried_once(c, "ok", reward=earns(c), distance_m=1.0) for c in candidates])
         strategy.tell(generations[-1])
     return generations
 

@@ -6,7 +6,7 @@ import pytest
 
 from core.errors import UserError
 from core.plugins import installed
-from core.search.designer import borne_kinds
+from core.search.assignment import borne_kinds
 
 PANDA = installed().create("robot", "panda")
 BARE = replace(PANDA, name="bare", gripper=None)

@@ -13,12 +13,13 @@ from core.geometry import Box
 from core.interfaces import Feel, Perception, RolloutSettings
 from core.robot.tempo import plan_task_motion
 from core.scene import Body
+from core.simulation.attempt import prepare
 from core.simulation.guards import PlannedGuards
-from core.simulation.rollout import evaluate_batch, prepare
 from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.worlds import GREY, HOME, Bodies, arm, stick
 from tests.engines import every_simulator, simulator
 from tests.faults import Faulty
+from tests.playing import evaluate_batch
 
 TOP = 0.1
 BLOCK = Body.of("block", Box((0.2, 0.2, TOP)), (0.55, 0.0, TOP / 2), mass=0.0, color=GREY)

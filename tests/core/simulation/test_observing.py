@@ -9,20 +9,19 @@ import numpy as np
 import pytest
 
 from core.config.compose import load, part
-from core.design import Evaluation
 from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import Observation, Outcome, Recording, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Box, Goal, Joint, Pose, Scene, State, table
-from core.simulation.rollout import evaluate_batch
-from core.store.rows import dump_details, load_details
+from core.store.rows import load_trial, trial_row
+from core.trial import Evaluation, tried_once
 from tasks.bring_cube import BringCube
 from tests import solutions
 from tests.engines import simulator
 from tests.faults import Faulty, candidate
 from tests.panda import PANDA, on_panda
+from tests.playing import evaluate_batch
 from tests.rare import rare
 
 FAILURES = Path(__file__).parents[2] / "failures"  # the names of the strategies say how they fail
@@ -34,7 +33,7 @@ OBSERVED = RolloutSettings(observe=True)
 def evaluations(file: Path, settings=None, engine="mujoco") -> tuple[Evaluation, ...]:
     cfg = load("evaluate", [f"task={file.stem}"])
     task = part("task", cfg.task).create()
-    candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), SpawnRules(task, 0))
+    candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), task)
     observed = OBSERVED if settings is None else RolloutSettings()
     return tuple(evaluate_batch(task, simulator(engine), candidates, 0, observed))
 
@@ -104,19 +103,19 @@ def test_observing_changes_no_reward_and_no_figure(task):
     file = FAILURES / f"{task}.json"
     for with_it, without in zip(evaluations(file), evaluations(file, "off"), strict=True):
         for name in ("status", "reward", "distance_m", "ik_error_m", "tracking_error_rad", "moved_m", "warnings"):
-            assert getattr(with_it, name) == getattr(without, name), name
+            assert getattr(with_it.shown, name) == getattr(without.shown, name), name
         assert without.observation is None
 
 
 def test_an_observation_survives_the_store():
     for evaluation in evaluations(FAILURES / "BringCube.json"):
-        resumed = replace(evaluation, **vars(load_details(dump_details(evaluation))))
+        trials = tuple(load_trial(trial_row(evaluation.candidate.content, trial)) for trial in evaluation.trials)
+        resumed = replace(evaluation, trials=trials)
         assert resumed.trials == evaluation.trials
         assert describe(resumed) == describe(evaluation)
-        if evaluation.shown is not None:
-            both = [elite_feedback(each.shown, each.observation) for each in (resumed, evaluation)]
-            assert json.dumps(both[0]) == json.dumps(both[1])
-    assert Evaluation(evaluation.candidate, "ok").observation is None
+        both = [elite_feedback(each.shown, each.observation) for each in (resumed, evaluation)]
+        assert json.dumps(both[0]) == json.dumps(both[1])
+    assert tried_once(evaluation.candidate, "ok").observation is None
 
 
 def test_what_is_observed_of_a_solution():

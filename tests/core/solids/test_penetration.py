@@ -15,10 +15,10 @@ from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
-from core.simulation.rollout import evaluate_batch
 from core.solids.penetration import Explosion, findings
 from plugins.conformance.joints import hinge, hinged
 from tests.panda import ARM, PANDA
+from tests.playing import evaluate_batch
 
 HZ = 25.0
 ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))

@@ -14,10 +14,10 @@ from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, RolloutSettings
 from core.robot.description import assemble
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
-from core.simulation.rollout import evaluate_batch
 from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from tests.faults import Faulty, Slide
 from tests.panda import ARM, FINGER_OPEN, PANDA
+from tests.playing import evaluate_batch
 
 ROD = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
 # The elbow folds, and the forearm goes into the shoulder.

@@ -3,7 +3,7 @@
 import pytest
 
 from core.errors import UserError
-from core.store.reader import StoredRun, rollouts, stored_config
+from core.store.reader import StoredRun, stored_config
 from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import edit, write_run
 
@@ -37,11 +37,11 @@ def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
     assert RunCost.of([unanswered]) == (1, 0, 0, None, None, None)
 
 
-def test_candidates_with_the_same_content_count_once(tmp_path):
+def test_a_trial_that_candidates_share_counts_once(tmp_path):
     store = StoredRun(write_run(tmp_path, rewards=[[0.2, 0.2, None]]))
-    assert rollouts(store.evaluations()) == [1, 1, 0]
-    edit(tmp_path, "UPDATE evaluations SET content = 'same' WHERE status = 'ok'")
-    assert rollouts(store.evaluations()) == [1, 0, 0]
+    assert [e.rollouts for e in store.evaluations()] == [1, 1, 0]
+    edit(tmp_path, "UPDATE trials SET candidate = 'g0-a0-s0-p0'")
+    assert [e.rollouts for e in store.evaluations()] == [1, 0, 0]
 
 
 def test_a_run_that_was_killed_at_once_and_one_of_another_version(tmp_path):

@@ -3,23 +3,28 @@
 import json
 import re
 import sqlite3
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.design import Candidate, Component, Evaluation, Tool, Trial
+from core.design import Candidate, Component, Tool
 from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
-from core.store.recorder import RunStore, summary, versions
+from core.store.figures import summary, versions
+from core.store.reader import StoredRun
+from core.store.recorder import RunStore
+from core.trial import Evaluation, Score, Trial, Where, tried_once
 from core.values.margins import Margin
 from core.values.observations import Moved, Observation
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
+from tests.core.run_folders import keep_trials
 
 ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1]])
@@ -78,10 +83,12 @@ def test_request_and_reply_are_on_disk_at_once(opened):
 def test_evaluations_and_their_design_once(opened):
     store, events, _ = opened
     for action in range(3):
-        candidate = Candidate(ROD, PLAN, 1, 2, 3, action, parents=("g0-a0-s0-p0",))
-        events.hook.candidate_evaluated(evaluation=Evaluation(candidate, "ok", reward=0.25 * action, distance_m=1.0))
+        candidate = Candidate(ROD, PLAN + action, 1, 2, 3, action, parents=("g0-a0-s0-p0",))
+        evaluation = tried_once(candidate, "ok", reward=0.25 * action, distance_m=1.0)
+        keep_trials(store, evaluation)
+        events.hook.candidate_evaluated(evaluation=evaluation)
     rejected = Candidate(None, np.zeros((0, 6)), 1, 2, 4, problem="no boxes")
-    events.hook.candidate_evaluated(evaluation=Evaluation(rejected, "rejected", reason="no boxes"))
+    events.hook.candidate_evaluated(evaluation=Evaluation(rejected))
     found = rows(
         store, "SELECT candidate, status, reason, reward, distance_m, waypoints FROM evaluations ORDER BY rowid"
     )
@@ -104,9 +111,9 @@ def test_result_and_generations(opened):
     generation = Generation(
         0,
         (
-            Evaluation(candidates[0], "ok", reward=0.5, distance_m=2.0),
-            Evaluation(candidates[1], "failed", reason="it blew up"),
-            Evaluation(candidates[2], "ok", reward=0.1, distance_m=1.0),
+            tried_once(candidates[0], "ok", reward=0.5, distance_m=2.0),
+            tried_once(candidates[1], "failed", reason="it blew up"),
+            replace(tried_once(candidates[0], "ok", reward=0.1, distance_m=1.0), candidate=candidates[2]),
         ),
     )
     events.hook.generation_finished(generation=generation)
@@ -144,9 +151,9 @@ def test_result_and_generations(opened):
         "stopped": None,
         "generations": [summary(generation)],
         "n_evaluations": 3,
-        "rollouts": 1,  # they are equal
+        "rollouts": 2,  # the last one shares the trial of the first
         "wall_time_s": 1.5,
-        "rollouts_per_s": 0.667,
+        "rollouts_per_s": 1.333,
     }
 
 
@@ -161,35 +168,58 @@ def test_a_folder_holds_one_run(opened):
 
 def test_numbers_come_back_to_the_last_bit(opened):
     store, events, _ = opened
-    numbers = {
-        "reward": 0.1 + 0.2,
-        "distance_m": np.float64(1) / 3,
-        "ik_error_m": np.float32(0.1),
-        "ik_error_rad": 5e-324,
-    }
-    candidate = Candidate(ROD, PLAN)
     seen = Observation(
         "tipped", "cube", left=("cube",), moved={"cube": Moved((0.1, 0.0, 1 / 3), (1.0, 0.0, 0.0), 20.0)}
     )
     trials = (
-        Trial("mujoco", 3, reward=1 / 3, touch_m=1 / 9, observation=seen, margins=(Margin("x", 1 / 3, 1, "m", 2 / 3),)),
-        Trial("a", 4, 1, "failed", reason="no", goals=(("door", 1 / 3), ("can", 0.0))),
+        Trial(
+            Where("Task", "mujoco", 3),
+            "g0-a0-s0-p0",
+            reward=1 / 3,
+            distance_m=np.float64(1) / 3,
+            ik_error_m=np.float32(0.1),
+            ik_error_rad=5e-324,
+            motion_s=1 / 7,
+            moved_m={"cube": 1 / 7},
+            warnings=("a", "b"),
+            margins=(Margin("x", 1 / 3, 1, "m", 2 / 3),),
+            touch_m=1 / 9,
+            observation=seen,
+            figures={"width_m": 1 / 3},
+        ),
+        Trial(Where("Task", "a", 4, 1), status="failed", reason="no", goals=(("door", 1 / 3), ("can", 0.0))),
     )
-    more = {"trials": trials, "combined": True, "figures": {"x": 1 / 9}}
-    more |= {"final": (("mujoco", 0, 1 / 7),)}
-    stored = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), **more)
+    finals = (Trial(Where("Task", "mujoco", 5), reward=1 / 7),)
+    score = Score(0.1 + 0.2, {"x": 1 / 9}, 1, ("it is wide",), "it is too wide")
+    candidate = Candidate(ROD, PLAN)
+    stored = Evaluation(candidate, trials, score)
+    keep_trials(store, replace(stored, finals=finals))
     events.hook.candidate_evaluated(evaluation=stored)
+    events.hook.finalist_tried(evaluation=replace(stored, finals=finals))
     events.hook.run_ended()
+
+    (back,) = StoredRun(store.folder).evaluations()
+    assert (back.trials, back.score, back.finals) == (trials, score, finals)
+    again = back.of(candidate)
+    assert (again.candidate, again.reward, again.reason) == (candidate, 0.1 + 0.2, "it is too wide")
+    assert again.trials[0].ik_error_m == float(np.float32(0.1))
+    assert again.distance_m == stored.distance_m == 1 / 3
+
+
+def test_a_trial_is_stored_when_it_ends_and_is_known_when_the_run_goes_on(opened):
+    store, events, _ = opened
+    key = Candidate(ROD, PLAN).content, Where("Task", "mujoco", 3)
+    trial = Trial(key[1], "g0-a0-s0-p0", reward=0.1 + 0.2)
+    store.keep_trial(key, trial)
+    assert rows(store, "SELECT number, content, task, engine, layout, change, reward FROM trials") == [
+        (1, key[0], "Task", "mujoco", 3, None, 0.1 + 0.2)
+    ]
+    events.hook.run_ended()
+
     again = RunStore.open(store.folder)
     again.run_ended()
-    back = again.past.evaluation(candidate)
-    assert {name: getattr(back, name) for name in numbers} == {name: float(number) for name, number in numbers.items()}
-    assert np.isnan(back.tracking_error_rad)
-    assert (back.moved_m, back.warnings) == (stored.moved_m, stored.warnings)
-    assert {name: getattr(back, name) for name in more} == more
-    assert back.candidate is candidate
-    assert again.past.evaluation(Candidate(ROD, PLAN, action=1)).reward == back.reward  # identical
-    assert again.past.evaluation(Candidate(ROD, np.nextafter(PLAN, 1.0), action=1)) is None
+    assert again.past.trials == {key: trial}
+    assert again.past.candidates == set()  # it lacks its other trials
 
 
 def test_versions_name_every_installed_requirement():

@@ -8,13 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import Candidate, Component, Evaluation, Tool, Trial
-from core.geometry import Box, Pose
 from core.values.efforts import Effort, front, holds
-from core.values.margins import Margin
 
 REFERENCE = Effort(8.0, 0.2, 0.4)
-TOOL = Tool((Component("stick", "tool_mount", Pose(), Box((0.02, 0.02, 0.2)), 0.3),))
 
 
 def test_the_reference_scores_1_and_there_is_no_upper_bound():
@@ -36,23 +32,6 @@ def test_a_mean_that_is_the_limit_but_for_rounding_holds():
 def test_what_is_no_effort(numbers):
     with pytest.raises(ValueError, match=r"an effort has finite|at most 1"):
         Effort(*numbers)
-
-
-def test_an_evaluations_effort_is_that_of_its_trials():
-    margins = [(Margin.at_most("x", value, 1, "m"), Margin.at_most("y", 0.1, 1, "m")) for value in (0.5, 1.4)]
-    trials = [Trial("a", margins=own, motion_s=time) for own, time in zip(margins, (3.0, 5.0), strict=True)]
-    made = Evaluation(Candidate(TOOL, np.zeros((1, 6))), "ok", trials=(*trials, Trial("a", status="failed")))
-    assert made.effort is not None
-    assert (made.effort.motion_s, made.effort.mass_kg) == (4.0, pytest.approx(TOOL.mass))
-    assert made.effort.margin == 0.25  # beyond the limit is no better than at it
-    assert replace(made, trials=(Trial(),)).effort is None
-
-
-def test_what_holds_does_so_in_each_engine():
-    made = Evaluation(Candidate(TOOL, np.zeros((1, 6))), "ok", trials=(Trial("a", reward=1.0), Trial("b", reward=0.95)))
-    assert made.holds
-    assert not replace(made, trials=(*made.trials, Trial("b", reward=0.9))).holds
-    assert not replace(made, trials=()).holds
 
 
 @given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 9)), min_size=1))

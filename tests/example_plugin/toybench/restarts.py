@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from core.design import best_first
 from core.interfaces import EvolutionStrategy
+from core.trial import best_first
 
 
 class Restarts(EvolutionStrategy):

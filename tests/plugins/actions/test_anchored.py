@@ -19,7 +19,6 @@ from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
 from core.plugins import installed
 from core.robot.tempo import plan_task_motion
 from core.search.orchestration import resume, run
-from core.simulation.rollout import evaluate_batch
 from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.waypoints import WaypointActions
@@ -27,6 +26,7 @@ from plugins.results.pages.runs import read_run
 from plugins.results.pages.tools import best_tool
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
+from tests.playing import evaluate_batch
 
 ACTIONS = AnchoredActions()
 CUBE = Pose.xyz_rpy((0.6, 0.1, 0.02), (0.0, 0.0, 0.5))

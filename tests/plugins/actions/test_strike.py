@@ -8,9 +8,9 @@ from core.geometry import Box, Cylinder, Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from core.scene import Body, Scene
-from core.simulation.rollout import evaluate_batch
 from plugins.actions.anchored import AnchoredActions
 from tests.panda import on_panda
+from tests.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 

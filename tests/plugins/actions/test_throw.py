@@ -8,10 +8,11 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from core.scene import Body, Scene
-from core.simulation.rollout import evaluate_batch, prepare
+from core.simulation.attempt import prepare
 from plugins.actions.anchored import AnchoredActions
 from tasks.assets import open_box
 from tests.panda import on_panda
+from tests.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 

@@ -1,6 +1,7 @@
 """Every built-in part passes the checks of its kind, and the checks find what is wrong."""
 
 import importlib
+import itertools
 import pkgutil
 from dataclasses import replace
 
@@ -8,11 +9,21 @@ import numpy as np
 import pytest
 
 import plugins.conformance
-from core.design import Component, Evaluation, Tool
+from core.design import Component, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.hooks import Command, hookimpl
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, GivenTools, Reply, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    EvolutionStrategy,
+    Executor,
+    Fitness,
+    GivenTools,
+    Reply,
+    Score,
+    Task,
+    ToolRepresentation,
+)
 from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, table
 from plugins.conformance import command as conformance
@@ -167,29 +178,35 @@ class Greedy(Executor):
         pass
 
 
-class Sorter(Fitness):
-    """Loses the order, forgets why, and can't travel."""
+class Careless(Fitness):
+    """Repeats a condition, shows the search what it calls unseen, and has conditions that can't travel."""
 
-    def __init__(self, evaluator):
-        self.evaluator = lambda candidates: evaluator(candidates)
+    def __init__(self, condition):
+        self.condition = replace(condition, examiner=lambda: None)
 
-    def __call__(self, candidates):
-        return [replace(e, reason="") for e in reversed(self.evaluator(candidates))]
+    def conditions(self):
+        return [self.condition, self.condition]
+
+    def score(self, candidate, trials):
+        return Score(trials[0].reward)
+
+    def unseen(self):
+        return [self.condition]
 
 
 class Picky(Fitness):
-    """Counts a batch that it does not keep, and has another opinion each time."""
+    """Has another opinion each time, whatever the trials earned."""
 
-    batch = 8
-    calls = 0
+    calls = itertools.count(1)
 
-    def __init__(self, evaluator):
-        self.evaluator = evaluator
+    def __init__(self, condition):
+        self.condition = condition
 
-    def __call__(self, candidates):
-        self.calls += 1
-        share = self.calls / 10
-        return [Evaluation(c, "ok", share if c.tool is candidates[0].tool else 0.0) for c in candidates]
+    def conditions(self):
+        return [self.condition]
+
+    def score(self, candidate, trials):
+        return Score(next(self.calls) / 3)
 
 
 class Trusting:
@@ -221,14 +238,15 @@ WRONG = {
         "a run may break off": "run_started raised FileExistsError",
         "a run may end before it starts": "run_ended raised AttributeError",
     },
-    ("fitness", Sorter): {
-        "each candidate has its evaluation": "have evaluations of g0-a0-s0-p2, g0-a0-s0-p1, g0-a0-s0-p0; keep",
-        "it travels to workers": "it can't be pickled, and workers need a copy",
+    ("fitness", Careless): {
+        "it names conditions": "conditions repeats Where(task=",
+        "the search does not see the unseen": "the search sees what should be unseen: Where(task=",
+        "conditions travel to workers": "a condition can't be pickled, and workers need a copy",
     },
     ("fitness", Picky): {
-        "the same again": "the same candidates earned",
-        "a batch gives what each alone gives": "the same candidates earned [('ok', 0.4), ('ok', 0.0), ('ok', 0.4)]",
-        "rejected and failed candidates earn nothing": "a rejected candidate has the status 'ok'",
+        "scores are rewards": "a reward is 1.3333333333333333, not in [0, 1]",
+        "the same trials score the same": "a score follows from the trials alone",
+        "what fails earns nothing": "a candidate whose trials were all rejected scores",
     },
     ("task", RollsHome): {
         "nothing happens while the arm waits": "in mujoco 'ball' moves",

@@ -12,9 +12,11 @@ from pathlib import Path
 import pytest
 
 from core.errors import UsageError, UserError
-from core.plugins import installed
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator, PluginPart
+from core.interfaces import Condition
+from core.plugins import PluginPart, installed
+from core.search.trials import Trials
+from core.simulation.play import play
+from plugins.fitness.nominal import Nominal
 from tests.benchmarks.measuring import designs
 from tests.plugins.executors.test_local import double, misfortune
 from tests.processes import all_gone, family
@@ -134,14 +136,13 @@ def test_nodes_that_lack_the_program(cluster, monkeypatch):
 
 
 class Doomed:
-    """An evaluator that on one node begins and never ends, and elsewhere does not begin before that."""
+    """Plays candidates, but on one node begins and never ends, and elsewhere does not begin before that."""
 
-    def __init__(self, evaluator, node, mark):
-        self.evaluator = evaluator
+    def __init__(self, node, mark):
         self.node = node
         self.mark = mark
 
-    def __call__(self, candidates):
+    def __call__(self, condition, candidates):
         import ray
 
         if ray.get_runtime_context().get_node_id() == self.node:
@@ -149,21 +150,25 @@ class Doomed:
             time.sleep(600)
         while not self.mark.exists():
             time.sleep(0.02)
-        return self.evaluator(candidates)
+        return play(condition, candidates)
 
 
 @pytest.mark.thorough
 def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     candidates = designs("BringCube", 8, 1, 0)
-    evaluator = Evaluator(PluginPart("task", "BringCube"), PluginPart("sim", "pybullet", (("time_step", 0.004),)))
+    coarse = PluginPart("sim", "pybullet", (("time_step", 0.004),))
+    fitness = Nominal(Condition(PluginPart("task", "BringCube"), coarse))
     with installed().create("executor", "local", {"workers": 1}) as pool:
-        here = {e.candidate.id: (e.reward, e.distance_m, e.moved_m) for e in evaluate_all(candidates, evaluator, pool)}
-    there, doomed, mark = {}, cluster.add_node(num_cpus=1), tmp_path / "begun"
+        here = {e.candidate.id: e.trials for e in Trials(pool).evaluate(candidates, fitness)}
+    there = {}
+    doomed = cluster.add_node(num_cpus=1)
+    mark = tmp_path / "begun"
     with executor(address=cluster.address) as pool:
-        for evaluation in evaluate_all(iter(candidates), Doomed(evaluator, doomed.node_id, mark), pool):
+        trials = Trials(pool, play=Doomed(doomed.node_id, mark))
+        for evaluation in trials.evaluate(iter(candidates), fitness):
             if not there:
                 cluster.remove_node(doomed, allow_graceful=False)
-            there[evaluation.candidate.id] = (evaluation.reward, evaluation.distance_m, evaluation.moved_m)
+            there[evaluation.candidate.id] = evaluation.trials
     assert mark.read_text() in there
     assert there == here
 

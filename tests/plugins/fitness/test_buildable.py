@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +13,14 @@ from core.design import Candidate, Component, Tool
 from core.designs.composer import as_markdown
 from core.designs.feedback import describe
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import RolloutSettings, Waypoints
+from core.interfaces import Condition, Waypoints
+from core.plugins import PluginPart
 from core.prompt import compose
-from core.simulation.rollout import Evaluator, PluginPart
 from core.values.materials import Material
+from plugins.fitness.nominal import Nominal
+from tests.plugins.fitness.judging import judged
 
 pytestmark = pytest.mark.slow
 
@@ -28,24 +28,12 @@ PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
 PLATE = [500.0, 500.0, 500.0]
 
 
-@dataclass(frozen=True)
-class Counting(Evaluator):
-    """Notes how many candidates come to a rollout."""
-
-    tried: list[str] = field(default_factory=list, compare=False)
-
-    def __call__(self, candidates):
-        self.tried.extend(candidate.id for candidate in candidates if candidate.problem is None)
-        return super().__call__(candidates)
+MOVE_BALL = Condition(PluginPart("task", "MoveBall"), PluginPart("sim", "mujoco"))
 
 
-def moving_ball():
-    return Counting(PluginPart("task", "MoveBall"), PluginPart("sim", "mujoco"), 0, RolloutSettings())
-
-
-def fitness(evaluator, **settings):
+def fitness(**settings):
     chosen = {"name": "buildable", "material": vars(PLA), **settings}
-    return part("fitness", OmegaConf.create(chosen)).create(evaluator=evaluator)
+    return part("fitness", OmegaConf.create(chosen)).create(condition=MOVE_BALL)
 
 
 @pytest.fixture(scope="module")
@@ -53,30 +41,28 @@ def scoop():
     """The anchored solution of MoveBall, of PLA."""
     document = json.loads(Path("tests/tasks/anchored/MoveBall.json").read_text())
     boxes = PluginPart("tool", "boxes", material=PLA).create()
-    (candidate,) = read_designs(document, boxes, SpawnRules(moving_ball().task.create(), 0))
+    (candidate,) = read_designs(document, boxes, MOVE_BALL.task.create())
     assert candidate.problem is None
     return candidate
 
 
 def test_what_is_too_thin_costs_no_rollout_and_its_reason_names_the_wall(scoop):
-    evaluator = moving_ball()
-    (found,) = fitness(evaluator, min_wall_mm=30.0)([scoop])
-    assert (found.status, found.reward, evaluator.tried) == ("rejected", 0.0, [])
+    (found,) = judged(fitness(min_wall_mm=30.0), scoop)
+    assert (found.status, found.reward) == ("rejected", 0.0)
     assert "held by a joint thinner than a wall" in found.reason
     assert "let components overlap by more than a wall" in describe(found)
 
 
 def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
-    evaluator = moving_ball()
-    (alone,) = evaluator([scoop])
-    (found,) = fitness(evaluator, plate_mm=PLATE)([scoop])
+    (alone,) = judged(Nominal(MOVE_BALL), scoop)
+    (found,) = judged(fitness(plate_mm=PLATE), scoop)
     assert (found.status, found.reason) == ("ok", "")
     assert alone.reward - 0.02 < found.reward <= alone.reward
     assert found.figures["safety_factor"] > 2
     assert found.figures["clearance_m"] > 0.005
     assert " of all trials" not in describe(found)
     robust = {"name": "robust", "sims": ["mujoco"], "seeds": [4], "perturbation": {"position": 0.0001}}
-    (found,) = fitness(evaluator, plate_mm=PLATE, of=robust)([scoop])
+    (found,) = judged(fitness(plate_mm=PLATE, of=robust), scoop)
     assert list(found.by_engine) == ["mujoco"]
 
 
@@ -91,7 +77,7 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
     ],
 )
 def test_what_breaks_or_comes_too_near_earns_nothing_and_says_why(scoop, settings, said):
-    (found,) = fitness(moving_ball(), plate_mm=PLATE, **settings)([scoop])
+    (found,) = judged(fitness(plate_mm=PLATE, **settings), scoop)
     assert (found.status, found.reward) == ("ok", 0.0)
     assert re.match(said, found.reason), found.reason
     assert "so that its reward of 0.9" in found.reason
@@ -101,12 +87,10 @@ def test_neighbours_are_judged_each_for_itself(scoop):
     thin = Component("wall", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), Box((0.0006, 0.1, 0.1)), 0.01)
     stay = Candidate(Tool((thin,)), Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])), action=1)
     unread = Candidate(None, stay.plan, action=2, problem="the tool is missing")
-    evaluator = moving_ball()
-    found = fitness(evaluator, plate_mm=PLATE)([stay, unread, scoop])
-    assert [of.status for of in found] == ["rejected", "rejected", "ok"]
+    found = judged(fitness(plate_mm=PLATE), stay, unread, scoop)
+    assert [evaluation.status for evaluation in found] == ["rejected", "rejected", "ok"]
     assert "walls, tool: thinnest 0.6" in found[0].reason
     assert found[1].reason == "the tool is missing"
-    assert evaluator.tried == [scoop.id]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +106,7 @@ def test_neighbours_are_judged_each_for_itself(scoop):
 )
 def test_a_wrong_setting_is_reported(settings, said):
     with pytest.raises(UserError, match=said):
-        fitness(moving_ball(), **settings)
+        fitness(**settings)
 
 
 def test_the_prompt_names_the_constraints():
@@ -136,6 +120,6 @@ def test_the_prompt_names_the_constraints():
         "the arm keeps 5 mm from itself and from all that is fixed",
     ):
         assert said in text
-    paper = fitness(moving_ball(), material=vars(Material())).instructions()
+    paper = fitness(material=vars(Material())).instructions()
     assert paper.startswith("What counts is the reward of one rollout.")
     assert "Strength" not in paper

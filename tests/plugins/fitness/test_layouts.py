@@ -15,20 +15,23 @@ from core.design import Candidate, Component, Tool
 from core.designs.feedback import combined_figures
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import Perception, RolloutSettings, Waypoints
+from core.interfaces import Condition, Perception, RolloutSettings, Waypoints
+from core.plugins import PluginPart
 from core.search.orchestration import resume, run
-from core.simulation.rollout import Evaluator, PluginPart
+from core.simulation.play import play
 from plugins.fitness.layouts import UNSEEN, worst_quarter
+from plugins.fitness.nominal import Nominal
 from plugins.results.pages.runs import read_run
+from tests.plugins.fitness.judging import judged
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
-WIDE = Evaluator(PluginPart("task", "BringCube", (("variation", "wide"),)), PluginPart("sim", "mujoco"), 3, QUICK)
+WIDE = Condition(PluginPart("task", "BringCube", (("variation", "wide"),)), PluginPart("sim", "mujoco"), 3, QUICK)
 STICK = Tool((Component("stick", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2)), 0.005),))
 STAY = Candidate(STICK, Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])))
 
 
-def fitness(evaluator=WIDE, **settings):
-    return part("fitness", OmegaConf.create({"name": "layouts", **settings})).create(evaluator=evaluator)
+def fitness(condition=WIDE, **settings):
+    return part("fitness", OmegaConf.create({"name": "layouts", **settings})).create(condition=condition)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +54,7 @@ def test_a_wrong_setting_is_reported(settings, said):
 def test_no_search_may_begin_among_the_unseen_layouts():
     for seed, layouts in ((UNSEEN, 5), (UNSEEN - 4, 5), (0, UNSEEN)):
         with pytest.raises(UserError, match=r"fitness.layouts and fitness.final together must be at most 999000"):
-            fitness(replace(WIDE, seed=seed), layouts=layouts)
+            fitness(replace(WIDE, layout=seed), layouts=layouts)
 
 
 def test_layouts_that_are_all_the_same_are_refused():
@@ -64,22 +67,25 @@ def test_layouts_that_are_all_the_same_are_refused():
 
 
 def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
-    (alone,) = zip(*(replace(WIDE, seed=seed)([STAY]) for seed in (3, 4)), strict=True)
+    alone = [judged(Nominal(replace(WIDE, layout=seed)), STAY)[0] for seed in (3, 4)]
     rewards = [evaluation.reward for evaluation in alone]
-    (mean,), (lowest,) = fitness(layouts=2)([STAY]), fitness(layouts=2, combine="worst")([STAY])
+    (mean,) = judged(fitness(layouts=2), STAY)
+    (lowest,) = judged(fitness(layouts=2, combine="worst"), STAY)
     assert (mean.reward, lowest.reward) == (pytest.approx(np.mean(rewards)), min(rewards))
     assert mean.by_engine["mujoco"] == rewards
-    poor = combined_figures(mean, WIDE.task.create())["poor_layouts"]
+    poor = combined_figures(mean, WIDE.task.shared())["poor_layouts"]
     assert [layout["layout"] for layout in poor] in ([3, 4], [4, 3])
     assert all(0.85 <= layout["cube.x"] <= 1.05 for layout in poor)
 
 
 def test_a_tenth_of_a_reward_may_be_for_the_least_margin():
     task = replace(WIDE, task=PluginPart("task", "MoveBall", (("variation", "wide"),)))
-    (plain,), (weighed,) = fitness(task, layouts=2)([STAY]), fitness(task, layouts=2, combine="margin")([STAY])
-    for one, other in zip(plain.trials, weighed.trials, strict=True):
-        least = min((margin.margin for margin in one.margins), default=1.0)
-        assert other.reward == pytest.approx(one.reward * (0.9 + 0.1 * max(least, 0.0)))
+    (weighed,) = judged(fitness(task, layouts=2, combine="margin"), STAY)
+    counted = []
+    for trial in weighed.trials:
+        least = min((margin.margin for margin in trial.margins), default=1.0)
+        counted.append(trial.reward * (0.9 + 0.1 * max(least, 0.0)))
+    assert weighed.reward == pytest.approx(np.mean(counted))
     assert "a share of 0.1 is for the least margin" in fitness(combine="margin").instructions()
 
 
@@ -90,30 +96,49 @@ def test_the_worst_quarter(rewards):
     assert worst_quarter([0.0, 0.2, *[1.0] * 6]) == pytest.approx(0.1)
 
 
-def test_a_tool_that_overlaps_one_layout_at_spawn_fails_there_alone():
-    near = Tool((Component("bar", "tool_mount", Pose(np.array([0.25, 0.0, -0.48])), Box((0.5, 0.02, 0.02)), 0.005),))
-    boxes = Evaluator(PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
-    (found,) = fitness(boxes, layouts=3)([replace(STAY, tool=near)])
-    assert found.status == "rejected"
-    assert "in layout 0, " in found.reason
+def test_a_tool_that_overlaps_some_layouts_at_spawn_is_rejected_there_and_tried_in_the_others():
+    beside = Pose(np.array([0.25, -0.04, -0.48]))
+    tool = Tool((Component("bar", "tool_mount", beside, Box((0.5, 0.02, 0.02)), 0.005),))
+    boxes = Condition(PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
+    (found,) = judged(fitness(boxes, layouts=3), replace(STAY, tool=tool))
+    assert [(trial.layout, trial.status) for trial in found.trials] == [(0, "ok"), (1, "rejected"), (2, "rejected")]
+    assert (found.status, found.rollouts) == ("ok", 1)
+    assert found.reward == pytest.approx(found.trials[0].reward / 3)
+    assert found.warnings[-1].startswith("mujoco, layout 3 of 3: rejected: component 'bar' starts")
+
+
+def test_a_tool_that_overlaps_every_layout_at_spawn_is_rejected():
+    inside = Pose(np.array([0.25, 0.0, -0.48]))
+    tool = Tool((Component("bar", "tool_mount", inside, Box((0.5, 0.02, 0.02)), 0.005),))
+    boxes = Condition(PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
+    (found,) = judged(fitness(boxes, layouts=3), replace(STAY, tool=tool))
+    assert (found.status, found.reward, found.rollouts) == ("rejected", 0.0, 0)
+    assert "component 'bar' starts" in found.reason
 
 
 def test_unseen_layouts_are_none_of_the_search_and_the_same_for_every_run():
     made = fitness(unseen=4)
-    seeds = [evaluator.seed for evaluator in made.unseen()["mujoco"]]
-    assert seeds == [UNSEEN, UNSEEN + 1, UNSEEN + 2, UNSEEN + 3]
-    assert seeds == [e.seed for e in fitness(replace(WIDE, seed=9), unseen=4).unseen()["mujoco"]]
-    assert fitness(unseen=0).unseen() == {}
-    assert pickle.loads(pickle.dumps(made)).unseen() == made.unseen()
+    assert [condition.layout for condition in made.unseen()] == [UNSEEN, UNSEEN + 1, UNSEEN + 2, UNSEEN + 3]
+    assert made.unseen() == fitness(replace(WIDE, layout=9), unseen=4).unseen()
+    assert fitness(unseen=0).unseen() == []
+    assert pickle.loads(pickle.dumps(made.unseen())) == made.unseen()
 
 
 def test_unseen_layouts_may_be_in_engines_of_their_own():
     set_up = replace(WIDE, sim=PluginPart("sim", "mujoco", (("time_step", 0.001),)))
     made = fitness(set_up, unseen=1, unseen_sims=["mujoco", "sapien"])
-    assert {engine: of[0].sim.name for engine, of in made.unseen().items()} == {"mujoco": "mujoco", "sapien": "sapien"}
-    assert dict(made.unseen()["mujoco"][0].sim.settings)["time_step"] > 0.001
+    mujoco, sapien = made.unseen()
+    assert [mujoco.where.engine, sapien.where.engine] == [mujoco.sim.name, sapien.sim.name] == ["mujoco", "sapien"]
+    assert dict(mujoco.sim.settings)["time_step"] > 0.001
     assert "tried in 1 others, in each of mujoco, sapien." in made.instructions()
     assert "in each" not in fitness(unseen=1).instructions().replace("In each", "")
+
+
+def test_finals_follow_the_layouts_of_the_search_each_in_all_engines():
+    finals = [*fitness(layouts=2, final=2, unseen_sims=["mujoco", "sapien"]).finals()]
+    places = [[(condition.where.engine, condition.layout) for condition in alike] for alike in finals]
+    assert places == [[("mujoco", seed), ("sapien", seed)] for seed in (5, 6)]
+    assert [*fitness(final=0).finals()] == []
 
 
 def test_the_prompt_says_how_exactly_plans_see():
@@ -144,7 +169,7 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
     stored = found["unseen"]
     assert stored["engines"] == {"mujoco": list(result.unseen["mujoco"])}
     assert (stored["layouts"], stored["worst"]) == (3, min(result.unseen["mujoco"]))
-    again = [evaluate([result.best.candidate])[0].reward for evaluate in _unseen(words)]
+    again = [play(condition, [result.best.candidate])[0].reward for condition in _unseen(words)]
     assert again == stored["rewards"]
     assert read_run(tmp_path / "run").figures.unseen.mean == pytest.approx(stored["mean"])
     resume(tmp_path / "run")
@@ -153,5 +178,5 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
 
 def _unseen(words):
     cfg = load("config", words)
-    evaluator = Evaluator(PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
-    return part("fitness", cfg.fitness).create(evaluator=evaluator).unseen()["mujoco"]
+    condition = Condition(PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
+    return part("fitness", cfg.fitness).create(condition=condition).unseen()

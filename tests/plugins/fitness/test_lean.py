@@ -5,9 +5,10 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load, part
-from core.design import Evaluation, Trial
 from core.errors import UserError
+from core.interfaces import Trial
 from plugins.fitness.lean import Lean
+from tests.plugins.fitness.judging import judged
 from tests.plugins.fitness.test_layouts import STAY, WIDE
 
 NUMBERS = {"BringCube": [4.0, 0.005, None]}
@@ -15,29 +16,26 @@ NUMBERS = {"BringCube": [4.0, 0.005, None]}
 
 def fitness(references=NUMBERS, **settings) -> Lean:
     config = {"name": "lean", "references": references, "layouts": 1, **settings}
-    return part("fitness", OmegaConf.create(config)).create(evaluator=WIDE)
+    return part("fitness", OmegaConf.create(config)).create(condition=WIDE)
 
 
-def earned(monkeypatch, reward, seconds):
-    """Judge a candidate whose every trial earns so much in so many seconds."""
-    trials = (Trial("mujoco", reward=reward, motion_s=seconds),)
-    made = Evaluation(STAY, "ok", reward=reward, trials=trials)
-    monkeypatch.setattr("plugins.fitness.robustness.CheckedEvaluator.__call__", lambda self, candidates: [made])
-    return fitness()([STAY])[0]
+def score(reward, seconds):
+    """Score a candidate whose only trial earns so much in so many seconds."""
+    return fitness().score(STAY, [Trial(WIDE.where, STAY.id, reward=reward, motion_s=seconds)])
 
 
-def test_what_holds_earns_by_its_effort_and_more_than_what_does_not(monkeypatch):
-    failed = [earned(monkeypatch, reward, 0.1).reward for reward in (0.0, 0.5, 0.94)]
-    held = [earned(monkeypatch, 0.96, seconds).reward for seconds in (1000.0, 8.0, 4.0, 1.0)]
+def test_what_holds_earns_by_its_effort_and_more_than_what_does_not():
+    failed = [score(reward, 0.1).reward for reward in (0.0, 0.5, 0.94)]
+    held = [score(0.96, seconds).reward for seconds in (1000.0, 8.0, 4.0, 1.0)]
     assert failed == pytest.approx([0, 0.25, 0.47])
     assert held[2] == pytest.approx(0.75)  # the reference
     assert all(np.diff([*failed, *held]) > 0)
     assert held[-1] < 1
-    assert earned(monkeypatch, 1.0, 4.0).figures == {"lean": 1.0, "motion_s": 4.0, "mass_kg": 0.005}
+    assert score(1.0, 4.0).figures == {"lean": 1.0, "motion_s": 4.0, "mass_kg": 0.005}
 
 
 def test_a_trial_says_its_time_and_the_prompt_what_it_is_compared_with():
-    assert fitness().__call__([STAY])[0].trials[0].motion_s > 0
+    assert judged(fitness(), STAY)[0].trials[0].motion_s > 0
     assert "takes 4 s and has a tool of 5 g." in fitness().instructions()
 
 

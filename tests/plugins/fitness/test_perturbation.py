@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
-from core.interfaces import JointTrajectory, Rollout
-from core.plugins import installed
+from core.interfaces import Condition, JointTrajectory, Rollout
+from core.plugins import PluginPart, installed
 from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Joint, Scene, table
-from plugins.fitness.robustness import CONTACT_M, PerturbationRange, perturb, perturb_task, together
+from plugins.fitness.robustness import CONTACT_M, Perturbation, PerturbationRange, perturb, together
 from tests.panda import ARM, FINGER_OPEN
 
 pytestmark = pytest.mark.slow
@@ -115,12 +115,13 @@ def test_what_stands_together_moves_as_one():
 @every_task
 def test_a_changed_scene_is_at_rest(name):
     """In a real engine: nothing is pushed apart, nothing falls."""
-    task = perturb_task(installed().create("task", name), PerturbationRange(), 1)
+    task = installed().create("task", name)
+    scene = perturb(plain(name), PerturbationRange(), 1)
     still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN]))
-    job = Rollout(Tool(), still, seed=0, settle_s=0.4, hold_s=0.0)
+    job = Rollout(Tool(), still, seed=0, settle_s=0.4, hold_s=0.0, scene=scene)
     (outcome,) = installed().create("sim", "pybullet").rollout(task, [job])
     assert outcome.error is None
-    placed = task.scene(0).state()
+    placed = scene.state()
     assert np.linalg.norm(outcome.end.positions - placed.positions, axis=-1).max() < 3e-3
     assert np.abs(outcome.end.linear_velocities).max() < 0.03
 
@@ -170,23 +171,16 @@ def test_a_block_on_a_post_goes_on_touching_it(draw):
     assert np.linalg.norm(moved[:2] - (0.5, 0)) < 0.01 + 0.025 * math.sqrt(2) + CONTACT_M
 
 
-# --- the task that is wrapped, and what may be asked ------------------------------------------------------------
+# --- conditions, and bodies that hang from others ---------------------------------------------------------------
 
 
 @every_task
-def test_a_perturbed_task_is_the_task_but_for_its_scenes(name):
-    task = installed().create("task", name)
-    changed = perturb_task(task, PerturbationRange(), 1)
-    for attribute in ("name", "description", "goals", "home", "camera", "success_reward"):
-        assert getattr(changed, attribute) == getattr(task, attribute)
-    assert changed.source() == task.source()
-    assert changed.scene(0) is changed.scene(0)
-    start = changed.scene(0).state()
-    assert float(changed.reward(start, start)) == float(task.reward(start, start))
-    assert (
-        changed.scene(2).state().positions.tolist()
-        == perturb(task.scene(2), PerturbationRange(), 1).state().positions.tolist()
-    )
+def test_a_condition_with_a_perturbation_has_the_perturbed_scene_of_its_layout(name):
+    task = PluginPart("task", name)
+    condition = Condition(task, PluginPart("sim", "pybullet"), layout=2, change=Perturbation(PerturbationRange(), 1))
+    expected = perturb(task.shared().scene(2), PerturbationRange(), 1)
+    assert condition.scene().state().positions.tolist() == expected.state().positions.tolist()
+    assert condition.where == (name, "pybullet", 2, 1)
 
 
 def test_bodies_move_with_what_they_hang_from_or_not_at_all():

@@ -11,11 +11,12 @@ from omegaconf import OmegaConf
 
 from core.config.compose import engines, load, part
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.plugins import installed
-from plugins.fitness.robustness import PerturbationRange, perturbed
-from tests.plugins.fitness.test_robustness import COARSE, EVALUATOR, TASK
+from core.simulation.play import play
+from plugins.fitness.robustness import Perturbation, PerturbationRange
+from tests.plugins.fitness.judging import judged
+from tests.plugins.fitness.test_robustness import COARSE, CONDITION, TASK
 
 ROOT = Path(__file__).parents[3]
 
@@ -23,31 +24,31 @@ ROOT = Path(__file__).parents[3]
 def solution():
     task = TASK.create()
     document = load_designs(ROOT / "tests" / "tasks" / "solutions" / "BringCube.json")
-    return read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
+    return read_designs(document, installed().create("tool", "urdf"), task)[0]
 
 
-def fitness(config, evaluator):
-    return part("fitness", OmegaConf.create(config)).create(evaluator=evaluator)
+def fitness(config):
+    return part("fitness", OmegaConf.create(config)).create(condition=CONDITION)
 
 
 def test_transfer_and_robust_begin_alike():
     transfer = yaml.safe_load((ROOT / "conf" / "transfer.yaml").read_text())
-    robust = yaml.safe_load((ROOT / "conf" / "fitness" / "robust.yaml").read_text())
+    robust = load("config", ["fitness=robust"]).fitness
     assert all(transfer[key] == robust[key] for key in ("sims", "seeds", "perturbation"))
 
 
 def test_the_prompt_says_what_counts():
     ranges = {"position": 0.01, "yaw": 0.1, "mass": 0.2, "friction": 0.3}
     many = {"name": "robust", "sims": ["pybullet", {"name": "pybullet", "time_step": 0.002}], "perturbation": ranges}
-    text = fitness(many, EVALUATOR).instructions()
+    text = fitness(many).instructions()
     assert "3 times in each of the engines pybullet, pybullet time_step=0.002" in text
     assert "moved by up to 0.01 m along x and along y and turned by up to 0.1 rad" in text
     assert "masses differ by up to 20%, friction by up to 30%" in text
     assert "the lowest of the engines' mean rewards" in text
-    one = fitness({"name": "robust", "sims": ["pybullet"], "seeds": [4]}, EVALUATOR).instructions()
+    one = fitness({"name": "robust", "sims": ["pybullet"], "seeds": [4]}).instructions()
     assert "once in the engine pybullet" in one
     assert "the mean of its rewards" in one
-    assert not fitness({"name": "nominal"}, EVALUATOR).instructions()
+    assert not fitness({"name": "nominal"}).instructions()
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_the_prompt_says_what_counts():
 )  # fmt: skip
 def test_a_wrong_setting_is_reported(config, said):
     with pytest.raises(UserError, match=said) as error:
-        fitness(config, EVALUATOR)
+        fitness(config)
     assert "\n" not in str(error.value)
 
 
@@ -84,17 +85,16 @@ def test_a_wrong_key_is_reported():
 @pytest.mark.thorough
 def test_robust_tries_every_change_in_every_engine():
     config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
-    earns = fitness(config, EVALUATOR)
-    there = pickle.loads(pickle.dumps(earns))
+    earns = fitness(config)
+    assert pickle.loads(pickle.dumps(earns.conditions())) == earns.conditions()
     candidate = solution()
     slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan.poses, candidate.plan.poses[-1:]]))
-    evaluations = there([candidate, slower])
-    assert [e.candidate for e in evaluations] == [candidate, slower]
+    evaluations = judged(earns, candidate, slower)
     for evaluation in evaluations:
         rewards = evaluation.by_engine
         for (engine, sim), draw in zip(engines(config["sims"]).items(), [0, 1], strict=True):
-            evaluator = perturbed(replace(EVALUATOR, sim=sim), PerturbationRange(position=0.02), [3, 5][draw])
-            (alone,) = evaluator([evaluation.candidate])
+            change = Perturbation(PerturbationRange(position=0.02), [3, 5][draw])
+            (alone,) = play(replace(CONDITION, sim=sim, change=change), [evaluation.candidate])
             assert rewards[engine][draw] == alone.reward
         assert evaluation.reward == min(map(np.mean, rewards.values()))
         assert evaluation.distance_m > 0.3

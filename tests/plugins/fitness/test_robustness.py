@@ -7,18 +7,21 @@ import pytest
 from hydra import initialize_config_module
 
 from core.config.compose import engines, load, part
-from core.design import Candidate, Component, Evaluation, Tool, Trial
+from core.design import Candidate, Component, Tool
 from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
-from core.interfaces import RolloutSettings
-from core.simulation.rollout import Evaluator, PluginPart
+from core.interfaces import Condition, Trial, Waypoints
+from core.plugins import PluginPart
+from core.simulation.play import play
+from core.trial import Evaluation, Where
 from core.values.margins import Margin
 from core.values.observations import Observation
-from plugins.fitness.robustness import PerturbationRange, perturbed, worst
+from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.several import score_by_worst_engine
 
 COARSE = {"name": "pybullet", "time_step": 0.004}
 TASK = PluginPart("task", "BringCube")
-EVALUATOR = Evaluator(TASK, PluginPart("sim", "pybullet"), 0, RolloutSettings())
+CONDITION = Condition(TASK, PluginPart("sim", "pybullet"))
 
 
 # --- the choices and their settings -----------------------------------------------------------------------------
@@ -44,47 +47,60 @@ def test_the_engine_of_a_run_keeps_its_settings():
     assert dict(both.settings) == {"solver_iterations": 20, "time_step": 0.004}
 
 
-# --- one evaluation out of many ---------------------------------------------------------------------------------
+# --- one score of many trials -----------------------------------------------------------------------------------
 
-CANDIDATE = Candidate(Tool(), np.zeros((1, 6)))
+CANDIDATE = Candidate(Tool(), Waypoints(np.zeros((1, 6))))
 
 
-def earned(reward, status="ok", reason="", **more):
-    return Evaluation(replace(CANDIDATE), status, reward, reason=reason, **more)
+def earned(reward, engine="one", change=0, **fields):
+    return Trial(Where("BringCube", engine, 0, change), CANDIDATE.id, reward=reward, **fields)
+
+
+def evaluated(*trials):
+    return Evaluation(CANDIDATE, trials, score_by_worst_engine(trials))
 
 
 def test_the_worst_engines_mean_counts():
-    good = [earned(1.0, distance_m=3.0), earned(0.8, distance_m=4.0)]
-    bad = [earned(0.2, distance_m=3.0, ik_error_m=0.5), earned(0.6, distance_m=6.0)]
-    evaluation = worst(CANDIDATE, {"one": good, "other": bad})
-    assert evaluation.candidate is CANDIDATE
+    good = earned(1.0, distance_m=3.0), earned(0.8, distance_m=4.0)
+    bad = earned(0.2, "other", distance_m=3.0, ik_error_m=0.5), earned(0.6, "other", distance_m=6.0)
+    evaluation = evaluated(*good, *bad)
     assert evaluation.status == "ok"
     assert evaluation.reward == pytest.approx(0.4)
-    assert (evaluation.distance_m, evaluation.ik_error_m) == (4.0, 0.5)  # the mean, and the worst trial's
+    assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (4.0, 0.5)  # the mean, and the worst trial's
     assert not evaluation.warnings
     assert evaluation.combined
     assert evaluation.by_engine == {"one": [1.0, 0.8], "other": [0.2, 0.6]}
 
 
 def test_of_equal_trials_the_one_with_the_least_margin_is_shown():
-    near, far = (Trial(margins=(Margin.clearance("vase", gap),)) for gap in (0.004, 0.01))
-    trials = [earned(1.0, trials=(trial,), ik_error_m=number) for number, trial in enumerate((far, near, far))]
-    assert worst(CANDIDATE, {"one": trials}).ik_error_m == 1
+    trials = [earned(1.0, margins=(Margin.clearance("vase", gap),)) for gap in (0.01, 0.004, 0.01)]
+    assert score_by_worst_engine(trials).shown == 1
 
 
 def test_a_trial_that_fails_counts_nothing_and_is_reported():
-    broken = earned(0.0, "failed", "it blew up")
-    evaluation = worst(CANDIDATE, {"one": [earned(1.0), earned(1.0)], "other": [earned(1.0), broken]})
+    broken = earned(0.0, "other", status="failed", reason="it blew up")
+    evaluation = evaluated(earned(1.0), earned(1.0), earned(1.0, "other"), broken)
     assert (evaluation.status, evaluation.reward) == ("ok", 0.5)
     assert evaluation.warnings == ("other, change 2 of 2: failed: it blew up",)
-    everywhere = worst(CANDIDATE, {"one": [earned(0.9)], "other": [broken]})
+    everywhere = evaluated(earned(0.9), broken)
     assert (everywhere.status, everywhere.reward, everywhere.reason) == ("ok", 0.0, "")
 
 
 def test_what_is_refused_everywhere_is_refused():
-    refused = earned(0.0, "rejected", "too long")
-    evaluation = worst(CANDIDATE, {"one": [refused], "other": [refused]})
+    refused = [earned(0.0, engine, status="rejected", reason="too long") for engine in ("one", "other")]
+    evaluation = evaluated(*refused)
     assert (evaluation.status, evaluation.reason, evaluation.reward) == ("rejected", "too long", 0.0)
+    assert (evaluation.warnings, evaluation.rollouts) == ((), 0)
+
+
+def test_the_worst_trial_is_the_one_that_is_shown():
+    seen = Observation("missed")
+    others = [earned(reward, "other", number) for number, reward in enumerate((0.9, 0.2, 0.5))]
+    others[1] = replace(others[1], observation=seen)
+    found = evaluated(earned(1.0), *others)
+    assert (found.shown.engine, found.shown.change) == ("other", 1)
+    assert found.observation is seen
+    assert found.by_engine["other"] == [0.9, 0.2, 0.5]
 
 
 # --- real engines -----------------------------------------------------------------------------------------------
@@ -92,31 +108,19 @@ def test_what_is_refused_everywhere_is_refused():
 
 def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     """One that ends a millimetre from the cube's near face: some changes bring the cube nearer."""
-    home = TASK.create().home
+    home = TASK.shared().home
     reach, down, thick = 1.0 - 0.035 - 0.001 - home.position[0], home.position[2] - 0.035, 0.01
     post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -down / 2)), Box((thick, thick, down)))
     bar = Component("bar", "post", Pose.xyz_rpy((reach / 2, 0, -down / 2)), Box((reach, thick, thick)))
     tool = Tool((post, bar))
-    SpawnRules(TASK.create(), 0).check(tool)  # clear of the scene as it is
-    still = Candidate(tool, np.array([[*home.position, *home.rpy]]))
+    SpawnRules(TASK.shared(), 0).check(tool)  # clear of the scene as it is
+    still = Candidate(tool, Waypoints(np.array([[*home.position, *home.rpy]])))
     ranges = PerturbationRange(position=0.005, yaw=0.0)
-    tried = {draw: perturbed(EVALUATOR, ranges, draw)([still])[0] for draw in range(8)}
-    refused = {draw for draw, evaluation in tried.items() if evaluation.status == "rejected"}
-    cubes = {draw: perturbed(EVALUATOR, ranges, draw).task.create().scene(0)["cube"].pose.position for draw in tried}
-    near = {draw for draw, (x, _, _) in cubes.items() if x < 1.0 - 0.001}
+    conditions = [replace(CONDITION, change=Perturbation(ranges, draw)) for draw in range(8)]
+    tried = [play(condition, [still])[0] for condition in conditions]
+    refused = {draw for draw, trial in enumerate(tried) if trial.status == "rejected"}
+    cubes = [condition.scene()["cube"].pose.position for condition in conditions]
+    near = {draw for draw, (x, _, _) in enumerate(cubes) if x < 1.0 - 0.001}
     assert refused == near
     assert 0 < len(refused) < 8
     assert all(tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts") for draw in near)
-
-
-def test_the_worst_trial_is_the_one_that_is_shown():
-    trials = {"one": [earned(1.0)], "other": [earned(0.9), earned(0.2), earned(0.5)]}
-    for engine, evaluations in trials.items():
-        for number, evaluation in enumerate(evaluations):
-            evaluations[number] = replace(
-                evaluation, trials=(Trial(engine, change=number, observation=Observation("missed")),)
-            )
-    found = worst(CANDIDATE, trials)
-    assert (found.shown.engine, found.shown.change) == ("other", 1)
-    assert sum(trial.observation is not None for trial in found.trials) == 1
-    assert found.by_engine["other"] == [0.9, 0.2, 0.5]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from core.config.compose import load
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.plugins import Offer, installed
 from core.search.orchestration import run
@@ -166,7 +165,7 @@ def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
 def test_all_that_was_tried_can_be_read_back(ran):
     folder, result = ran
     task = installed().create("task", "OneBook")
-    again = stored_evaluations(folder, installed().create("tool", "urdf"), SpawnRules(task, 3))
+    again = stored_evaluations(folder, installed().create("tool", "urdf"), task)
     tried = [e for g in result.generations for e in g.evaluations if e.status == "ok"]
     assert [e.candidate.id for e in again] == [e.candidate.id for e in tried]
     for one, other in zip(again, tried, strict=True):

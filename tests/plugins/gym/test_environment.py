@@ -8,12 +8,11 @@ from gymnasium.utils.env_checker import check_env
 import plugins.gym  # registers them
 from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import Offer, installed
-from core.simulation.rollout import prepare
+from core.simulation.attempt import prepare
 from plugins.gym.environment import ToolEnv
 from tasks.bring_cube import BringCube
 from tasks.move_ball import MoveBall
@@ -115,7 +114,7 @@ def test_the_same_plan_earns_what_it_earns_in_a_rollout():
     env = gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json")
     task = env.unwrapped.task
     document = load_designs(DESIGNS / "BringCube.json")
-    candidate = read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
+    candidate = read_designs(document, installed().create("tool", "urdf"), task)[0]
     trajectory = prepare(task, candidate, 0, RolloutSettings())[1].trajectory
     env.reset(seed=0)
     limits, total, done = 0.05 * ARM.velocity_limits, 0.0, False

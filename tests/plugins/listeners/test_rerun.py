@@ -14,18 +14,18 @@ import pytest
 from rerun.chunk import RrdReader
 
 from core.config.compose import load
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, RolloutSettings
 from core.plugins import event_hub, installed
-from core.simulation.rollout import evaluate_batch
+from core.trial import tried_once
 from plugins.actions.anchored import AnchoredActions
 from plugins.listeners.rerun.writer import MAX_TEXT, replay
 from tests import solutions
 from tests.panda import ARM
+from tests.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +48,7 @@ def generations(simulator):
     """One with a hook and a reject; the same hook in a hostile model's words; a bare hand that derives from both, and
     stays where it is.
     """
-    hook = replace(read_designs(load_designs(SOLUTION), URDF, SpawnRules(TASK, 0))[0], action=0)
+    hook = replace(read_designs(load_designs(SOLUTION), URDF, TASK)[0], action=0)
     hostile = replace(
         hook,
         tool=replace(hook.tool, name=HOSTILE, description=HOSTILE),
@@ -291,7 +291,7 @@ def test_a_rollout_that_breaks_is_reported_in_its_place(tmp_path, generations, c
 
 
 def test_a_generation_of_rejects_only(tmp_path, simulator, capfd):
-    lost = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no boxes"), "rejected", reason="no boxes")
+    lost = tried_once(Candidate(None, np.zeros((0, 6)), problem="no boxes"), "rejected", reason="no boxes")
     play(run_in(tmp_path, simulator), [Generation(0, (lost,))])
     recording = Recording(tmp_path / "recording.rrd")
     assert "/search/reward/best" not in recording.rows

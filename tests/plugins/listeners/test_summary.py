@@ -9,20 +9,21 @@ import pytest
 
 from core import evaluate
 from core.config.compose import load
-from core.design import Candidate, Evaluation, Trial
+from core.design import Candidate
 from core.events import Generation, Result, Run
-from core.interfaces import Reply
+from core.interfaces import Reply, Score
 from core.plugins import event_hub, installed
 from core.scene import Margin
 from core.search.orchestration import run
 from core.support.text import hydra_word
+from core.trial import Evaluation, Trial, Where, tried_once
 from plugins.new.packages import write_scene
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm
 
 
-def summary(capsys, *rewards, replies=(), name="hook", more=(), **settings):
-    """What is printed of a run with these rewards by generation."""
+def summary(capsys, *rewards, replies=(), name="hook", trials=({},), **settings):
+    """What is printed of a run with these rewards by generation; ``trials`` are further fields of each trial."""
     events = event_hub()
     events.register(installed().create("listener", "summary", settings))
     for reply in replies:
@@ -32,8 +33,14 @@ def summary(capsys, *rewards, replies=(), name="hook", more=(), **settings):
         evaluations = []
         for i, reward in enumerate(row):
             candidate = Candidate(hook(0.1, name), np.zeros((1, 6)), index, 0, i)
-            good = Evaluation(candidate, "ok", reward=reward or 0.0, distance_m=0.5 + i, **dict(more))
-            evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
+            if reward is None:
+                evaluations.append(tried_once(candidate, "rejected", reason="heavy"))
+                continue
+            tried = [
+                Trial(Where("BringCube", "pybullet", layout), candidate.id, reward=reward, distance_m=0.5 + i, **fields)
+                for layout, fields in enumerate(trials)
+            ]
+            evaluations.append(Evaluation(candidate, tuple(tried), Score(reward)))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
     chosen = {kind: {"name": name} for kind, name in {**parts, "fitness": "nominal"}.items()}
@@ -88,15 +95,15 @@ def test_what_the_model_took(capsys):
 
 def test_the_least_margin_of_the_best(capsys):
     margins = (Margin.at_most("force on board", 6, 15, "N"),)
-    said = summary(capsys, [0.5], more={"trials": (Trial(), Trial(margins=margins))})
+    said = summary(capsys, [0.5], trials=[{}, {"margins": margins}])
     assert "least margin of the best 0.60: force on board 6 N, limit 15 N\n" in said
-    reward = Trial(margins=(Margin.at_least("reward", 0.6, 0.95, "", 0.05),))  # of a task without limits
-    assert "least margin" not in summary(capsys, [0.6], more={"trials": (reward,)})
+    reward = (Margin.at_least("reward", 0.6, 0.95, "", 0.05),)  # of a task without limits
+    assert "least margin" not in summary(capsys, [0.6], trials=[{"margins": reward}])
 
 
 def test_each_goal_of_several_has_its_score(capsys):
-    goals = [Trial(goals=(("door", door), ("can (goal 1)", 0.0))) for door in (0.25, 0.75)]
-    said = summary(capsys, [0.5], more={"trials": tuple(goals)})
+    trials = [{"goals": (("door", door), ("can (goal 1)", 0.0))} for door in (0.25, 0.75)]
+    said = summary(capsys, [0.5], trials=trials)
     assert (
         "goals, by the best candidate (and the most by any): door 0.500 (0.750), can (goal 1) 0.000 (0.000)\n" in said
     )

@@ -65,11 +65,11 @@ def test_settings_of_a_gripper(words):
         ({"path": "a.urdf", "home": ["a"]}, "setting 'home' can't be"),
         (
             {"path": "a.urdf", "home": [0.0], "gripper": {"link": "hand"}},
-            "setting 'gripper' can't be .* required: joints",
+            "setting 'gripper' can't be .*: joints: Field required",
         ),
         (
             {"path": "a.urdf", "home": [0.0], "gripper": {"link": "hand", "joints": ["a", "b"], "force": 1.0}},
-            "Unexpected keyword argument: force",
+            "force: Unexpected keyword argument",
         ),
         ({"path": "a.urdf", "home": [0.0]}, "a.urdf can't be read: No such file"),
     ],

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
-from core.simulation.rollout import evaluate_batch
 from plugins.conformance import bodies, joints, output, robot, shapes
 from plugins.conformance.output import bits
 from plugins.conformance.worlds import BARE, GREY, Bodies, cube, end, film, motion, start, stick, still
+from tests.playing import evaluate_batch
 
 pytest.importorskip("mujoco_warp")
 
@@ -60,7 +59,7 @@ def test_simulator(warped, check):
 def test_reference_solutions_are_as_good(warped, name):
     task = installed().create("task", name)
     designs = load_designs(ROOT / f"tests/tasks/solutions/{name}.json")
-    candidates = read_designs(designs, installed().create("tool", "urdf"), SpawnRules(task, 0))
+    candidates = read_designs(designs, installed().create("tool", "urdf"), task)
     ours, theirs = (
         evaluate_batch(task, engine, candidates, 0, RolloutSettings())
         for engine in (warped, installed().create("sim", "mujoco"))

@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.config.compose import load
-from core.design import Candidate, Component, Evaluation, Tool, Trial
+from core.design import Candidate, Component, Tool
 from core.errors import UsageError
 from core.evaluate import evaluate
 from core.geometry import Box, Pose
 from core.plugins import installed
-from plugins.fitness.robustness import worst
+from core.trial import Evaluation, Trial, Where, tried_once
+from plugins.fitness.several import score_by_worst_engine
 from plugins.strategies.map_elites.archive import Archive, Measure, extent, observes, read_measures, save_archive
 from tests.core.run_folders import PLAN, hook
 
@@ -26,7 +26,7 @@ EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0
 def earned(reward, distance=1.0, length=0.35, action=0, status="ok", mass=0.005):
     tool = hook(length)
     heavy = tuple(Component(c.name, c.parent, c.pose, c.shape, mass) for c in tool.components)
-    return Evaluation(Candidate(Tool(heavy), PLAN, 0, 0, action, 0), status, reward=reward, distance_m=distance)
+    return tried_once(Candidate(Tool(heavy), PLAN, 0, 0, action, 0), status, reward=reward, distance_m=distance)
 
 
 def best(*evaluations, tie=0.005):
@@ -73,10 +73,17 @@ def test_the_extent_is_the_longest_side_of_all_components_together():
 
 def test_where_a_tool_touches_is_the_mean_of_the_trials_in_which_it_does():
     (measure,) = read_measures(["touch"])
-    trials = [replace(earned(0.5), trials=(Trial(touch_m=metres),)) for metres in (0.31, None, 0.51)]
-    assert [measure.bin(evaluation) for evaluation in (*trials, earned(0.5))] == [7, 24, 12, 24]
-    assert measure.bin(worst(earned(0.5).candidate, {"mujoco": trials[1:], "sapien": trials[:1]})) == 10
-    assert measure.bin(worst(earned(0.5).candidate, {"mujoco": trials[1:2]})) == 24
+    near, never, far = (
+        Trial(Where("BringCube", engine, 0), reward=0.5, touch_m=metres)
+        for engine, metres in (("sapien", 0.31), ("mujoco", None), ("mujoco", 0.51))
+    )
+    assert [bin_of_trials(measure, trial) for trial in (near, never, far)] == [7, 24, 12]
+    assert bin_of_trials(measure, never, far, near) == 10
+    assert measure.bin(Evaluation(earned(0.5).candidate)) == 24
+
+
+def bin_of_trials(measure, *trials):
+    return measure.bin(Evaluation(earned(0.5).candidate, trials, score_by_worst_engine(trials)))
 
 
 # --- the setting ------------------------------------------------------------------------------------------------

@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import Candidate, Tool
 from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
 from core.search.orchestration import resume, run
+from core.trial import tried_once
 from tests import toys
 from tests.test_resume import assert_same_run, rows, toy  # noqa: F401 - a fixture
 
@@ -36,7 +37,7 @@ def search(*rewards, **settings):
     for generation in rewards:
         candidates = sorted(strategy.ask(), key=lambda c: c.key)
         pairs = zip(candidates, generation, strict=True)
-        strategy.tell([Evaluation(c, "ok", reward=reward, distance_m=1.0) for c, reward in pairs])
+        strategy.tell([tried_once(c, "ok", reward=reward, distance_m=1.0) for c, reward in pairs])
     list(strategy.ask())
     shown = [[[e.candidate.id[:5] for e in team.elites] for team in teams] for teams in designer.asked]
     return shown, designer.asked

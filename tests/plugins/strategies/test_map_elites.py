@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from core.design import Candidate, Evaluation, best_first
+from core.design import Candidate
 from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
 from core.search.orchestration import resume, run
+from core.trial import best_first, tried_once
 from tests import toys
 from tests.core.run_folders import hook
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture
@@ -39,7 +40,7 @@ def search(designer, generations=3, earns=lambda c: 0.1 + 0.1 * c.strategy, **se
         candidates = sorted(strategy.ask(), key=lambda c: c.key)
         found.append(
             [
-                Evaluation(c, "ok" if c.problem is None else "rejected", reward=min(earns(c), 1.0), distance_m=1.0)
+                tried_once(c, "ok" if c.problem is None else "rejected", reward=min(earns(c), 1.0), distance_m=1.0)
                 for c in candidates
             ]
         )

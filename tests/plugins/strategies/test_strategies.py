@@ -1,20 +1,19 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import Candidate, Evaluation, Tool, Trial
+from core.design import Candidate, Tool
 from core.errors import UserError
-from core.interfaces import Budget
+from core.interfaces import Budget, Score
 from core.plugins import installed
+from core.trial import Evaluation, Trial, Where, tried_once
 from plugins.strategies.vlmgineer import select
 
 
 def earned(reward, strategy=0, action=0, *, generation=0, agent=0, distance=1.0, status="ok"):
     candidate = Candidate(Tool(), np.zeros((1, 6)), generation, agent, strategy, action)
-    return Evaluation(candidate, status, reward=reward, distance_m=distance)
+    return tried_once(candidate, status, reward=reward, distance_m=distance)
 
 
 class Recorder:
@@ -54,14 +53,11 @@ def test_one_tools_plans_crowd_out_the_others_before_they_are_thinned():
 
 def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
     earned_in = {0: (0.6, 0.5), 1: (0.0, 0.9), 2: (0.7, 0.0)}  # in two tasks
-    found = [
-        replace(
-            earned(sum(each) / 2, number),
-            trials=tuple(Trial(task=task, reward=reward) for task, reward in zip("ab", each, strict=True)),
-            figures=dict(zip("ab", each, strict=True)),
-        )
-        for number, each in earned_in.items()
-    ]
+    found = []
+    for number, (in_a, in_b) in earned_in.items():
+        candidate = Candidate(Tool(), np.zeros((1, 6)), strategy=number)
+        trials = tuple(Trial(Where(task, "", 0), reward=reward) for task, reward in (("a", in_a), ("b", in_b)))
+        found.append(Evaluation(candidate, trials, Score((in_a + in_b) / 2, {"a": in_a, "b": in_b})))
     assert [e.candidate.strategy for e in select(found, 1, 0.5)] == [0, 2, 1]
     search, designer = strategy("vlmgineer", k_top=1)
     search.tell(found)

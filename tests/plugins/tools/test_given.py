@@ -36,14 +36,14 @@ def test_the_error_names_the_tasks_with_a_given_tool():
 
 @pytest.mark.parametrize(("representation", "numbers"), [(NONE, 7), (RLBENCH, 6)])
 def test_a_document_holds_plans_only(representation, numbers):
-    spawn = SpawnRules(on_panda(BringCube()), 0)
+    task = on_panda(BringCube())
     plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 0.5][:numbers]]
-    (candidate,) = read_designs({"strategies": [{"action_sets": [plan]}]}, representation, spawn)
+    (candidate,) = read_designs({"strategies": [{"action_sets": [plan]}]}, representation, task)
     assert candidate.problem is None
-    assert candidate.tool.components == representation.given(on_panda(BringCube())).components
-    (again,) = read_designs({"strategies": [dump_design(candidate, representation)]}, representation, spawn)
+    assert candidate.tool.components == representation.given(task).components
+    (again,) = read_designs({"strategies": [dump_design(candidate, representation)]}, representation, task)
     np.testing.assert_array_equal(again.plan.poses, candidate.plan.poses)
-    (wrong,) = read_designs({"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]}, representation, spawn)
+    (wrong,) = read_designs({"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]}, representation, task)
     assert "gripper" in wrong.problem
 
 

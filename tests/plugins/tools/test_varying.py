@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules, check_tool
+from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Numbers, Waypoints
 from core.plugins import installed
@@ -21,9 +21,7 @@ SHAPES = (Box((0.1, 0.04, 0.02)), Cylinder(0.02, 0.1), Capsule(0.02, 0.06), Sphe
 
 def solution(folder, name, tool):
     task = installed().create("task", name)
-    return read_designs(
-        load_designs(ROOT / folder / f"{name}.json"), installed().create("tool", tool), SpawnRules(task, 0)
-    )[0]
+    return read_designs(load_designs(ROOT / folder / f"{name}.json"), installed().create("tool", tool), task)[0]
 
 
 def chain(shapes):

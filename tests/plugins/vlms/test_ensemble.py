@@ -9,12 +9,13 @@ from omegaconf import OmegaConf
 
 from core.config.compose import load
 from core.config.trust import refuse_keys
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.errors import UsageError, UserError
 from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Waypoints
 from core.plugins import Offer, installed
+from core.trial import tried_once
 from plugins.conformance.suites import SUITES
 from plugins.vlms.ensemble.model import Ensemble
 from tests.plugins.vlms.asking import until_limit
@@ -65,7 +66,7 @@ def requests_of(generation, agents):
 def generation(index, earned):
     """What each agent's design earned."""
     plan = Waypoints([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
-    evaluations = [Evaluation(Candidate(None, plan, index, a), "ok", reward) for a, reward in earned.items()]
+    evaluations = [tried_once(Candidate(None, plan, index, a), "ok", reward) for a, reward in earned.items()]
     return Generation(index, tuple(evaluations))
 
 

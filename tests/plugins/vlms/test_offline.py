@@ -8,23 +8,23 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate
 from core.designs.composer import answer_schema
 from core.designs.reading import parse_reply, read_designs
-from core.designs.rules import SpawnRules
 from core.geometry import Box
-from core.interfaces import Brief, Material, Request, Task
+from core.interfaces import Brief, Material, Request, RolloutSettings, Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Goal, Scene, floor, table
-from core.simulation.rollout import RolloutSettings, evaluate_batch
 from core.solids.self_collision import find_self_collision
+from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from tasks.high_object import HighObject
 from tasks.score_goal import ScoreGoal
 from tests.panda import ARM, PANDA, on_panda
+from tests.playing import evaluate_batch
 from tests.rare import rare
 
 pytestmark = pytest.mark.slow
@@ -90,14 +90,14 @@ def candidates(given):
     return read_designs(
         parse_reply(reply(given).text),
         given.representation,
-        SpawnRules(given.task, 0),
+        given.task,
         generation=given.generation,
         elites=tuple(elite.candidate.id for elite in given.elites),
     )
 
 
 def elite(candidate, reward):
-    return Evaluation(candidate, "ok", reward=reward, distance_m=1.0, moved_m={"cube": 0.3})
+    return tried_once(candidate, "ok", reward=reward, distance_m=1.0, moved_m={"cube": 0.3})
 
 
 def numbers(candidate):
@@ -236,6 +236,6 @@ def test_tools_of_a_soft_material_are_stout_enough(task):
     read = {}
     for representation in (soft, URDF):
         document = json.loads(reply(brief(task, n_tool=4, n_action=1, representation=representation)).text)
-        read[representation] = read_designs(document, soft, SpawnRules(task, 0))
+        read[representation] = read_designs(document, soft, task)
     assert [candidate.problem for candidate in read[soft]] == [None] * 4
     assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])

@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Evaluation
 from core.designs.planning import look
 from core.designs.reading import read_designs
-from core.designs.rules import SpawnRules
-from core.interfaces import Brief, Perception
+from core.interfaces import Brief, Perception, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.simulation.rollout import RolloutSettings, evaluate_batch
+from core.trial import tried_once
 from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline.designer import answer
 from plugins.vlms.offline.plans import reach_error
 from tests.panda import on_panda
+from tests.playing import evaluate_batch
 from tests.rare import rare
 
 pytestmark = pytest.mark.slow
@@ -32,7 +31,7 @@ def brief(name, variation="none", actions=None, **more):
 
 
 def candidates(given, document):
-    return read_designs(document, URDF, SpawnRules(given.task, 0), actions=given.actions, most=(None, given.n_action))
+    return read_designs(document, URDF, given.task, actions=given.actions, most=(None, given.n_action))
 
 
 TASKS = ("BringCube", "ElevatePlate", "HighObject", "LiftBox", "OneBook", "ScoreGoal", "SnatchCookie", "TurkeyLegs")
@@ -54,7 +53,7 @@ def test_offspring_of_what_flew_away_can_be_written():
     """By the measure of what is missing, some strokes would get 60 m longer, and no step leads as far."""
     given = brief("BringCube")
     (first, *_) = candidates(given, answer(given))
-    flown = (Evaluation(first, "ok", 0.1, moved_m={"cube": 60.0}),)
+    flown = (tried_once(first, "ok", 0.1, moved_m={"cube": 60.0}),)
     offspring = replace(given, elites=flown, n_tool=4, n_action=3, actions=AnchoredActions(), seed=8)
     assert len(answer(offspring)["strategies"]) == 4
 
@@ -96,7 +95,7 @@ def test_offspring_of_a_plan_with_guards_have_one_at_most():
     steps = [*first.plan.dump(), {"anchor": "cube", "offset": [0, 0.1, 0.3], "until": "touch"}]
     steps += [{"anchor": "here", "offset": [0, 0, 0.1]}, {"anchor": "cube", "toward": "here", "offset": [0, 0, 0.1]}]
     guarded = replace(first, plan=given.actions.parse(steps, gripper=False))
-    elites = (Evaluation(guarded, "ok", 0.9, moved_m={"cube": 0.3}),)
+    elites = (tried_once(guarded, "ok", 0.9, moved_m={"cube": 0.3}),)
     offspring = replace(given, elites=elites, n_tool=2, n_action=3)
     plans = [c.plan for c in candidates(offspring, answer(offspring))]
     assert [sum(bool(step.until) for step in plan.steps) for plan in plans] == [1, 0, 1] * 2

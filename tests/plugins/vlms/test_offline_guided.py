@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.vlms.offline.guided import guided, suits
 from tests.benchmarks.measuring import SOLUTIONS
+from tests.playing import evaluate_batch
 from tests.plugins.vlms.test_offline import analysis, brief, candidates
 
 SCENES = Path(__file__).parent / "guided"

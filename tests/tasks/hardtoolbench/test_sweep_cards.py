@@ -8,7 +8,7 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.scene import Trace
-from core.simulation.rollout import prepare
+from core.simulation.attempt import prepare
 from core.solids.contacts import find_contacts, make_trace
 from tasks.hardtoolbench.sweep_cards import BY_S, CARDS, PRESS_N, SweepCards
 from tests.engines import every_simulator, simulator

@@ -15,13 +15,12 @@ import yaml
 from core.config.compose import load, node
 from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.interfaces import Brief, RolloutSettings, Waypoints
 from core.plugins import installed
-from core.simulation.rollout import evaluate_batch
 from plugins.fitness.layouts import UNSEEN
 from plugins.vlms.offline.designer import answer
 from tests.engines import simulator
+from tests.playing import evaluate_batch
 from tests.solutions import representation
 
 pytestmark = pytest.mark.slow
@@ -43,7 +42,7 @@ def task_of(name):
 
 def designs(file):
     task = task_of(file.stem)
-    found = read_designs(load_designs(file), representation(file, "pla"), SpawnRules(task, 0))
+    found = read_designs(load_designs(file), representation(file, "pla"), task)
     assert [candidate.problem for candidate in found] == [None] * len(found)
     return found
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from core.errors import UsageError, UserError
 from core.interfaces import Outcome, Recording, Rollout, Task
+from core.scene import Scene
 from core.simulation.playback import record_every, schedule
 from plugins.simulators.mujoco.batched.models import ModelFigures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
-from plugins.simulators.mujoco.world import Joints, weighed
+from plugins.simulators.mujoco.world import Joints, inertias_of
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
 
@@ -58,7 +59,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         self._device = engine.device(device)
         self._make = many.Worlds
-        self._figures: OrderedDict[tuple[Task, int, str], ModelFigures] = OrderedDict()
+        self._figures: OrderedDict[tuple[int, str], tuple[Scene, ModelFigures]] = OrderedDict()
         self._contacts: dict[str, int] = {}  # capacity, by digest
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
 
@@ -84,23 +85,25 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return len(schedule(job, self._rates[0])[1])
 
     def _of(self, task: Task, job: Rollout) -> ModelFigures:
-        key = (task, job.seed, job.tool.content)
+        scene = job.scene_in(task)
+        key = (id(scene), job.tool.content)  # the entry keeps the scene, so that its id is its own
         if key not in self._figures:
-            scene = only_rigid(weighed(task, job.seed)[0], task.name, "mujoco_warp")
+            only_rigid(scene, task.name, "mujoco_warp")
             if scene.joints or any(body.launched for body in scene.free):
                 raise UserError(
                     f"{task.name}: sim=mujoco_warp can't have joints or launched bodies in a scene; use sim=mujoco"
                 )
             made = self._model(task, job)
             joints = Joints.of(task.robot, job.tool, made)
-            self._figures[key] = figures(made, scene, joints)
+            self._figures[key] = scene, figures(made, scene, joints)
             if len(self._figures) > _KEPT_FIGURES:
                 self._figures.popitem(last=False)
         self._figures.move_to_end(key)
-        return self._figures[key]
+        return self._figures[key][1]
 
     def _model(self, task: Task, job: Rollout) -> Element:
-        return model(task.robot, *weighed(task, job.seed), job.tool, *self._rates)
+        scene = job.scene_in(task)
+        return model(task.robot, scene, inertias_of(scene), job.tool, *self._rates)
 
     def _played(
         self, task: Task, members: Sequence[int], mine: dict[int, ModelFigures], jobs: Sequence[Rollout]

@@ -5,7 +5,6 @@ import pytest
 import plugins.results.toolbox.trials as trials
 from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.geometry import Box, Pose
 from core.plugins import installed
@@ -76,8 +75,8 @@ def test_the_table_has_the_rewards_and_the_chosen_are_designs(made):
     assert [row.split(",")[0] for row in rows] == [tool.name for tool in found.tools]
     assert rows[0].split(",")[1] == "0.95"
     (file,) = output.glob("chosen/hook_*/design.json")
-    rules = SpawnRules(installed().create("task", "BringCube"), 0)
-    (read,) = read_designs(load_designs(file), installed().create("tool", "urdf"), rules)
+    task = installed().create("task", "BringCube")
+    (read,) = read_designs(load_designs(file), installed().create("tool", "urdf"), task)
     assert read.tool is not None
     assert read.tool.content == found.tools[0].tool.content
     assert (read.plan.content, read.problem) == (found.tools[0].best.candidate.plan.content, None)

@@ -16,7 +16,6 @@ from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from core.scene import Goal
-from core.simulation.rollout import evaluate_batch
 from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
@@ -25,6 +24,7 @@ from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.source import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
+from tests.playing import evaluate_batch
 from tests.plugins.tasks.file.test_mistakes import GOOD
 
 URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><mass value="1"/>

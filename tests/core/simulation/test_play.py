@@ -1,4 +1,4 @@
-"""How candidates become evaluations, with an engine that does what a test needs; real ones are in `tests/tasks`."""
+"""How candidates become trials, with an engine that does what a test needs; real ones are in `tests/tasks`."""
 
 from dataclasses import replace
 
@@ -7,13 +7,16 @@ import pytest
 
 from core.design import Candidate
 from core.errors import UsageError
-from core.interfaces import Outcome, Recording, RolloutSettings
+from core.geometry import Pose
+from core.interfaces import Outcome, Recording, RolloutSettings, Waypoints
 from core.plugins.blame import PluginError
 from core.scene import State
-from core.simulation.rollout import evaluate_batch, prepare
-from plugins.fitness.robustness import PerturbationRange, perturb_task
+from core.simulation.attempt import prepare
+from core.simulation.play import find_problems, play
+from plugins.fitness.robustness import Perturbation, PerturbationRange
 from tests.faults import Faulty, Slide, candidate
 from tests.panda import ARM
+from tests.playing import condition, evaluate_batch
 
 SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 
@@ -77,7 +80,7 @@ def test_rewards_and_shifts_are_those_of_each_candidate():
     assert [e.reward for e in together] == [e.reward for e in alone]
     assert together[0].reward != together[1].reward
     for evaluation in together:
-        assert evaluation.moved_m["block"] == pytest.approx(evaluation.reward)
+        assert evaluation.shown.moved_m["block"] == pytest.approx(evaluation.reward)
 
 
 class Traced(Slide):
@@ -136,12 +139,67 @@ def test_a_trace_needs_a_recording():
     assert evaluation.reason.startswith("the reward reads a trace, and the simulator returned no recording")
 
 
-def test_a_perturbed_task_reads_the_trace_of_its_own():
-    for task, reads in ((Slide(), False), (Traced(), True)):
-        changed = perturb_task(task, PerturbationRange(), 0)
-        assert (changed.reads_trace, changed.hold_s) == (reads, task.hold_s)
-    (evaluation,) = evaluated(candidate(0), task=changed, simulator=Filming(), settings=LOOSE)
-    assert evaluation.reward == 0.75
+def test_in_a_perturbed_scene_the_reward_reads_the_trace_too():
+    perturbed = replace(condition(Traced(), Filming(), settings=LOOSE), change=Perturbation(PerturbationRange(), 0))
+    (trial,) = play(perturbed, [candidate(0)])
+    assert (trial.change, trial.reward) == (0, 0.75)
+
+
+class Moving(Slide):
+    """Has its block in the tool's way in the layout of seed 1."""
+
+    def scene(self, seed):
+        scene = super().scene(seed)
+        (block,) = scene.bodies
+        there = replace(block, pose=Pose(np.array([0.5, 0.0, 0.35])))
+        return replace(scene, bodies=(there,)) if seed == 1 else scene
+
+
+def test_a_tool_that_starts_inside_something_is_rejected_in_that_layout_alone():
+    clear, inside = (play(condition(Moving(), Faulty(), seed, SETTINGS), [candidate(0)])[0] for seed in range(2))
+    assert (clear.status, clear.layout) == ("ok", 0)
+    assert (inside.status, inside.reward, inside.layout) == ("rejected", 0.0, 1)
+    assert "component 'rod' starts" in inside.reason
+
+
+class Shifting:
+    """A change that puts the block in the tool's way."""
+
+    number = 3
+
+    def __call__(self, scene):
+        return Moving().scene(1)
+
+
+def test_in_a_perturbed_scene_a_rejection_says_so():
+    (trial,) = play(replace(condition(Slide(), Faulty(), settings=SETTINGS), change=Shifting()), [candidate(0)])
+    assert (trial.status, trial.change) == ("rejected", 3)
+    assert trial.reason.startswith("in the perturbed scene, component 'rod' starts")
+
+
+class Ruler:
+    """Refuses the first plan of a tool, and measures what was played."""
+
+    def refuse(self, where, tried):
+        return f"not in layout {where.layout}" if tried.action == 0 else None
+
+    def examine(self, where, tried, trial):
+        return replace(trial, figures={"layout": where.layout, "plan": tried.action})
+
+
+def test_an_examiner_may_refuse_a_candidate_and_adds_what_it_measured():
+    examined = replace(condition(Slide(), Faulty(), 2, SETTINGS), examiner=Ruler())
+    refused, measured = play(examined, [candidate(0), candidate(1)])
+    assert (refused.status, refused.reason, refused.reward) == ("rejected", "not in layout 2", 0.0)
+    assert (measured.status, measured.figures) == ("ok", {"layout": 2, "plan": 1})
+
+
+def test_problems_are_found_without_playing():
+    where = condition(Slide(), Lost(), settings=SETTINGS)
+    assert find_problems(where, candidate(0)) == []
+    far = replace(candidate(0), plan=Waypoints(np.array([[3.0, 0, 0.4, 0, 0, 0]])))
+    assert "the arm misses the way to waypoint 1 by" in find_problems(where, far)[0]
+    assert find_problems(where, replace(candidate(0), problem="too heavy")) == ["too heavy"]
 
 
 class Confused(Slide):

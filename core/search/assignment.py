@@ -1,0 +1,52 @@
+"""Define what all agents of a run are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from core.errors import UserError, choices
+from core.interfaces import ActionRepresentation, Budget, Robot, Task, ToolRepresentation
+
+TOOL_KINDS = ("rigid", "gripper")
+DEFAULT_KINDS = ("rigid",)  # for a task that names none
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """What all agents of a run are asked for: tools and plans for a task, in these forms.
+
+    An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
+    two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
+    only.
+
+    Raises:
+        UserError: an unknown tool kind.
+    """
+
+    task: Task
+    representation: ToolRepresentation
+    actions: ActionRepresentation
+    budget: Budget
+    seed: int
+    tool_kinds: Sequence[str] = DEFAULT_KINDS
+
+    def __post_init__(self) -> None:
+        for name in self.tool_kinds:
+            if name not in TOOL_KINDS:
+                raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
+
+
+def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
+    """Return the tool kinds that the robot can bear: without a gripper, rigid ones.
+
+    Raises:
+        UserError: none is left.
+    """
+    borne = [name for name in tool_kinds if name != "gripper" or robot.gripper is not None]
+    if not borne:
+        raise UserError(
+            f"robot {robot.name} has no gripper, and task.tool_kinds has no other kind; set task.tool_kinds=[rigid], "
+            "or choose another robot"
+        )
+    return borne

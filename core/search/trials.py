@@ -1,0 +1,276 @@
+"""Try candidates in conditions: the scheduler of trials.
+
+Each pair of a design and a condition is tried once in a run. So an equal plan, a tool's plan for another of several
+tasks, a finalist and a resumed run cost nothing twice. Chunks of one condition and one tool's candidates are dealt to
+an executor's workers, so layouts of one candidate run side by side. A trial is stored when it ends, before its
+candidate has all of its trials.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from core.design import Candidate
+from core.errors import UserError, fault
+from core.interfaces import CHUNK, Executor, Fitness
+from core.plugins import describe_part
+from core.plugins.blame import PluginError
+from core.simulation.play import play
+from core.support.threads import run_in_thread
+from core.trial import Condition, Evaluation, Score, Trial, TrialKey
+
+LINGER_S = 0.2  # how long a chunk waits for one more candidate, for an engine with large batches
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Candidates that are tried together in one condition."""
+
+    condition: Condition
+    candidates: tuple[Candidate, ...]
+
+    def __len__(self) -> int:
+        return len(self.candidates)
+
+    def __iter__(self) -> Iterator[Candidate]:
+        return iter(self.candidates)
+
+
+Play = Callable[[Condition, Sequence[Candidate]], list[Trial]]
+"""Tries candidates in a condition (`core.simulation.play.play`)."""
+
+
+@dataclass(frozen=True)
+class _Player:
+    """What workers call with chunks; ``conditions`` are those of all chunks."""
+
+    play: Play
+    conditions: tuple[Condition, ...]
+    batch: int
+
+    def prepare(self) -> None:
+        """Make the tasks and engines of the conditions: what fails here is no candidate's fault."""
+        for condition in self.conditions:
+            condition.task.shared()
+            condition.sim.shared()
+
+    def __call__(self, chunk: Chunk) -> list[Trial]:
+        return self.play(chunk.condition, chunk.candidates)
+
+
+@dataclass(eq=False)
+class _Waiting:
+    """A candidate until all of its trials have ended."""
+
+    candidate: Candidate
+    conditions: Sequence[Condition]
+    keys: list[TrialKey]
+    missing: int = 0
+
+
+@dataclass(eq=False)
+class Trials:
+    """The scheduler of a run's trials.
+
+    Executors may read chunks in a thread of their own, so what is known is kept under a lock.
+
+    Attributes:
+        executor: plays chunks.
+        tell: is called with each trial when it ends, in the caller's thread, with its key.
+        known: the trials so far, those of an earlier session too.
+        play: tries a chunk's candidates, in a worker.
+    """
+
+    executor: Executor
+    tell: Callable[[TrialKey, Trial], None] = lambda key, trial: None
+    known: dict[TrialKey, Trial] = field(default_factory=dict)
+    play: Play = play
+
+    def __post_init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: dict[TrialKey, list[_Waiting]] = {}
+
+    def evaluate(self, candidates: Iterable[Candidate], fitness: Fitness) -> Iterator[Evaluation]:
+        """Yield the evaluation of each candidate by a fitness, when its last trial has ended."""
+        conditions = tuple(fitness.conditions())
+        for candidate, trials in self.try_in(conditions, candidates):
+            yield Evaluation(candidate, trials, fitness.score(candidate, trials) if trials else Score(0.0))
+
+    def try_in(
+        self,
+        conditions: Sequence[Condition],
+        candidates: Iterable[Candidate],
+    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+        """Yield each candidate with its trials in all conditions, as they end; no trials where it breaks a rule."""
+        batch = min((condition.batch for condition in conditions), default=1)
+        settled: deque[tuple[Candidate, tuple[Trial, ...]]] = deque()
+        chunks = self._chunks(conditions, candidates, batch, settled)
+        player = _Player(self.play, tuple(conditions), batch)
+        broken: list[Chunk] = []
+        try:
+            for chunk, result in self.executor.map(player, chunks):
+                yield from _drain(settled)
+                if isinstance(result, Exception):
+                    broken.append(chunk)
+                else:
+                    yield from self._take(chunk, result)
+            yield from self._retry(player, broken)
+            yield from _drain(settled)
+            if self._waiting:
+                raise UserError(f"{describe_part(self.executor)}: map gave no result for {len(self._waiting)} trials")
+        finally:
+            self._waiting.clear()  # of trials that an error or an interrupt cut short
+
+    def _chunks(
+        self,
+        conditions: Sequence[Condition],
+        candidates: Iterable[Candidate],
+        batch: int,
+        settled: deque[tuple[Candidate, tuple[Trial, ...]]],
+    ) -> Iterator[Chunk]:
+        """Yield what is to be tried; candidates that need no trial go to ``settled`` at once."""
+        groups = _gather(candidates, batch) if batch > 1 else _group_by_tool(candidates)
+        for group in groups:
+            to_try: dict[Condition, list[Candidate]] = {condition: [] for condition in conditions}
+            for candidate in group:
+                if candidate.problem is not None:
+                    settled.append((candidate, ()))
+                    continue
+                waiting = self._register(candidate, conditions, to_try)
+                if waiting.missing == 0:
+                    settled.append((candidate, self._trials_of(waiting)))
+            for condition, members in to_try.items():
+                if members:
+                    yield Chunk(condition, tuple(members))
+
+    def _register(
+        self, candidate: Candidate, conditions: Sequence[Condition], to_try: dict[Condition, list[Candidate]]
+    ) -> _Waiting:
+        """Note which trials of a candidate are missing, and add it where nobody is tried for it yet."""
+        keys = [key_of(candidate, condition) for condition in conditions]
+        waiting = _Waiting(candidate, conditions, keys)
+        with self._lock:
+            for condition, key in zip(conditions, keys, strict=True):
+                if key in self.known:
+                    continue
+                waiting.missing += 1
+                if key in self._waiting:
+                    self._waiting[key].append(waiting)
+                else:
+                    self._waiting[key] = [waiting]
+                    to_try[condition].append(candidate)
+        return waiting
+
+    def _take(self, chunk: Chunk, result: Sequence[Trial]) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+        """Keep the trials of a chunk, and yield the candidates that have all of theirs now."""
+        for candidate, trial in zip(chunk.candidates, result, strict=True):
+            key = key_of(candidate, chunk.condition)
+            self.tell(key, trial)
+            with self._lock:
+                self.known[key] = trial
+                waiting = self._waiting.pop(key)
+                for each in waiting:
+                    each.missing -= 1
+                ended = [each for each in waiting if each.missing == 0]
+            for each in ended:
+                yield each.candidate, self._trials_of(each)
+
+    def _retry(self, player: _Player, broken: list[Chunk]) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+        """Try chunks that failed again in smaller ones, at last one by one; a candidate that fails then has failed.
+
+        Raises:
+            UserError: the machine is at fault.
+        """
+        for size in (CHUNK, 1) if player.batch > 1 else (1,):
+            pieces = [piece for chunk in broken for piece in _split(chunk, size)]
+            broken = []
+            for chunk, result in self.executor.map(player, pieces):
+                if not isinstance(result, Exception):
+                    yield from self._take(chunk, result)
+                elif size > 1:
+                    broken.append(chunk)
+                else:
+                    yield from self._take(chunk, [_failed(chunk, result)])
+
+    def _trials_of(self, waiting: _Waiting) -> tuple[Trial, ...]:
+        return tuple(self.known[key] for key in waiting.keys)
+
+
+def key_of(candidate: Candidate, condition: Condition) -> TrialKey:
+    """Return what is tried where."""
+    where = condition.where
+    return candidate.of(where.task).content, where
+
+
+def _failed(chunk: Chunk, error: Exception) -> Trial:
+    """Make the trial of the chunk's only candidate, for which its worker failed.
+
+    Raises:
+        UserError: the machine is at fault.
+    """
+    (candidate,) = chunk.candidates
+    machine = fault(error)
+    if machine is not None:
+        raise UserError(
+            f"candidate {candidate.id} can't be tried: {machine}; this is a fault of the machine, not of the design, "
+            "which stays untried: see that there is room on its disks and in its memory"
+        )
+    why = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
+    return Trial(chunk.condition.where, candidate.id, "failed", reason=why)
+
+
+def _split(chunk: Chunk, size: int) -> Iterator[Chunk]:
+    for begin in range(0, len(chunk), size):
+        yield Chunk(chunk.condition, chunk.candidates[begin : begin + size])
+
+
+def _drain(settled: deque[tuple[Candidate, tuple[Trial, ...]]]) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+    while settled:
+        yield settled.popleft()
+
+
+def _group_by_tool(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
+    """Group candidates in a row that share a tool, at most `CHUNK` of them."""
+    group: list[Candidate] = []
+    for candidate in candidates:  # not groupby by id: a tool of an earlier reply is gone, and its id may come again
+        if group and (len(group) == CHUNK or candidate.tool is not group[-1].tool):
+            yield group
+            group = []
+        group.append(candidate)
+    if group:
+        yield group
+
+
+def _gather(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candidate]]:
+    """Group the candidates that have arrived since the last group was taken, at most ``most`` of them.
+
+    A thread of its own reads them, so that replies arrive while a group is tried. What reading raises is raised here.
+    """
+    arrived: queue.Queue[Candidate | Exception | None] = queue.Queue(maxsize=most)
+
+    def read() -> None:
+        for candidate in candidates:
+            arrived.put(candidate)
+
+    run_in_thread(read, arrived.put, "candidates")
+    while True:
+        item = arrived.get()
+        group: list[Candidate] = []
+        while isinstance(item, Candidate):
+            group.append(item)
+            if len(group) == most:
+                break
+            try:
+                item = arrived.get(timeout=LINGER_S)
+            except queue.Empty:
+                break
+        if group:
+            yield group
+        if isinstance(item, Exception):
+            raise item
+        if item is None:
+            return

@@ -1,0 +1,372 @@
+"""Define conditions, trials and what a fitness makes of them.
+
+A trial is one candidate in one condition. It is complete when it is made (`core.simulation.play`), and nothing is tried
+twice (`core.search.trials`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from core.design import Candidate
+from core.scene import Scene
+from core.task import Task
+from core.values.efforts import Effort, holds
+from core.values.jobs import RolloutSettings
+from core.values.margins import Margin
+from core.values.observations import Observation
+
+TIE = 0.005
+"""The default of ``evolution.tie``, see `ranked`."""
+
+Status = Literal["ok", "rejected", "failed"]
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+
+class Part(Protocol[T_co]):
+    """A part by its name and settings (`core.plugins.PluginPart`): small, hashable and picklable."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def settings(self) -> tuple[tuple[str, Any], ...]: ...
+
+    def shared(self) -> T_co:
+        """Return the part, which a process makes once."""
+
+    def declared(self, name: str, default: Any) -> Any:
+        """Return an attribute of the part's class, without making the part."""
+
+
+class Change(Protocol):
+    """A perturbation of scenes: hashable and picklable."""
+
+    @property
+    def number(self) -> int: ...
+
+    def __call__(self, scene: Scene) -> Scene:
+        """Return the perturbed scene, the same each time."""
+
+
+class Examiner(Protocol):
+    """What a fitness adds to trials, where they are played: hashable and picklable."""
+
+    def refuse(self, condition: Condition, candidate: Candidate) -> str | None:
+        """Say what speaks against a candidate before it is played; None: nothing does."""
+
+    def examine(self, condition: Condition, candidate: Candidate, trial: Trial) -> Trial:
+        """Return a trial that was played, with what is found out beside it."""
+
+
+class Where(NamedTuple):
+    """What distinguishes the trials of a candidate; it is stored with each."""
+
+    task: str  # its name
+    engine: str  # its name, as the fitness shows it
+    layout: int  # the seed of the layout
+    change: int | None = None  # the number of the scene's perturbation; None: the scene as it is
+
+
+TrialKey = tuple[str, Where]
+"""What distinguishes the trials of a run: a design's content, of its plan for the condition's task alone, and where."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Where and how a candidate is tried.
+
+    Attributes:
+        task: makes the task.
+        sim: makes the engine, a `core.interfaces.Simulator`.
+        layout: the seed of the layout.
+        settings: how plans are executed.
+        change: perturbs the scene; None: it is as the task has it.
+        engine: the name under which the engine is shown; empty: its own.
+        examiner: looks at candidates before and after they are played; None: nobody does.
+    """
+
+    task: Part[Task]
+    sim: Part[Any]
+    layout: int = 0
+    settings: RolloutSettings = field(default_factory=RolloutSettings)
+    change: Change | None = None
+    engine: str = ""
+    examiner: Examiner | None = None
+
+    @property
+    def batch(self) -> int:
+        """The number of candidates that the engine takes at once (`Simulator.batch`)."""
+        return int(self.sim.declared("batch", 1))
+
+    @property
+    def where(self) -> Where:
+        """Return what distinguishes the condition from a run's others."""
+        number = None if self.change is None else self.change.number
+        return Where(self.task.shared().name, self.engine or self.sim.name, self.layout, number)
+
+    def scene(self) -> Scene:
+        """Make the scene: the task's layout, perturbed if this is asked for."""
+        scene = self.task.shared().scene(self.layout)
+        return scene if self.change is None else self.change(scene)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of one candidate in one condition. Numbers that are not known are nan.
+
+    Attributes:
+        where: the condition.
+        candidate: the id of the candidate that was played; others with the same tool and plan share its trials.
+        status: ``ok``; ``rejected``: the design breaks a rule there; or ``failed``: the rollout failed.
+        reward: 0..1; 0 where it was rejected or failed.
+        reason: why it was rejected, failed, or earns nothing; or empty.
+        distance_m: the way of the end-effector's origin from home through all waypoints.
+        ik_error_m: with ``ik_error_rad`` the largest misses of the inverse kinematics along the plan.
+        tracking_error_rad: the largest lag of a joint behind its target.
+        motion_s: the time of the motion, s; None: nothing was played to its end.
+        moved_m: the distance of each free body's end from its start.
+        warnings: what else is to be said of it.
+        margins: how far it stayed from the task's limits, the least first; none: the task says none.
+        goals: where several goals count, how far each was fulfilled, 0..1, by name.
+        touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
+        outcome: what became of the goal's bodies, and of which; empty: not observed.
+        observation: what was observed of the rollout; None: nothing.
+        figures: what `Condition.examiner` measured, by name.
+    """
+
+    where: Where
+    candidate: str = ""
+    status: Status = "ok"
+    reward: float = 0.0
+    reason: str = ""
+    distance_m: float = float("nan")
+    ik_error_m: float = float("nan")
+    ik_error_rad: float = float("nan")
+    tracking_error_rad: float = float("nan")
+    motion_s: float | None = None
+    moved_m: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    margins: tuple[Margin, ...] = ()
+    goals: tuple[tuple[str, float], ...] = ()
+    touch_m: float | None = None
+    outcome: str = ""
+    observation: Observation | None = None
+    figures: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def task(self) -> str:
+        return self.where.task
+
+    @property
+    def engine(self) -> str:
+        return self.where.engine
+
+    @property
+    def layout(self) -> int:
+        return self.where.layout
+
+    @property
+    def change(self) -> int | None:
+        return self.where.change
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a fitness makes of a candidate's trials.
+
+    Attributes:
+        reward: 0..1, of all trials together.
+        figures: further numbers, by name.
+        shown: the number of the trial that stands for all.
+        warnings: what is to be said beside the warnings of the trial that is shown.
+        reason: why the reward is less than the trials earned; or empty.
+    """
+
+    reward: float
+    figures: Mapping[str, float] = field(default_factory=dict)
+    shown: int = 0
+    warnings: tuple[str, ...] = ()
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A candidate, its trials, and their score.
+
+    Attributes:
+        candidate: what was tried.
+        trials: in the order of the conditions; none: the candidate breaks a rule in any condition.
+        score: what the fitness made of the trials.
+        finals: its trials as a finalist.
+    """
+
+    candidate: Candidate
+    trials: tuple[Trial, ...] = ()
+    score: Score = Score(0.0)
+    finals: tuple[Trial, ...] = ()
+
+    @property
+    def shown(self) -> Trial | None:
+        """The trial that stands for all; None: there is none."""
+        return self.trials[self.score.shown] if self.trials else None
+
+    @property
+    def status(self) -> Status:
+        """The status of the trial that is shown; without trials ``rejected``."""
+        return self.shown.status if self.shown is not None else "rejected"
+
+    @property
+    def reason(self) -> str:
+        """Why it was rejected, failed, or earns nothing; or empty."""
+        if self.shown is None:
+            return self.candidate.problem or ""
+        return self.score.reason or self.shown.reason
+
+    @property
+    def reward(self) -> float:
+        """0..1, of all trials together."""
+        return self.score.reward
+
+    @property
+    def figures(self) -> Mapping[str, float]:
+        """Further numbers of the fitness, by name."""
+        return self.score.figures
+
+    @cached_property
+    def distance_m(self) -> float:
+        """The mean way of the end-effector's origin over the trials that were played; nan: there is none."""
+        ways = [trial.distance_m for trial in self.trials if trial.status == "ok"]
+        return float(np.mean(ways)) if ways else float("nan")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What else is to be said of it."""
+        return (*(self.shown.warnings if self.shown is not None else ()), *self.score.warnings)
+
+    @property
+    def observation(self) -> Observation | None:
+        """What was observed of the trial that is shown; None: nothing."""
+        return self.shown.observation if self.shown is not None else None
+
+    @property
+    def combined(self) -> bool:
+        """Whether it has several trials."""
+        return len(self.trials) > 1
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """The names of the tasks in which it was tried."""
+        return tuple(dict.fromkeys(trial.task for trial in self.trials))
+
+    @property
+    def least_margin(self) -> Margin | None:
+        """The least margin of its trials; None: the task says none."""
+        margins = [margin for trial in self.trials for margin in trial.margins]
+        return min(margins, key=lambda margin: margin.margin, default=None)
+
+    @property
+    def effort(self) -> Effort | None:
+        """What the design costs, over its trials; None: none came to its end, or there is no tool."""
+        return effort_of(self.candidate, self.trials)
+
+    @property
+    def holds(self) -> bool:
+        """Whether its trials hold in each engine (`core.values.efforts.holds`)."""
+        return bool(self.trials) and holds(min(float(np.mean(own)) for own in self.by_engine.values()))
+
+    @property
+    def by_engine(self) -> dict[str, list[float]]:
+        """The rewards of its trials in each engine."""
+        return rewards_by_engine(self.trials)
+
+    @property
+    def rollouts(self) -> int:
+        """The number of rollouts that were played for it."""
+        return count_rollouts(self.candidate.id, self.trials)
+
+    def in_task(self, task: str) -> Evaluation:
+        """Return what the candidate earned in one of its tasks, as the evaluation of its plan for that task alone."""
+        if task not in self.figures:
+            return replace(self, candidate=self.candidate.of(task))
+        trials = tuple(trial for trial in self.trials if trial.task == task)
+        shown = min(range(len(trials)), key=lambda n: (trials[n].status != "ok", trials[n].reward))
+        return Evaluation(self.candidate.of(task), trials, Score(self.figures[task], shown=shown))
+
+
+def tried_once(
+    candidate: Candidate, status: Status = "ok", reward: float = 0.0, distance_m: float = float("nan"), **fields: Any
+) -> Evaluation:
+    """Make the evaluation of a candidate with a single trial, where it does not matter in which condition it was.
+
+    ``fields`` are further fields of the `Trial`.
+    """
+    where = fields.pop("where", Where("", "", 0))
+    trial = Trial(where, candidate.id, status, float(reward), distance_m=distance_m, **fields)
+    return Evaluation(candidate, (trial,), Score(trial.reward))
+
+
+def effort_of(candidate: Candidate, trials: Sequence[Trial]) -> Effort | None:
+    """Compute what a design costs, over its trials; None: none came to its end, or there is no tool."""
+    times = [trial.motion_s for trial in trials if trial.motion_s is not None]
+    if not times or candidate.tool is None:
+        return None
+    least = [max(min(margin.margin for margin in trial.margins), 0.0) for trial in trials if trial.margins]
+    return Effort(float(np.mean(times)), candidate.tool.mass, float(np.mean(least)) if least else None)
+
+
+def rewards_by_engine(trials: Iterable[Trial]) -> dict[str, list[float]]:
+    """Return the rewards in each engine, in the order of the trials."""
+    rewards: dict[str, list[float]] = {}
+    for trial in trials:
+        rewards.setdefault(trial.engine, []).append(trial.reward)
+    return rewards
+
+
+def count_rollouts(candidate: str, trials: Iterable[Trial]) -> int:
+    """Count the rollouts that were played for the candidate of an id: not those that it shares with another one."""
+    return sum(trial.status != "rejected" and trial.candidate == candidate for trial in trials)
+
+
+def ranked(items: Iterable[T], figures: Callable[[T], tuple[float, float | None]], tie: float = TIE) -> list[T]:
+    """Sort items by reward and distance, the best first.
+
+    Rewards within ``tie`` of the highest count as equal: of these items the one with the shorter distance goes first,
+    then the one with the higher reward. The items that are left are sorted by the same rule, and so on. Items with
+    the same figures keep their order.
+
+    Args:
+        items: what is sorted.
+        figures: gives an item's reward and distance in metres; a distance of None or nan is the longest.
+        tie: the largest difference from the highest reward that counts as none.
+    """
+    groups: list[list[T]] = []
+    for item in sorted(items, key=lambda item: figures(item)[0], reverse=True):
+        if not groups or figures(groups[-1][0])[0] - figures(item)[0] > tie:
+            groups.append([])
+        groups[-1].append(item)
+    return [item for group in groups for item in sorted(group, key=lambda item: _or_longest(figures(item)[1]))]
+
+
+def _or_longest(distance_m: float | None) -> float:
+    return np.inf if distance_m is None or np.isnan(distance_m) else distance_m
+
+
+def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
+    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
+    tried = sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key)
+    return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
+
+
+def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:
+    """Keep the first evaluation of each tool."""
+    found: dict[tuple[int, ...], Evaluation] = {}
+    for evaluation in ranking:
+        found.setdefault(evaluation.candidate.key[:3], evaluation)
+    return list(found.values())
