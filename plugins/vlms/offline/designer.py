@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from core.design import DesignError, Tool
 from core.designs.planning import look
-from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request
+from core.hooks import hookimpl
+from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request, Task
+from core.scene import Goal, Scene
+from core.support.cli import say
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.plans import turn_of
 from plugins.vlms.offline.sampler import Layout, SampledPlan, Sampler
-from plugins.vlms.offline.scene_analysis import NothingToMove
-from plugins.vlms.offline.several import PartSeed, tools_answer
+from plugins.vlms.offline.scene_analysis import NothingToMove, turn_between
+from plugins.vlms.offline.several import task_plans, tools_answer
+
+if TYPE_CHECKING:
+    from core.events import Run
 
 _LAYOUTS = 4  # others in which an anchored plan is checked
 _DRAWN = 32  # layouts, of which the most unlike are chosen
@@ -33,12 +40,48 @@ class OfflineDesigner(VLM):
     criticises = False
     sees = False
 
+    @hookimpl(trylast=True)
+    def run_started(self, run: Run) -> None:
+        parts = run.task.parts
+        left = [f"{f'{task.name}: ' * (len(parts) > 1)}{what}" for task in parts for what in left_out(task, run.seed)]
+        if left:
+            say(f"the embedded designer does not plan for: {'; '.join(left)}", file=sys.stderr)
+
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:
             try:
                 yield Reply(request.id, json.dumps(answer(request.brief), indent=1), self.model)
             except (NothingToMove, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
+
+
+def left_out(task: Task, seed: int) -> list[str]:
+    """Name what a task's goals ask that its plans leave out."""
+    scene = task.scene(seed)
+    balls = {joint.name for joint in scene.joints if joint.kind == "ball"}
+    goals = [goal.within(scene) for goal in task.goals if goal.moves]
+    cases = {
+        "a ball joint's position": any(goal.joint in balls for goal in goals),
+        "a turn about the vertical": any(_turns_level(goal, scene) for goal in goals),
+        "a time limit": any(goal.by_s is not None for goal in goals),
+        "what a soft body does as it gives way": bool(scene.softs),
+        "a height, an area or a node": any(g.max_height_m or g.min_area_m2 or g.node is not None for g in goals),
+        "a limit of force": any(goal.max_force_n for goal in task.goals),
+        "a second goal, where one is a joint's or a turn (each tool is made for one)": task.every
+        and len(goals) > 1
+        and any(goal.joint or goal.axis for goal in goals),
+        "anything but its first free body, as the task has no goals": not goals,
+    }
+    return [name for name, holds in cases.items() if holds]
+
+
+def _turns_level(goal: Goal, scene: Scene) -> bool:
+    """Report whether a goal's axis must turn about the vertical."""
+    if goal.axis is None or not goal.bodies:
+        return False
+    axis, _ = turn_between(goal, scene[goal.bodies[0]])
+    length = float(np.linalg.norm(axis))
+    return length > np.sin(np.radians(goal.tolerance_deg)) and abs(float(axis[2])) > 0.5 * length
 
 
 def answer(brief: Brief) -> dict[str, Any]:
@@ -68,47 +111,53 @@ def answer(brief: Brief) -> dict[str, Any]:
 def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
     """Design a tool with plans, or plans for the given tool: offspring of the elites, or fresh ones."""
     brief = sampler.brief
-    given = brief.representation.given(brief.task)
-    parents: list[str] = []
-    if given is not None:
-        tool = given
-        plans, parents = _plans_for(tool, sampler, elites)
+    representation = brief.representation
+    tool = representation.given(brief.task)
+    fields: dict[str, Any] = {}
+    if tool is not None:
         name = "the given tool"
-        description = f"It {plans[0].text}."
-    elif elites:
-        name, description, tool, plans, parents = breed(elites, brief.n_action, sampler)
+        plans, parents = _plans_for(tool, sampler, elites)
+        description = f"Plans varied from {parents[0]}." if parents else f"It {plans[0].text}."
     else:
-        tool, head, pose, plan = sampler.invent()
-        plans = [plan, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
-        parents = [elite.candidate.id for elite in brief.elites[:1]]  # none has this kind of tool
-        name = f"{head.use} with {tool.name}"
-        description = f"The {head.kind} {plan.text}."
+        if elites:
+            name, description, tool, plans, parents = breed(elites, brief.n_action, sampler)
+        else:
+            tool, head, pose, plan = sampler.invent()
+            plans = [plan, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
+            parents = [elite.candidate.id for elite in brief.elites[:1]]
+            name = f"{head.use} with {tool.name}"
+            description = f"The {head.kind} {plan.text}."
+            if parents:
+                description += " A fresh design: no elite has this kind of tool."
+        fields = {"tool_name": tool.name, "tool_description": tool.description}
     action_sets = []
     for i, plan in enumerate(plans):
         if brief.actions.guards and i % 2 == 0:
             action_sets.append(sampler.written_with_guard(plan, tool))
         else:
             action_sets.append(sampler.written(plan.rows, plan.anchors))
-    fields: dict[str, Any] = {"strategy_name": name, "strategy_description": description}
-    if given is None:
-        fields |= {"tool_name": tool.name, "tool_description": tool.description}
-    fields |= {"gripper": tool.gripper, **brief.representation.dump(tool)}
-    fields["action_description"] = " | ".join(f"{i}: {plan.text}" for i, plan in enumerate(plans, start=1))
-    fields["action_sets"] = action_sets
+    fields = {
+        "strategy_name": name,
+        "strategy_description": description,
+        **fields,
+        "gripper": tool.gripper,
+        **representation.dump(tool),
+        "action_description": " | ".join(f"{i}: {plan.text}" for i, plan in enumerate(plans, start=1)),
+        "action_sets": action_sets,
+    }
     return fields | {"parents": parents} if parents else fields
 
 
 def _plans_for(tool: Tool, sampler: Sampler, elites: Sequence[Elite]) -> tuple[list[SampledPlan], list[str]]:
     """Make plans for the given tool, and name their parents."""
-    count = sampler.brief.n_action
+    brief = sampler.brief
+    made = task_plans(sampler, tool, elites)
+    if made is not None:
+        return made
     if elites:
         elite = elites[int(sampler.rng.integers(len(elites)))]
-        return offspring_plans(elite, tool, count, sampler), [elite.id]
-    seed = PartSeed.of(tool, sampler.brief.task)
-    if seed is None:
-        return [sampler.use_any(tool) for _ in range(count)], []
-    _, head, pose, plan = seed.invent(sampler.brief)
-    return [plan, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(count - 1))], []
+        return offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
+    return [sampler.use_any(tool) for _ in range(brief.n_action)], []
 
 
 def _unlike(brief: Brief) -> list[Brief]:

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, DesignError, Tool
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Pose, resized
 from core.interfaces import Anchor, Seen
 from core.trial import Evaluation
 from plugins.vlms.offline.boxes import Boxes, separations
@@ -45,7 +45,7 @@ class Elite:
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) -> list[Elite]:
     """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout.
 
-    A waypoint that ends by a guard is left out.
+    A waypoint that ends by a guard is left out, and so is the way back from it.
     """
     known = {*seen.poses, Anchor().name, Anchor().toward}  # not where a guard ends
     elites = []
@@ -54,15 +54,19 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
         if candidate.tool is None or candidate.tool.gripper != gripper:
             continue
         plan = candidate.plan.resolve(seen)
-        anchors = [
-            anchor if {anchor.name, anchor.toward} <= known else Anchor()
-            for anchor in candidate.plan.anchors or [Anchor()] * len(plan.poses)
-        ]
-        kept = [i for i in range(len(plan.poses)) if not plan.guards or not plan.guards[i]]
-        rows = plan.poses[kept]
-        anchors = [anchors[i] for i in kept]
+        rows = plan.poses
+        given = candidate.plan.anchors
+        kept = []
+        for i, guard in enumerate(plan.guards or [None] * len(rows)):
+            back = i > 1 and bool(plan.guards) and plan.guards[i - 1] and rows[i].tolist() == rows[i - 2].tolist()
+            if not guard and not back:
+                kept.append(i)
+        anchors = []
+        for i in kept:
+            anchor = given[i] if len(given) == len(rows) else Anchor()
+            anchors.append(anchor if {anchor.name, anchor.toward} <= known else Anchor())
         moved_m = evaluation.shown.moved_m if evaluation.shown is not None else {}
-        elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, moved_m))
+        elites.append(Elite(candidate.id, candidate.tool, rows[kept], anchors, evaluation.reward, moved_m))
     return elites
 
 
@@ -101,12 +105,12 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, sampler: Sampler) -> l
     apart = middle(part_for(elite.tool, sampler.brief.task)) - middle(part)
     base = elite.plan.copy()  # the foot of the new tool moves as that of the elite's did
     base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(apart)
-    parent = SampledPlan(base, "the parent's plan", elite.anchors)
     plans: list[SampledPlan] = []
     for i in range(count):
         if 0 < i == count - 1 and rng.random() < elite.scale:
             plans.append(sampler.use(tool, lambda subgoal: recognize(part, subgoal, rng)))
             continue
+        parent = SampledPlan(base, "the parent's plan", elite.anchors)
         plan = parent
         for _ in range(int(rng.integers(1, 3) if i > 0 else rng.integers(0, 2))):
             plan = vary(plan, elite, sampler.analysis, rng)
@@ -133,32 +137,51 @@ def _last_straight(rows: Array) -> tuple[int, int]:
 
 
 def vary(plan: SampledPlan, elite: Elite, analysis: SceneAnalysis, rng: Generator) -> SampledPlan:
-    """Change a plan at random, by the elite's scale: a stroke's length, or its place, height or turn."""
+    """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
     start, end = _last_straight(plan.rows)
+    way = plan.rows[end, :3] - plan.rows[start, :3]
+    length = float(np.linalg.norm(way))
+    missing = _missing(elite, analysis)
+    kinds = {"length": 0.2, "shift": 0.25, "height": 0.15, "yaw": 0.1, "slower": 0.05, "faster": 0.05}
+    if abs(missing) > 0.001 and length > 0.02:
+        kinds["measure"] = 0.25
+    kind = draw(kinds, rng)
     rows = plan.rows.copy()
-    match draw({"length": 0.45, "shift": 0.25, "height": 0.15, "yaw": 0.1}, rng):
-        case "length":
+    anchors = list(plan.anchors)
+    if kind in ("length", "measure"):
+        if kind == "measure":
+            more = missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+        else:
             more = rng.normal(0.0, 0.08 * elite.scale)
-            missing = _missing(elite, analysis)
-            if missing and rng.random() < 0.6:
-                more = missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
-            way = rows[end, :3] - rows[start, :3]
-            share = np.clip((np.arange(len(rows)) - start) / max(1, end - start), 0.0, 1.0)
-            rows[:, :3] += share[:, None] * more * way / max(float(np.linalg.norm(way)), 1e-6)
-            done = f"its stroke {'longer' if more > 0 else 'shorter'} by {abs(more) * 1000:.1f} mm"
-        case "shift":
-            shift = rng.normal(0.0, 0.02 * elite.scale, 3) * np.array([1.0, 1.0, 0.2])
-            rows[:, :3] += shift
-            done = f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
-        case "height":
-            rise = rng.normal(0.0, 0.02 * elite.scale)
-            rows[rng.integers(0, max(1, start + 1)) :, 2] += rise
-            done = f"from some waypoint on {abs(rise) * 1000:.1f} mm {'higher' if rise > 0 else 'lower'}"
-        case _:
-            turn = rng.normal(0.0, 0.2 * elite.scale)
-            rows[:, 5] += turn
-            done = f"turned by {np.degrees(turn):.1f} degrees"
-    return plan._replace(rows=rows, text=f"{plan.text}, {done}", touching=())
+        share = np.clip((np.arange(len(rows)) - start) / max(1, end - start), 0.0, 1.0)
+        rows[:, :3] += share[:, None] * more * way / max(length, 1e-6)
+        done = f"its stroke {'longer' if more > 0 else 'shorter'} by {abs(more) * 1000:.1f} mm"
+    elif kind == "shift":
+        shift = rng.normal(0.0, 0.02 * elite.scale, 3) * np.array([1.0, 1.0, 0.2])
+        rows[:, :3] += shift
+        done = f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
+    elif kind == "height":
+        rise = rng.normal(0.0, 0.02 * elite.scale)
+        rows[rng.integers(0, max(1, start + 1)) :, 2] += rise
+        done = f"from some waypoint on {abs(rise) * 1000:.1f} mm {'higher' if rise > 0 else 'lower'}"
+    elif kind == "yaw":
+        turn = rng.normal(0.0, 0.2 * elite.scale)
+        rows[:, 5] += turn
+        done = f"turned by {np.degrees(turn):.1f} degrees"
+    elif kind == "slower" and len(rows) < 60:
+        halfway = (rows[start:end] + rows[start + 1 : end + 1]) / 2
+        rows = np.insert(rows, np.arange(start + 1, end + 1), halfway, axis=0)
+        for i in range(end, start, -1):
+            before, after = anchors[i - 1 : i + 1]
+            alike = (before.name, before.toward) == (after.name, after.toward)
+            anchors.insert(i, replace(after, share=(before.share + after.share) / 2) if alike else after)
+        done = "its stroke at half the speed"
+    else:
+        kept = [i for i in range(len(rows)) if not start < i < end or (i - start) % 2 == 0]
+        rows = rows[kept]
+        anchors = [anchors[i] for i in kept]
+        done = "its stroke with fewer waypoints"
+    return SampledPlan(rows, f"{plan.text}, {done}", anchors)
 
 
 def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
@@ -173,66 +196,85 @@ def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
 
 
 def mutate(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
-    """Make one change: to a component's size, position or orientation; or add or remove one."""
-    components = list(tool.components)
-    kinds = {"size": 4.0, "shift": 2.0, "turn": 2.0, "add": 1.5, "remove": float(len(components) > 2)}
+    """Make one change: to a component's size, position or orientation; or add, remove or replace one."""
+    count = len(tool.components)
+    kinds = {
+        "size": 4.0,
+        "shift": 2.0,
+        "turn": 2.0,
+        "add": 1.5,
+        "remove": float(count > 2),
+        "replace": float(count > 1),
+    }
     kind = draw(kinds, rng)
-    number = int(rng.integers(len(components)))
-    old = components[number]
-    axis = int(rng.integers(3))
     if kind == "size":
-        return _resized(tool, number, axis, float(np.exp(rng.normal(0.0, 0.35 * max(scale, 0.2)))))
+        return _resized(tool, scale, rng)
     if kind == "add":
-        return _added(tool, old, axis, rng)
+        return _added(tool, rng)
+    number = int(rng.choice(_leaves(tool)) if kind in ("remove", "replace") else rng.integers(count))
+    old = tool.components[number]
     if kind == "remove":
-        old = components.pop(int(rng.choice(_leaves(tool))))
+        changed = []
         text = f"{old.name} removed"
     elif kind == "shift":
         way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
-        components[number] = replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))
+        changed = [replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))]
         text = f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
-    else:  # its descendants turn too
+    elif kind == "turn":  # its descendants too
+        axis = int(rng.integers(3))
         angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
         turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis]))
-        components[number] = replace(old, pose=old.pose @ turn)
+        changed = [replace(old, pose=old.pose @ turn)]
         text = f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
-    return joined(replace(tool, components=tuple(components))), text
+    else:
+        x, y, z = np.clip(old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6).tolist()
+        changed = [Component(_free_name("part", tool), old.parent, old.pose, Box((x, y, z)), color=_COLOR)]
+        text = f"{old.name} replaced by a box of {x:.3f} x {y:.3f} x {z:.3f} m"
+    return joined(replace(tool, components=(*tool.components[:number], *changed, *tool.components[number + 1 :]))), text
 
 
-def _resized(tool: Tool, number: int, axis: int, factor: float) -> tuple[Tool, str]:
-    """Lengthen or shorten one side of a component, away from its parent; its children move with its faces."""
+def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
+    """Lengthen or shorten one side; children of the component move with its faces."""
+    number = int(rng.integers(len(tool.components)))
+    axis = int(rng.integers(3))
+    factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
     old = tool.components[number]
-    sides = old.shape.bounds[1].copy()
-    before = float(sides[axis])
-    sides[axis] = np.clip(before * factor, _THINNEST_M, 1.5)
+    before = old.shape.bounds[1]
+    sides = before.tolist()
+    sides[axis] = float(np.clip(sides[axis] * factor, _THINNEST_M, 1.5))
     stretch = np.ones(3)
-    stretch[axis] = sides[axis] / before
-
+    stretch[axis] = sides[axis] / before[axis]
+    components = []
+    for c in tool.components:
+        if c.parent == old.name:
+            c = replace(c, pose=Pose(c.pose.position * stretch, c.pose.quaternion))
+        components.append(c)
+    # The end that meets the parent stays where it is.
     way = old.pose.rotation.as_matrix()[:, axis]
-    away = np.sign(float(old.pose.position @ way)) or 1.0
-    place = Pose(old.pose.position + away * way * (sides[axis] - before) / 2, old.pose.quaternion)
-    x, y, z = sides.tolist()
-    new = replace(old, shape=Box((x, y, z)), pose=place)
-    components = [
-        replace(c, pose=Pose(c.pose.position * stretch, c.pose.quaternion)) if c.parent == old.name else c
-        for c in tool.components
-    ]
-    components[number] = new
+    toward = np.sign(float(old.pose.position @ way)) or 1.0
+    pose = Pose(old.pose.position + toward * (way * (sides[axis] - before[axis]) / 2), old.pose.quaternion)
+    x, y, z = sides
+    components[number] = replace(old, shape=Box((x, y, z)), pose=pose)
     verb = "lengthened" if factor > 1 else "shortened"
     text = f"{old.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
     return joined(replace(tool, components=tuple(components))), text
 
 
-def _added(tool: Tool, parent: Component, axis: int, rng: Generator) -> tuple[Tool, str]:
+def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
     """Add a plate on a face of a component."""
+    parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
+    axis = int(rng.integers(3))
+    side = float(rng.choice([-1.0, 1.0]))
     size = parent.shape.bounds[1]
     sides = size * rng.uniform(0.3, 1.0, 3)
     sides[axis] = rng.uniform(0.01, 0.08)
-    x, y, z = np.clip(sides, 0.004, 0.3).tolist()
-    place = rng.uniform(-0.5, 0.5, 3) * (size - sides)
-    place[axis] = rng.choice([-1.0, 1.0]) * (size[axis] + sides[axis]) / 2
+    sides = np.clip(sides, 0.004, 0.3)
+    place = np.zeros(3)
+    place[axis] = side * ((size[axis] + sides[axis]) / 2 - 0.0005)
+    along = (axis + int(rng.integers(1, 3))) % 3
+    place[along] = rng.choice([-1.0, 0.0, 1.0]) * (size[along] - sides[along]) / 2
     name = _free_name("fin", tool)
-    fin = Component(name, parent.name, Pose(place), Box((x, y, z)), color=_COLOR)
+    fin = Component(name, parent.name, Pose(place), Box((sides[0], sides[1], sides[2])), color=_COLOR)
     return joined(replace(tool, components=(*tool.components, fin))), f"{name} added on {parent.name}"
 
 
@@ -248,16 +290,33 @@ def _free_name(name: str, tool: Tool) -> str:
 
 
 def cross(first: Tool, second: Tool, rng: Generator) -> tuple[Tool, str]:
-    """Put a part of the second tool on the nearest component of the first."""
+    """Cross two tools: interpolate between tools of equal structure, or put a part of the second on the first."""
+    alike = [(c.name, c.parent) for c in first.components] == [(c.name, c.parent) for c in second.components]
+    if alike and rng.random() < 0.7:
+        return _blended(first, second, float(rng.uniform(0.2, 0.8)))
     donor = second.components[int(rng.choice(_leaves(second)))]
     mount, pose = second.placed()[donor.name]
-    near = {name: place for name, (carrier, place) in first.placed().items() if carrier == mount}
+    mine = first.placed()
+    near = [c for c in first.components if mine[c.name][0] == mount]
     if not near:
         return mutate(first, 0.5, rng)
-    parent = min(near, key=lambda name: float(np.linalg.norm(near[name].position - pose.position)))
-    local = near[parent].inverse() @ pose
+    graft = Boxes.of([(pose, donor.shape.bounds[1])] * len(near))
+    gaps, _ = separations(graft, Boxes.of((mine[c.name][1], c.shape.bounds[1]) for c in near))
+    parent = near[int(np.argmin(gaps))].name
+    local = mine[parent][1].inverse() @ pose
     new = replace(donor, name=_free_name(donor.name, first), parent=parent, pose=local, color=_COLOR)
     return joined(replace(first, components=(*first.components, new))), f"{donor.name} of the second put on {parent}"
+
+
+def _blended(first: Tool, second: Tool, share: float) -> tuple[Tool, str]:
+    components = []
+    for a, b in zip(first.components, second.components, strict=True):
+        sides = (1 - share) * a.shape.bounds[1] + share * b.shape.bounds[1]
+        middle = (1 - share) * a.pose.position + share * b.pose.position
+        turn = (a.pose.rotation.inv() * b.pose.rotation).as_rotvec()
+        pose = Pose.from_rotation(middle, a.pose.rotation * Rotation.from_rotvec(share * turn))
+        components.append(replace(a, shape=resized(a.shape, sides), pose=pose))
+    return joined(replace(first, components=tuple(components))), f"all measures {share:.0%} of the way to the second's"
 
 
 def joined(tool: Tool) -> Tool:

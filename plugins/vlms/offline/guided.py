@@ -1,8 +1,8 @@
 """Heads with motion primitives of their own, which follow from what holds a body, or from how it is to be turned.
 
 Rays through the scene find where a rod gets, to push a body along its joint, and where tines get under a body, to lift
-it off what it stands in, or to turn it over its opposite edge. A fork takes a loose container by its handles, and
-turns it over.
+it off what it stands in, or to turn it over its opposite edge. A fork takes a loose container by its handles, and turns
+it over.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from plugins.vlms.offline.boxes import axes_of
 from plugins.vlms.offline.heads import SIDES, Head, Piece, box
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.raycast import Under, frame_of, pushed, under
-from plugins.vlms.offline.scene_analysis import UP, Subgoal
+from plugins.vlms.offline.scene_analysis import UP, Subgoal, turn_between
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
 _STEP_M = 0.045  # between waypoints, as for a hinge
@@ -27,6 +27,7 @@ _STEP_RAD = 0.15
 _QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
 _BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
 _LIP_M = 0.004  # thickness of a fork's channels
+
 
 Primitive = Callable[[Path, Generator], str]
 Motion = Sequence[Pose]  # of a body: displacements in the world, one after another
@@ -52,15 +53,13 @@ def guided(subgoal: Subgoal, rng: Generator) -> Head | None:
 
 
 def _turn(subgoal: Subgoal) -> tuple[Array, float] | None:
-    """Compute the axis (3,), as long as the angle's sine, about which the body is to be turned over, and the angle."""
-    goal = subgoal.goal
-    if goal is None or goal.axis is None:
+    """Compute the axis (3,) about which the bodies are to be turned, level or nearly so, and the angle."""
+    if subgoal.goal is None or subgoal.goal.axis is None:
         return None
-    now = subgoal.solids[0].body.pose.rotation.apply(goal.axis)
-    axis = np.cross(now, goal.points) / np.linalg.norm(now) / np.linalg.norm(goal.points)
-    angle = float(np.arctan2(np.linalg.norm(axis), now @ goal.points))
-    level = abs(axis[2]) <= 0.5 * np.linalg.norm(axis) + 1e-6
-    return (axis, angle) if level and angle > max(_TURNED, np.radians(goal.tolerance_deg)) else None
+    axis, angle = turn_between(subgoal.goal, subgoal.solids[0].body)
+    if angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg)) or abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
+        return None
+    return axis, angle
 
 
 def _choose_under(subgoal: Subgoal, headings: Sequence[float], width: float, rng: Generator) -> Under | None:
@@ -74,14 +73,14 @@ def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, pri
     """Two tines ahead of a wall, or a wide one; their upper faces are at z = 0."""
     across = 2 * spot.apart + width
     pieces = [box("wall", -0.004, 0.0, 0.015 - thick, (0.008, across, 0.03))]
-    for name, side in SIDES if spot.apart > width / 2 else [("middle", 0.0)]:
+    for number, side in enumerate((1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1):
         size = (depth + 0.008, width, thick)
-        pieces.append(box(f"{name}_tine", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
+        pieces.append(box(f"tine_{number}", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
     return Head(kind, "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, across, primitive=primitive)
 
 
 def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
-    """Two tines that lift a body out of what it stands in, carry it over, and lower it at the goal."""
+    """Tines that lift a body out of what it stands in, carry it over, and lower it at the goal."""
     width = 0.009
     high = 0.2 * UP
     if any(subgoal.blocked(high, start, step=0.006) for start in (np.zeros(3), subgoal.shift + 0.004 * UP)):
@@ -97,9 +96,10 @@ def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         path.enter(subgoal, spot.heading, inside - (depth + 0.02) * ahead, inside)
         path.hold()
         lifted = inside + 0.001 * UP
-        goal = lifted + subgoal.shift
-        high = max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)
-        over = [np.array([*place[:2], high]) for place in (lifted, goal)]
+        goal = inside + 0.001 * UP + subgoal.shift
+        over = [
+            np.array([*place[:2], max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)]) for place in (lifted, goal)
+        ]
         for place in (lifted, *over, goal, goal - rng.uniform(0.004, 0.012) * UP):
             length = float(np.linalg.norm(place - path.poses[-1].position))
             path.move(place, spot.heading, 0.15 if length > 0.02 else 1.0)

@@ -17,7 +17,7 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.scene_analysis import UP, Subgoal
 
-Use = Literal["push", "scoop", "hook", "clamp", "guided", "pour"]
+Use = Literal["push", "surround", "scoop", "hook", "clamp", "guided", "pour"]
 Size = tuple[float, float, float]
 K = TypeVar("K", bound=Hashable)
 
@@ -63,9 +63,10 @@ def draw(weights: Mapping[K, float], rng: Generator) -> K:
     return list(weights)[int(rng.choice(len(shares), p=shares / shares.sum()))]
 
 
-def box(name: str, x: float, y: float, z: float, size: Size, parent: int = 0) -> Piece:
-    """A box around a point of the head's frame."""
-    return Piece(name, Pose(np.array([x, y, z])), size, parent)
+def box(name: str, x: float, y: float, z: float, size: Size, parent: int = 0, turn: Pose | None = None) -> Piece:
+    """A box around a point of the head's frame, or of a frame that is turned in it."""
+    pose = Pose(np.array([x, y, z]))
+    return Piece(name, pose if turn is None else turn @ pose, size, parent)
 
 
 def _head(kind: str, use: Use, pieces: list[Piece], height: float, depth: float, width: float) -> Head:
@@ -77,13 +78,43 @@ def blade(width: float, height: float, thick: float) -> Head:
     return _head("blade" if width > 0.04 else "peg", "push", [wall], height, 0.0, width)
 
 
-def cage(width: float, depth: float, height: float, thick: float) -> Head:
-    """A blade between two side walls; ``width`` is inside."""
+def cage(width: float, depth: float, height: float, thick: float, splay: float = 0.0) -> Head:
+    """A blade between two side walls, which open outward by ``splay`` radians; ``width`` is inside."""
     pieces = [*blade(width + 2 * thick, height, thick).pieces]
+    length = depth + thick
     for name, side in SIDES:
-        size = (depth + thick, thick, height)
-        pieces.append(box(f"{name}_wall", (depth - thick) / 2, side * (width + thick) / 2, height / 2, size))
-    return _head("cage", "push", pieces, height, depth, width)
+        turn = Pose.xyz_rpy((0.0, side * (width + thick) / 2, height / 2), (0.0, 0.0, side * splay))
+        pieces.append(box(f"{name}_wall", length / 2 - thick, 0.0, 0.0, (length, thick, height), turn=turn))
+    return _head("cage" if splay < 0.1 else "funnel", "push", pieces, height, depth, width + 2 * depth * np.sin(splay))
+
+
+def wedge(length: float, half_angle: float, height: float, thick: float) -> Head:
+    """Two wings that meet in a V that is open in front."""
+    pieces = [box("keel", -thick / 2, 0.0, height / 2, (thick, 2 * thick, height))]
+    for name, side in SIDES:
+        turn = Pose.xyz_rpy((0.0, 0.0, height / 2), (0.0, 0.0, side * half_angle))
+        pieces.append(box(f"{name}_wing", length / 2 - thick / 2, 0.0, 0.0, (length, thick, height), turn=turn))
+    depth = length * np.cos(half_angle)
+    width = 2 * length * np.sin(half_angle)
+    return _head("wedge", "push", pieces, height, depth, width)
+
+
+def rake(width: float, height: float, thick: float, gap: float) -> Head:
+    """A bar with tines below it, less than ``gap`` apart."""
+    beam = min(0.4 * height, 0.02)
+    pieces = [box("beam", -thick / 2, 0.0, height - beam / 2, (thick, width, beam))]
+    count = int(np.clip(np.ceil((width - thick) / (gap + thick)) + 1, 2, 12))
+    long = height - beam / 2
+    for i, y in enumerate(np.linspace((thick - width) / 2, (width - thick) / 2, count)):
+        pieces.append(box(f"tine_{i + 1}", -thick / 2, float(y), long / 2, (thick, thick, long)))
+    return _head("rake", "push", pieces, height, 0.0, width)
+
+
+def pen(width: float, depth: float, height: float, thick: float) -> Head:
+    """Four walls without a floor; ``width`` and ``depth`` are inside."""
+    around = cage(width, depth + thick, height, thick)
+    front = box("front_wall", depth + thick / 2, 0.0, height / 2, (thick, width + 2 * thick, height), parent=1)
+    return _head("pen", "surround", [*around.pieces, front], height, depth, width)
 
 
 def scoop(width: float, depth: float, height: float, rail: float, thick: float) -> Head:
@@ -99,13 +130,14 @@ def scoop(width: float, depth: float, height: float, rail: float, thick: float) 
     return _head("scoop", "scoop", pieces, height, depth, width)
 
 
-def fork(inner: float, depth: float, height: float, tine: float, thick: float, level: float = 0.0) -> Head:
-    """Two flat tines ahead of a wall, ``inner`` apart."""
+def fork(
+    inner: float, depth: float, height: float, tine: float, thick: float, count: int = 2, level: float = 0.0
+) -> Head:
+    """Flat tines ahead of a wall; the outer two are ``inner`` apart."""
     width = inner + 2 * tine
     pieces = [box("wall", -0.004, 0.0, height / 2, (0.008, width, height))]
-    for name, side in SIDES:
-        y = side * (inner + tine) / 2
-        pieces.append(box(f"{name}_tine", (depth - 0.008) / 2, y, thick / 2, (depth + 0.008, tine, thick)))
+    for i, y in enumerate(np.linspace(-(inner + tine) / 2, (inner + tine) / 2, count)):
+        pieces.append(box(f"tine_{i + 1}", (depth - 0.008) / 2, float(y), thick / 2, (depth + 0.008, tine, thick)))
     return replace(_head("fork", "scoop", pieces, height, depth, width), level=level)
 
 
@@ -158,21 +190,34 @@ def sample_head(subgoal: Subgoal, rng: Generator, stout: float = 1.0) -> Head:
 
 
 def _pusher(subgoal: Subgoal, along: float, across: float, widest: float, stout: float, rng: Generator) -> Head:
-    """A head that moves bodies horizontally by its face."""
+    """A head that moves bodies horizontally, by its face or by enclosing them."""
     thick = stout * rng.uniform(0.004, 0.012)
     height = float(np.clip(subgoal.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
     kinds = {"blade": 2.0, "peg": 0.7}
+    spare = rng.uniform(0.004, 0.04)
     if widest > across + 0.02:
-        kinds |= {"cage": 5.0}
+        kinds |= {"cage": 3.0, "pen": 1.2, "funnel": 1.0, "wedge": 1.0, "rake": 0.7}
+        spare = max(_LEAST_M, min(spare, (widest - across) / 2 - thick))
     match draw(kinds, rng):
         case "blade":
             return blade(min(widest, across * rng.uniform(0.7, 2.0)), height, thick)
         case "peg":
             side = min(widest, rng.uniform(0.012, 0.035))
             return blade(side, height, min(side, 0.02))
-        case _:
-            spare = max(_LEAST_M, min(rng.uniform(0.004, 0.04), (widest - across) / 2 - thick))
+        case "cage":
             return cage(across + 2 * spare, along * rng.uniform(0.4, 1.1), height, thick)
+        case "pen":
+            return pen(across + 2 * spare, along + 2 * spare, height, thick)
+        case "funnel":
+            depth = along * rng.uniform(0.4, 1.0)
+            splay = rng.uniform(0.1, 0.6)
+            return cage(across + 2 * spare, depth, height, thick, splay)
+        case "wedge":
+            half = rng.uniform(0.6, 1.2)
+            return wedge(across * rng.uniform(0.6, 1.2) / np.sin(half), half, height, thick)
+        case _:
+            smallest = min(float(np.ptp(solid.points[:, :2], axis=0).min()) for solid in subgoal.solids)
+            return rake(min(widest, across * rng.uniform(1.0, 1.6)), height, thick, 0.6 * smallest)
 
 
 def _lifter(subgoal: Subgoal, along: float, across: float, widest: float, stout: float, rng: Generator) -> Head:
@@ -192,7 +237,7 @@ def _lifter(subgoal: Subgoal, along: float, across: float, widest: float, stout:
         return fork(2 * base + rng.uniform(0.004, 0.016), depth, height, tine, thin, level=level)
     if rng.random() < 0.2:
         tine = across * rng.uniform(0.08, 0.2)
-        return fork(across * rng.uniform(0.4, 0.7), depth, height, tine, stout * 0.002)
+        return fork(across * rng.uniform(0.4, 0.7), depth, height, tine, stout * 0.002, int(rng.integers(2, 5)))
     rail = 0.0 if rng.random() < 0.3 else subgoal.tall * rng.uniform(0.1, 0.6)
     width = min(across + rng.uniform(0.005, 0.04), max(widest, 0.6 * across))
     return scoop(width, depth, height, rail, stout * rng.uniform(0.001, 0.003))

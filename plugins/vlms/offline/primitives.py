@@ -28,14 +28,15 @@ def _about(length: float, rng: Generator) -> float:
 
 
 def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
-    """Come down behind the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
+    """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
     falls = subgoal.shift[2] < -_FALL_M
     thrown = bool(np.hypot(*subgoal.space.from_axis(subgoal.center + subgoal.shift)) > subgoal.space.farthest)
     way = subgoal.extent(subgoal.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
-    gap = rng.uniform(0.004, 0.03)
+    spare = max(0.001, (head.depth - way.along) / 2)
+    gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)
     slip = rng.normal(0.0, 0.08) * way.across if head.depth == 0 else 0.0
     low = subgoal.lower[2] + rng.uniform(0.002, 0.012)
-    if rng.random() < 0.25:
+    if rng.random() < 0.25 and head.use == "push":
         low += rng.uniform(0.0, 0.5) * subgoal.tall
     length = _about(subgoal.length, rng)
     speed = rng.uniform(0.1, 0.4)
@@ -54,8 +55,10 @@ def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     path.move(end, way.heading + swing, speed)
     text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
     if rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone:
-        back = end - 0.03 * way.ahead
-        path.go(way.heading + swing, back, back + over, touch=True)
+        if head.use == "push":
+            end = end - 0.03 * way.ahead
+            path.go(way.heading + swing, end, touch=True)
+        path.go(way.heading + swing, end + over, touch=True)
         text += ", then leaves"
     return text
 
@@ -137,5 +140,5 @@ def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     return f"closes the fingers and {verb} by {np.linalg.norm(subgoal.shift):.2f} m"
 
 
-PRIMITIVES: dict[str, Primitive] = {"push": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+PRIMITIVES: dict[str, Primitive] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
 """The primitives by a head's use."""

@@ -22,7 +22,7 @@ from plugins.vlms.offline.heads import Head, sample_clamp, sample_head
 from plugins.vlms.offline.plans import Path, anchors_of, collisions, reach_error
 from plugins.vlms.offline.primitives import PRIMITIVES
 from plugins.vlms.offline.scene_analysis import SceneAnalysis, Subgoal
-from plugins.vlms.offline.tools import HAND, build, build_clamp, recognize, sample_turn, tool_boxes
+from plugins.vlms.offline.tools import HAND, STYLES, build, build_clamp, recognize, sample_turn, tool_boxes
 
 _DIGITS = 5  # hundredths of a millimetre
 _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
@@ -174,6 +174,16 @@ class Sampler:
         head, pose = find_head(subgoals[0])
         return self._plan(tool, pose, self._path(subgoals, head), subgoals)
 
+    def fault(self, tool: Tool) -> float:
+        """The least fault of some plans for a tool of any origin; 0: one has none."""
+        least = np.inf
+        for _ in range(_PLAN_TRIES):
+            _, fault = self._use_once(tool, lambda subgoal: recognize(tool, subgoal, self.rng))
+            least = min(least, fault)
+            if least == 0.0:
+                break
+        return least
+
     def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, SampledPlan], float]:
         subgoals = self._subgoals()
         largest = max(subgoals, key=lambda subgoal: len(subgoal.solids))
@@ -204,7 +214,7 @@ class Sampler:
             return build(head, pose, "none", 0.01, False)
         rng = self.rng
         thickness = self.stout * float(rng.uniform(0.012, 0.024))
-        style = "gantry" if rng.random() < 0.7 else "slope"
+        style = list(STYLES)[int(rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
             return build_clamp(head, pose, min(thickness, 0.012) if subgoal.deep else thickness)
         if not self._is_high(path):

@@ -328,6 +328,18 @@ def wanted(here: Array, goal: Goal) -> Array:
     return np.array([h if w is None else w for h, w in zip(here, goal.place or here, strict=True)])
 
 
+def turn_between(goal: Goal, body: Body) -> tuple[Array, float]:
+    """The turn that brings a body's axis to where the goal wants it: about which axis (3,), and the angle.
+
+    The axis is as long as the angle's sine.
+    """
+    assert goal.axis is not None
+    now = body.pose.rotation.apply(goal.axis)
+    now = now / np.linalg.norm(now)
+    there = np.divide(goal.points, np.linalg.norm(goal.points))
+    return np.cross(now, there), float(np.arccos(np.clip(now @ there, -1.0, 1.0)))
+
+
 def _draw_lanes(solids: list[Solid], goal: Goal, rng: Generator) -> list[list[Solid]]:
     """Groups of bodies, each moved at once: slices across the way to the goal."""
     if len(solids) == 1:

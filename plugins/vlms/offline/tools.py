@@ -19,6 +19,7 @@ from plugins.vlms.offline.scene_analysis import Subgoal
 STYLES = {
     "gantry": "a boom and a drop",
     "slope": "a sloping shaft",
+    "elbow": "a post and a low arm",
     "riser": "a riser and a jib",
 }
 """Shafts, and what they consist of."""
@@ -106,9 +107,10 @@ class Assembly:
             "slope": {"shaft": hold},
             "riser": {"boom": (*foot, start[2]), "riser": (*foot, top), "jib": (*hold[:2], top), "drop": hold},
             "gantry": {"boom": (*hold[:2], start[2]), "drop": hold},
+            "elbow": {"post": (*start[:2], hold[2] + t / 2), "arm": hold},
         }
         last = root
-        here = start
+        here = start + np.array([0.0, 0.0, t / 2]) if style == "elbow" else start
         for bar, end in points[style].items():
             last = self.bar(name + bar, last, here, np.array(end))
             here = np.array(end)

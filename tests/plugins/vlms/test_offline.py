@@ -11,15 +11,15 @@ import pytest
 from core.design import Candidate
 from core.designs.composer import answer_schema
 from core.designs.reading import parse_reply, read_designs
-from core.geometry import Box
+from core.geometry import Box, Cylinder
 from core.interfaces import Brief, Material, Request, RolloutSettings, Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Goal, Scene, floor, table
+from core.scene import Body, Goal, Joint, Scene, floor, table
 from core.solids.self_collision import find_self_collision
 from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.offline.designer import OfflineDesigner
+from plugins.vlms.offline.designer import OfflineDesigner, left_out
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from tasks.high_object import HighObject
 from tasks.score_goal import ScoreGoal
@@ -239,3 +239,23 @@ def test_tools_of_a_soft_material_are_stout_enough(task):
         read[representation] = read_designs(document, soft, task)
     assert [candidate.problem for candidate in read[soft]] == [None] * 4
     assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])
+
+
+def test_what_no_plan_is_made_for_is_named():
+    bodies = tuple(Body.of(name, Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=1.0, color=RED) for name in ("can", "tin"))
+    door = Joint("door", "hinge", "tin", axis=(0, 0, 1))
+    turned = Goal(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
+
+    class Two(CubeTask):
+        goals = (Goal(joint="door", to=1.0), turned)
+        every = True
+
+        def scene(self, seed):
+            return Scene(bodies, (door,))
+
+    assert left_out(Two(), 0) == [
+        "a turn about the vertical",
+        "a time limit",
+        "a second goal, where one is a joint's or a turn (each tool is made for one)",
+    ]
+    assert left_out(CubeTask(), 0) == []

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from core.config.compose import load, node
 from core.design import Candidate, Tool
@@ -18,7 +17,7 @@ from core.designs.reading import load_designs, read_designs
 from core.interfaces import Brief, RolloutSettings, Waypoints
 from core.plugins import installed
 from plugins.fitness.layouts import UNSEEN
-from plugins.vlms.offline.designer import answer
+from plugins.vlms.offline.designer import answer, left_out
 from tests.engines import simulator
 from tests.playing import evaluate_batch
 from tests.solutions import representation
@@ -61,19 +60,20 @@ def test_names_words_and_configs(name):
     assert f"class {name}(Task):" in task.source()
     assert set(task.variations) == {"near", "wide"}
     assert all(heading in type(task).__doc__ for heading in ("Task: ", "Layouts: ", "Success: "))
-    assert yaml.safe_load((ROOT / "conf" / "task" / f"{name}.yaml").read_text())["name"] == name
+    assert load("config", [f"task={name}"]).task.name == name
     scenes = [task.scene(seed) for seed in range(3)]
     assert len({scene.bodies[-1].pose.position.tobytes() for scene in scenes}) == 3
     assert all(len(soft.form.nodes) <= 50 for scene in scenes for soft in scene.softs)
 
 
 @every_task
-def test_the_embedded_designer_plans_for_it(name):
+def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
     parts = installed()
     tools = parts.create("tool", "boxes")
     actions = parts.create("action", "anchored")
     brief = Brief(task_of(name), 0, tools, False, 2, 1, generation=0, agent=0, seed=1, actions=actions)
     assert len(answer(brief)["strategies"]) == 2
+    assert "what a soft body does as it gives way" in left_out(task_of(name), 0)
 
 
 @every_task
