@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from core.design import Candidate
+from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS
 from core.designs.rules import (
-    MAX_ANGLE_RAD,
     MAX_COMPONENT_KG,
     MAX_COMPONENTS,
     MAX_DENSITY,
     MAX_EXTENT_M,
-    MAX_REACH_M,
     MAX_SIDE_M,
-    MAX_WAYPOINTS,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
     MIN_SIDE_M,

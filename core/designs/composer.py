@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import importlib.resources
 import json
-import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -22,23 +20,21 @@ from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.schemas import CRITIQUES, FEEDBACK, LAST, PHOTOGRAPHS, PromptSettings
 from core.design import Tool
-from core.designs.feedback import combined_figures, critiques_text, elite_feedback, generation_lines, last_generation
-from core.designs.reading import dump_design
-from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
+from core.designs.elites import elites_text
+from core.designs.feedback import combined_figures, critiques_text, generation_lines, last_generation
+from core.designs.idea import read_idea
+from core.designs.plan_rules import plan_limits
+from core.designs.schema import answer_schema
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
+from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Text
 from core.plugins import installed
-from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
-from core.support.files import read_text
-from core.support.text import clean, function_source, short_numbers
+from core.robot.trajectory import plan_motion
+from core.support.text import function_source, short_numbers
 from core.task import NOTHING_TOLD, Level
-from core.trial import TIE, Evaluation
-from core.values.observations import Sight
+from core.trial import TIE
 
 SUFFIX = ".md.j2"
 REPAIR, CRITIC = "repair", "critic"
-MAX_IDEA = 50_000  # characters
-_LONGEST = 240  # characters of an elite's description
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
 
 PromptValue = Callable[[Brief, Tool, RolloutSettings, str], Any]
@@ -85,7 +81,7 @@ class PromptComposer:
         self._templates, names = _load(
             Path(settings.dir) if settings.dir else None, parts, {*settings.tools} - left_out
         )
-        self._idea = _read_idea(settings.file, wanted="idea" in names)
+        self._idea = read_idea(settings.file, wanted="idea" in names)
 
     def compose(
         self,
@@ -201,9 +197,7 @@ class PromptComposer:
             "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
             "rollout": self.rollout,
             "hold_s": max(self.rollout.hold_s, task.hold_s),
-            "max_waypoints": MAX_WAYPOINTS,
-            "max_way_m": MAX_KNOTS * KNOT_M,
-            "max_turn_rad": MAX_KNOTS * KNOT_RAD,
+            **plan_limits(),
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "tie": f"{self.tie:g}",
             "judged": self.judged,
@@ -231,95 +225,6 @@ def as_markdown(message: Message) -> str:
     return "".join(
         part.text if isinstance(part, Text) else f"![{part.name}]({part.name}.png)\n\n" for part in message.parts
     )
-
-
-def elites_text(
-    elites: Sequence[Evaluation],
-    representation: ToolRepresentation,
-    task: Task,
-    *,
-    numbers: bool,
-    sight: Sight,
-) -> str:
-    """Write elites as JSON, each list of numbers and each innermost object on one line.
-
-    With ``numbers`` each has its plan, and what was observed of its rollout; with ``sight`` without bodies' numbers.
-    """
-    entries = [_entry(elite, representation, task, numbers, sight) for elite in elites]
-    text = json.dumps(entries, indent=1, ensure_ascii=False)
-    text = re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
-    return re.sub(r"\{\n([^{}]*)\n *\}", lambda found: "{" + re.sub(r"\n *", " ", found[1].strip()) + "}", text)
-
-
-def _entry(
-    elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool, sight: Sight
-) -> dict[str, Any]:
-    candidate, design = elite.candidate, dump_design(elite.candidate, representation)
-    assert candidate.tool is not None
-    left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
-    data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
-    data |= {
-        key: clean(value, _LONGEST) if key.endswith("description") else value
-        for key, value in design.items()
-        if key not in left_out
-    }
-    data |= representation.abridge(candidate.tool)
-    if figures := combined_figures(elite, task, sight):
-        data["details"] = _figures(figures)
-    if not numbers:
-        return data
-    data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
-    warnings = [sight.text(warning) for warning in elite.warnings]
-    shown = elite.shown
-    if shown is None:
-        return data | {"warnings": warnings}
-    if shown.observation is not None:
-        several = len(elite.tasks) > 1
-        return data | elite_feedback(shown, shown.observation, sight, several) | {"warnings": warnings}
-    errors = {"missed_m": shown.ik_error_m, "missed_rad": shown.ik_error_rad, "lag_rad": shown.tracking_error_rad}
-    moved = {"moved_m": shown.moved_m} if sight.numbers else {}
-    data |= _figures({**moved, **errors})
-    return data | {"warnings": warnings}
-
-
-def _figures(value: Any) -> Any:
-    """Round the numbers of a JSON value; nan, which JSON has not, becomes null."""
-    return json.loads(json.dumps(value), parse_float=lambda text: _rounded(float(text)), parse_constant=lambda _: None)
-
-
-def _rounded(number: float) -> float | None:
-    return round(number, 4) + 0.0 if math.isfinite(number) else None  # JSON has no nan
-
-
-def answer_schema(brief: Brief) -> dict[str, Any]:
-    """JSON schema of the answer to ``brief``: a scene analysis and strategies, each a tool with its action plans."""
-    given = brief.representation.given(brief.task) is not None
-    plan = brief.actions.schema(gripper=brief.gripper)
-    strategy: dict[str, Any] = {
-        "strategy_name": {"type": "string"},
-        "strategy_description": {"type": "string"},
-        **({} if given else {"tool_name": {"type": "string"}, "tool_description": {"type": "string"}}),
-        **({"gripper": {"type": "boolean", "enum": [brief.gripper]}} if brief.task.robot.gripper else {}),
-        **brief.representation.schema(),
-        "action_description": {"type": "string"},
-        "action_sets": _list(plan, brief.n_action, brief.n_action),
-    }
-    if brief.elites:
-        ids = [elite.candidate.id for elite in brief.elites]
-        strategy = {"parents": _list({"type": "string", "enum": ids}, 1, min(2, len(ids))), **strategy}
-    strategies = _list(_object(strategy), brief.n_tool, brief.n_tool)
-    if not brief.n_action:
-        strategy = {key: of for key, of in strategy.items() if not key.startswith("action_")}
-    return _object({"scene_analysis": {"type": "string"}, "strategies": strategies})
-
-
-def _object(properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
-
-
-def _list(items: dict[str, Any], least: int, most: int | None = None) -> dict[str, Any]:
-    limits = {"minItems": least} if most is None else {"minItems": least, "maxItems": most}
-    return {"type": "array", "items": items, **limits}
 
 
 def _load(folder: Path | None, parts: set[str], more: set[str]) -> tuple[dict[str, jinja2.Template], set[str]]:
@@ -352,27 +257,6 @@ def _compiled(text: str) -> tuple[jinja2.Template, set[str]]:
     environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["counted"] = counted
     return environment.from_string(text), jinja2.meta.find_undeclared_variables(environment.parse(text))
-
-
-def _read_idea(file: str | None, *, wanted: bool) -> str | None:
-    """Read a person's text, without its HTML comments. ``wanted``: the templates use it.
-
-    Raises:
-        UserError: it is wanted and missing, or given and not wanted, or not readable text.
-    """
-    if not file and wanted:
-        raise UsageError("prompt.file is empty; give the text file with your idea, such as prompt.file=my_idea.md")
-    if not file:
-        return None
-    if not wanted:
-        raise UsageError(f"prompt.file={file} is not used by this prompt; add prompt=human")
-    text = read_text(Path(file), f"prompt.file={file}")
-    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL).strip()
-    if not text:
-        raise UserError(f"prompt.file={file} is empty; describe the tool and its motion")
-    if len(text) > MAX_IDEA:
-        raise UserError(f"prompt.file={file} has {len(text)} characters; at most {MAX_IDEA} are allowed")
-    return text
 
 
 def counted(number: int, noun: str) -> str:

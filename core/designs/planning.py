@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
-from core.designs.rules import check_plan, check_tempo
+from core.designs.plan_rules import check_plan, check_tempo
 from core.errors import RAISED, UserError
 from core.geometry import Array, Pose
 from core.interfaces import (

@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.statics import MAX_GAP_M, Beams, check_joints, check_weight, corners
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Robot, Task, ToolRepresentation, Waypoints
+from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part
-from core.robot.kinematics import arm_of, link_poses
 from core.robot.solids import (
-    Obstacles,
     Solid,
-    body_solids,
     closest,
     robot_solids,
-    signed_distance,
     solid_geometry,
     solids_of,
 )
-from core.robot.trajectory import KNOT_M, KNOT_RAD
-from core.scene import Scene
-from core.support.text import kind, shorten
+from core.support.text import shorten
 from core.values.materials import PAPER, Material
 
 MAX_COMPONENTS = 100
@@ -45,19 +35,9 @@ MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
 MAX_BEND_M_N = 0.01  # of the farthest end, per newton
 MAX_LOAD_N = 10.0  # at any end, that a real material must bear
 MAX_MOUNT_GAP_M = 0.002
-MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 
-MAX_WAYPOINTS = 200
-MAX_REACH_M = 3.0
-MIN_TEMPO = 0.001  # m/s or s, where a plan asks for a speed or a time
-MAX_POSES = 2_000_000  # that are computed for a candidate, at most: of its way, and of its tool in motion
-KNOT_POSES = 1000  # what inverse kinematics at a knot of the way costs
-MAX_KNOTS = MAX_POSES // KNOT_POSES
-MAX_ANGLE_RAD = 100.0
-WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is
-_TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 
 
 def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
@@ -170,152 +150,6 @@ def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -
             )
 
 
-def check_plan(plan: object, *, gripper: bool) -> Array:
-    """Check an action plan; return it as an array, (N, 6) or with the gripper (N, 7): see `core.design.Candidate`.
-
-    ``plan`` is an array, or lists of numbers from JSON.
-
-    Raises:
-        DesignError: names the wrong waypoint (from 1) and its fault.
-    """
-    if isinstance(plan, np.ndarray):
-        plan = plan.tolist()
-    if not isinstance(plan, list | tuple):
-        raise DesignError(f"an action plan must be a list of waypoints, not {kind(plan)}")
-    if not 1 <= len(plan) <= MAX_WAYPOINTS:
-        raise DesignError(f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
-    names = WAYPOINT if gripper else WAYPOINT[:6]
-    checked = np.array([_check_waypoint(waypoint, f"waypoint {i}", names) for i, waypoint in enumerate(plan, start=1)])
-    turns = Rotation.from_euler("xyz", checked[:, 3:6])
-    ways = np.linalg.norm(np.diff(checked[:, :3], axis=0), axis=1)
-    angles = np.asarray((turns[:-1].inv() * turns[1:]).magnitude()) if len(checked) > 1 else ways
-    if np.ceil(np.maximum(ways / KNOT_M, angles / KNOT_RAD)).sum() > MAX_KNOTS:
-        raise DesignError(
-            f"the way through the waypoints is {ways.sum():.0f} m and {angles.sum():.0f} rad long; at most "
-            f"{MAX_KNOTS * KNOT_M:g} m or {MAX_KNOTS * KNOT_RAD:g} rad are allowed"
-        )
-    return checked
-
-
-def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
-    """Refuse a plan that asks for next to no speed or time, or for more than ``most_s`` seconds in all.
-
-    Raises:
-        DesignError: names the wrong waypoint (from 1), or the time in all.
-    """
-    tempo = plan.tempo
-    if tempo is None:
-        return
-    for name, asked in (("speed", tempo.speeds), ("time", tempo.seconds)):
-        for k in np.flatnonzero(asked < MIN_TEMPO)[:1]:
-            raise DesignError(f"waypoint {k + 1}: a {name} of {asked[k]:g} is too small; give {MIN_TEMPO:g} or more")
-    ways = np.linalg.norm(np.diff(np.vstack([home.position, plan.poses[:, :3]]), axis=0), axis=1)
-    asked = np.where(np.isfinite(tempo.seconds), tempo.seconds, ways / tempo.speeds)
-    if (seconds := float(np.nansum(asked) + tempo.waits.sum())) > most_s:
-        raise DesignError(f"the plan asks for {seconds:.4g} s; at most {most_s:g} s are allowed")
-
-
-def check_work(tool: Tool, seconds: float, hz: float) -> None:
-    """Refuse a motion that would take too long to play and to look at, at ``hz`` instants a second.
-
-    Raises:
-        DesignError: with the figures.
-    """
-    if (poses := len(tool.parts) * seconds * hz) > MAX_POSES:
-        raise DesignError(
-            f"the tool's {len(tool.parts)} parts would be looked at {hz:.0f} times a second for {seconds:.0f} s, which "
-            f"is {poses:.2g} poses; at most {MAX_POSES:.2g} are computed: move slower, or use fewer and thicker parts"
-        )
-
-
-def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> list[float]:
-    if not isinstance(waypoint, list | tuple):
-        raise DesignError(f"{where} must be a list of {len(names)} numbers, not {kind(waypoint)}")
-    if len(waypoint) != len(names):
-        raise DesignError(f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}")
-    for name, number in zip(names, waypoint, strict=True):
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            raise DesignError(f"{where}: {name} must be a number, not {kind(number)}")
-        if isinstance(number, float) and not math.isfinite(number):
-            raise DesignError(f"{where}: {name} is {number}, a finite number is needed")
-        # Also refuses integers that are too large for a float.
-        limit, unit = (MAX_ANGLE_RAD, "radians") if name in WAYPOINT[3:6] else (MAX_REACH_M, "metres")
-        if name != "gripper" and abs(number) > limit:
-            raise DesignError(f"{where}: {name} is beyond {limit:g} {unit}")
-        if name == "gripper" and not 0 <= number <= 1:
-            raise DesignError(f"{where}: the gripper value must be between 0 (open) and 1 (closed)")
-    numbers = [float(number) for number in waypoint]
-    reach = math.hypot(*numbers[:3])
-    if reach > MAX_REACH_M:
-        raise DesignError(f"{where} is {reach:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed")
-    return numbers
-
-
-class SpawnRules:
-    """Checks that a tool starts clear of the arm and of all bodies, in ``scene`` (None: the task's layout of ``seed``).
-
-    The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
-    the flange for rigid tools, the component's own finger for gripper tools.
-
-    Raises:
-        UserError: the arm can't reach the task's home pose.
-    """
-
-    def __init__(self, task: Task, seed: int = 0, scene: Scene | None = None) -> None:
-        self.task, self.robot = task, task.robot
-        self._parts = [SpawnRules(part, seed) for part in task.parts if part is not task]
-        if self._parts:
-            return
-        self._joints = arm_of(task.robot).home_for(task.home)
-        bodies = (scene or task.scene(seed)).bodies
-        self._scene = Obstacles(solid for body in bodies for solid in body_solids(body))
-        self._robots: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
-
-    def check(self, tool: Tool) -> None:
-        """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
-
-        Raises:
-            DesignError: names the component, what it overlaps, and the depth; of several tasks which.
-        """
-        for rules in self._parts:
-            try:
-                rules.check(tool)
-            except DesignError as error:
-                raise DesignError(f"in {rules.task.name}, {error}") from error
-        if self._parts:
-            return
-        robot, frames = self._robot(tool.gripper)
-        placed, solids, mounts = tool.placed(), list[Solid](), list[str]()
-        for component in tool.components:
-            mount, pose = placed[component.name]
-            own = solids_of(component.name, component.shape, frames[mount] @ pose)
-            solids, mounts = [*solids, *own], [*mounts, *[mount] * len(own)]
-        _check_halves(solids, mounts)
-        for solid, mount in zip(solids, mounts, strict=True):
-            carriers = (mount,) if tool.gripper else self.robot.near_mount
-            for link, gap in robot.gaps(solid, _TOUCH_M):
-                if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
-                    raise DesignError(
-                        f"component {solid.name!r} starts {-gap * 1000:.1f} mm inside the arm ({link}); "
-                        "move it away from the arm, or bend the tool around it"
-                    )
-            for body, gap in self._scene.gaps(solid, _TOUCH_M):
-                if gap < _TOUCH_M:
-                    contact = f"{-gap * 1000:.1f} mm inside" if -gap > _TOUCH_M else "touching"
-                    raise DesignError(
-                        f"component {solid.name!r} starts {contact} {body!r} of the scene; "
-                        "shorten or turn the tool so that it starts clear of everything"
-                    )
-
-    def _robot(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
-        """The robot's solids, and the world poses of its links."""
-        if gripper not in self._robots:
-            frames = link_poses(self.robot, gripper, self._joints)
-            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(self.robot, gripper))
-            self._robots[gripper] = Obstacles(solids), frames
-        return self._robots[gripper]
-
-
 def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
     """The tool that a representation gives for a task; None: it gives none.
 
@@ -335,15 +169,3 @@ def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
         wrong = shorten(repr(tool))
         raise UserError(f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None")
     return tool
-
-
-def _check_halves(solids: Sequence[Solid], mounts: Sequence[str]) -> None:
-    """Refuse components on one finger that start inside components on the other."""
-    for (one, mount), (other, others) in itertools.combinations(zip(solids, mounts, strict=True), 2):
-        if mount != others:
-            depth = -signed_distance(one, other)
-            if depth > MAX_ARM_OVERLAP_M:
-                raise DesignError(
-                    f"components {one.name!r} and {other.name!r}, on different fingers, start {depth * 1000:.1f} mm "
-                    "inside each other; move them apart"
-                )

@@ -11,8 +11,8 @@ import numpy as np
 from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
-from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere, mass_properties
-from core.support.scratch import scratch, write_once
+from core.geometry import Array, Box, Capsule, Cylinder, Pose, Sphere, mass_properties
+from core.robot.shape_files import urdf_shapes
 from core.values.descriptions import (
     MOMENTS,
     ONE,
@@ -21,13 +21,11 @@ from core.values.descriptions import (
     Inertial,
     Limits,
     Origin,
-    Primitive,
     RobotJoint,
     RobotLink,
     RobotShape,
     Weight,
     rounded,
-    rounded_shape,
 )
 from core.values.robots import Robot
 
@@ -116,26 +114,11 @@ def _shapes(component: Component, pose: Pose) -> tuple[tuple[RobotShape, ...], t
         tuple(
             RobotShape(shape, Origin.of(pose @ inside if inside else pose), color)
             for whole in shapes
-            for inside, shape in _written(whole)
+            for inside, shape in urdf_shapes(whole)
         )
         for shapes, color in ((component.shape.convex_parts(), None), ((component.shape.drawn,), component.color))
     )
     return collisions, visuals
-
-
-def _written(shape: Shape) -> Iterator[tuple[Pose | None, Primitive | Path]]:
-    """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
-    match shape:
-        case Capsule(radius, length):  # URDF has none
-            yield None, rounded_shape(Cylinder(radius, length))
-            for end in (-length / 2, length / 2):
-                yield Pose(np.array([0.0, 0.0, end])), rounded_shape(Sphere(radius))
-        case Mesh():
-            file = scratch() / f"{shape.content}.obj"
-            write_once(file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12)))
-            yield None, file
-        case _:
-            yield None, rounded_shape(shape)
 
 
 def merged(parts: Sequence[Weight]) -> Weight:

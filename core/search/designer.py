@@ -12,10 +12,11 @@ import pluggy
 
 from core.config.schemas import Sampling
 from core.design import Candidate, DesignError
-from core.designs.composer import PromptComposer, answer_schema
+from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_instructive
 from core.designs.planning import NO_PLAN, TaskActions
 from core.designs.reading import parse_reply, read_designs
+from core.designs.schema import answer_schema
 from core.errors import UserError
 from core.events import Generation
 from core.hooks import hookimpl

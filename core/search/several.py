@@ -13,7 +13,8 @@ from itertools import zip_longest
 import numpy as np
 
 from core.design import Candidate, Tool
-from core.designs.composer import PromptComposer, answer_schema
+from core.designs.composer import PromptComposer
+from core.designs.schema import answer_schema
 from core.interfaces import (
     ActionPlan,
     ActionRepresentation,

@@ -9,7 +9,7 @@ import numpy as np
 from core.design import Candidate, DesignError
 from core.designs.planning import guarded
 from core.designs.reading import dump_design, read_designs
-from core.designs.rules import SpawnRules
+from core.designs.start import SpawnRules
 from core.geometry import Array
 from core.interfaces import ActionRepresentation, Numbers, Task, ToolRepresentation
 

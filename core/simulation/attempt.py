@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from core.design import Candidate, DesignError, Tool
+from core.designs.plan_rules import check_work
 from core.designs.planning import resolve
-from core.designs.rules import SpawnRules, check_work
+from core.designs.start import SpawnRules
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion

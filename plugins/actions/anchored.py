@@ -16,7 +16,7 @@ from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from core.design import DesignError
-from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS, MIN_TEMPO
+from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS, MIN_TEMPO
 from core.errors import choices
 from core.geometry import Array, Pose
 from core.interfaces import (

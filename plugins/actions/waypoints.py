@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, WAYPOINT, check_plan
+from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, WAYPOINT, check_plan
 from core.geometry import Array
 from core.interfaces import ActionPlan, ActionRepresentation, Brief, Numbers, Waypoints
 from core.support.templates import fill

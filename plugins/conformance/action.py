@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from core.design import DesignError
+from core.designs.plan_rules import check_plan
 from core.designs.planning import look
-from core.designs.rules import check_plan
 from core.interfaces import ActionPlan, ActionRepresentation, Perception, Waypoints
 from core.support.text import shorten
 from plugins.conformance.checking import (

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from core.design import Tool
-from core.designs.rules import SpawnRules
+from core.designs.start import SpawnRules
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Rollout, Task

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from core.config.compose import load, part, task_part, tool_part
 from core.design import DesignError, Tool
 from core.designs.reading import load_tool
-from core.designs.rules import SpawnRules, check_tool
+from core.designs.rules import check_tool
+from core.designs.start import SpawnRules
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Recording, Task, ToolRepresentation, World

@@ -13,7 +13,7 @@ from pathlib import Path
 from core.design import Candidate, DesignError
 from core.designs.composer import as_markdown
 from core.designs.reading import parse_reply, read_designs
-from core.designs.rules import SpawnRules
+from core.designs.start import SpawnRules
 from core.errors import UserError, check_positive
 from core.events import Run
 from core.hooks import hookimpl

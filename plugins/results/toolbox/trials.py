@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from core.config.compose import listed, load, part, task_part, tool_part
 from core.design import DesignError, Tool
 from core.designs.reading import save_design
-from core.designs.rules import SpawnRules
+from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.events import INTERRUPTED
 from core.interfaces import ActionPlan, ToolRepresentation

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
 from core.designs.planning import look
-from core.designs.rules import SpawnRules, check_tool
+from core.designs.rules import check_tool
+from core.designs.start import SpawnRules
 from core.geometry import Array, Pose
 from core.interfaces import PAPER, Anchor, Brief, Perception, Seen, Waypoints
 from core.robot.kinematics import arm_of

@@ -19,8 +19,10 @@ import prompts
 from core.config.compose import load, node
 from core.config.schemas import EVOLUTION, GIVEN, INITIAL, SYSTEM, TOOLS, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Tool
-from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema
-from core.designs.rules import SpawnRules, check_tool
+from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer
+from core.designs.rules import check_tool
+from core.designs.schema import answer_schema
+from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation

@@ -5,7 +5,9 @@ import pytest
 import trimesh
 
 from core.design import Component, DesignError, Tool
-from core.designs.rules import SpawnRules, check_plan, check_tool
+from core.designs.plan_rules import check_plan
+from core.designs.rules import check_tool
+from core.designs.start import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Task

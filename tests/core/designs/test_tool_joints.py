@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.rules import SpawnRules, check_tool, mount_solids
+from core.designs.rules import check_tool, mount_solids
+from core.designs.start import SpawnRules
 from core.designs.statics import check_joints, moved
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from core.config.compose import load, tool_part
 from core.design import Candidate, Component, DesignError, Tool
 from core.designs.reading import dump_design, read_designs
-from core.designs.rules import SpawnRules
+from core.designs.start import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
 from core.plugins import installed

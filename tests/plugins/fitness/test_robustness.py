@@ -8,7 +8,7 @@ from hydra import initialize_config_module
 
 from core.config.compose import engines, load, part
 from core.design import Candidate, Component, Tool
-from core.designs.rules import SpawnRules
+from core.designs.start import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import Condition, Trial, Waypoints
 from core.plugins import PluginPart

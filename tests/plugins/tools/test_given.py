@@ -5,9 +5,10 @@ import pytest
 
 from core.config.compose import load, tool_part
 from core.design import RIGID_MOUNT, Tool
-from core.designs.composer import PromptComposer, answer_schema
+from core.designs.composer import PromptComposer
 from core.designs.reading import dump_design, read_designs
-from core.designs.rules import SpawnRules
+from core.designs.schema import answer_schema
+from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import Brief, Text
 from core.plugins import installed

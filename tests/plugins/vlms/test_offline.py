@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from core.design import Candidate
-from core.designs.composer import answer_schema
 from core.designs.reading import parse_reply, read_designs
+from core.designs.schema import answer_schema
 from core.geometry import Box, Cylinder
 from core.interfaces import Brief, Material, Request, RolloutSettings, Task
 from core.plugins import installed

@@ -1,0 +1,93 @@
+"""The rule for the start: a tool is clear of the arm, of the scene, and of its other half."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+from core.design import DesignError, Tool
+from core.geometry import Pose
+from core.interfaces import Task
+from core.robot.kinematics import arm_of, link_poses
+from core.robot.solids import Obstacles, Solid, body_solids, robot_solids, signed_distance, solids_of
+from core.scene import Scene
+
+MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
+_TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
+
+
+class SpawnRules:
+    """Checks that a tool starts clear of the arm and of all bodies, in ``scene`` (None: the task's layout of ``seed``).
+
+    The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
+    the flange for rigid tools, the component's own finger for gripper tools.
+
+    Raises:
+        UserError: the arm can't reach the task's home pose.
+    """
+
+    def __init__(self, task: Task, seed: int = 0, scene: Scene | None = None) -> None:
+        self.task, self.robot = task, task.robot
+        self._parts = [SpawnRules(part, seed) for part in task.parts if part is not task]
+        if self._parts:
+            return
+        self._joints = arm_of(task.robot).home_for(task.home)
+        bodies = (scene or task.scene(seed)).bodies
+        self._scene = Obstacles(solid for body in bodies for solid in body_solids(body))
+        self._robots: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
+
+    def check(self, tool: Tool) -> None:
+        """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
+
+        Raises:
+            DesignError: names the component, what it overlaps, and the depth; of several tasks which.
+        """
+        for rules in self._parts:
+            try:
+                rules.check(tool)
+            except DesignError as error:
+                raise DesignError(f"in {rules.task.name}, {error}") from error
+        if self._parts:
+            return
+        robot, frames = self._robot(tool.gripper)
+        placed, solids, mounts = tool.placed(), list[Solid](), list[str]()
+        for component in tool.components:
+            mount, pose = placed[component.name]
+            own = solids_of(component.name, component.shape, frames[mount] @ pose)
+            solids, mounts = [*solids, *own], [*mounts, *[mount] * len(own)]
+        _check_halves(solids, mounts)
+        for solid, mount in zip(solids, mounts, strict=True):
+            carriers = (mount,) if tool.gripper else self.robot.near_mount
+            for link, gap in robot.gaps(solid, _TOUCH_M):
+                if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
+                    raise DesignError(
+                        f"component {solid.name!r} starts {-gap * 1000:.1f} mm inside the arm ({link}); "
+                        "move it away from the arm, or bend the tool around it"
+                    )
+            for body, gap in self._scene.gaps(solid, _TOUCH_M):
+                if gap < _TOUCH_M:
+                    contact = f"{-gap * 1000:.1f} mm inside" if -gap > _TOUCH_M else "touching"
+                    raise DesignError(
+                        f"component {solid.name!r} starts {contact} {body!r} of the scene; "
+                        "shorten or turn the tool so that it starts clear of everything"
+                    )
+
+    def _robot(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
+        """The robot's solids, and the world poses of its links."""
+        if gripper not in self._robots:
+            frames = link_poses(self.robot, gripper, self._joints)
+            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(self.robot, gripper))
+            self._robots[gripper] = Obstacles(solids), frames
+        return self._robots[gripper]
+
+
+def _check_halves(solids: Sequence[Solid], mounts: Sequence[str]) -> None:
+    """Refuse components on one finger that start inside components on the other."""
+    for (one, mount), (other, others) in itertools.combinations(zip(solids, mounts, strict=True), 2):
+        if mount != others:
+            depth = -signed_distance(one, other)
+            if depth > MAX_ARM_OVERLAP_M:
+                raise DesignError(
+                    f"components {one.name!r} and {other.name!r}, on different fingers, start {depth * 1000:.1f} mm "
+                    "inside each other; move them apart"
+                )
