@@ -73,12 +73,28 @@ def tables(folder):
     assert len(names) > 6
     found = {name: sorted(rows(folder / FILE, f"SELECT * FROM {name}"), key=repr) for name in names}
     assert found.pop("sessions")
+    _name_trials(found)
     ((version, config, result),) = found.pop("run")
     config = json.loads(config)
     for kind in ("vlm", "executor"):
         config[kind] = {key: value for key, value in config[kind].items() if key not in LOCAL}
     found["run"] = version, config, {key: value for key, value in json.loads(result).items() if key not in TIMES}
     return found
+
+
+def _name_trials(found):
+    """Name trials by what was tried where.
+
+    The numbers of their rows are those of their arrival, and of equal designs the one that came first was played.
+    """
+    names = {number: name for number, *name, _, _, _, _ in found["trials"]}
+    found["trials"] = sorted((row[1:6] + row[7:] for row in found["trials"]), key=repr)
+    evaluations = []
+    for *columns, details in found["evaluations"]:
+        known = json.loads(details)
+        known |= {key: [names[number] for number in known[key]] for key in ("trials", "finals")}
+        evaluations.append((*columns, known))
+    found["evaluations"] = evaluations
 
 
 def plain_files(folder):
