@@ -24,6 +24,11 @@ K = TypeVar("K", bound=Hashable)
 FINGER_OPEN = 0.04  # finger extensions are for a hand of the Panda's size, with fingers that open by this
 SIDES = (("left", 1.0), ("right", -1.0))
 _LEAST_M = 0.003  # clearance between a head and the bodies inside it
+_HOOK_WAY = 1.4  # how long a hook's arm is at most past covered bodies, in lengths of their way
+_HOOK_AHEAD_M = 0.1  # and past others
+# A hook's arm is at least this thick, as a share of its length. A square bar of steel, half a metre long and this
+# thick, bends by 4 mm under 1 N: F L^3 / (3 E I), with I = t^4 / 12. The rules allow 10 mm, with what carries it.
+_HOOK_STOUTNESS = 0.01
 
 
 class Piece(NamedTuple):
@@ -250,10 +255,15 @@ def _hook(
     sides = [(rooms[0], np.array([0.0, -1.0, 0.0])), (rooms[1], np.array([0.0, 1.0, 0.0])), (subgoal.headroom, UP)]
     room, outward = sides[draw({i: min(room, 0.1) + 1e-3 for i, (room, _) in enumerate(sides)}, rng)]
     over = outward[2] > 0.5
-    thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), 0.003, stout * 0.014))
+    longest = along + (_HOOK_WAY * subgoal.length if subgoal.covered else _HOOK_AHEAD_M)
+    least = max(0.003, _HOOK_STOUTNESS * longest)
+    thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), least, stout * 0.014))
     gap = min(0.004, 0.1 * room)
-    longest = subgoal.tall if over else across
-    toe = float(np.clip((room - thick - gap) * rng.uniform(0.5, 0.9), 0.004, longest * rng.uniform(0.5, 1.0)))
+    extent = subgoal.tall if over else across
+    toe = float(np.clip((room - thick - gap) * rng.uniform(0.5, 0.9), 0.004, extent * rng.uniform(0.5, 1.0)))
     breadth = (across if over else subgoal.tall) * rng.uniform(0.4, 0.9)
-    length = along + (subgoal.length * rng.uniform(0.9, 1.4) if subgoal.covered else rng.uniform(0.02, 0.1))
+    if subgoal.covered:
+        length = along + subgoal.length * rng.uniform(0.9, _HOOK_WAY)
+    else:
+        length = along + rng.uniform(0.02, _HOOK_AHEAD_M)
     return hook(length, toe, breadth, thick, gap, outward)
