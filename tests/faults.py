@@ -6,6 +6,7 @@ import ctypes
 import os
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +33,16 @@ class Slide(Task):
 
     def reward(self, start, end):
         return np.clip(end.position("block")[..., 0] - start.position("block")[..., 0], 0, 1)
+
+
+class Crowded(Slide):
+    """Has its block where tools start in the layout of seed 1."""
+
+    def scene(self, seed):
+        scene = super().scene(seed)
+        (block,) = scene.bodies
+        there = replace(block, pose=Pose(np.array([0.5, 0.0, 0.35])))
+        return replace(scene, bodies=(there,)) if seed == 1 else scene
 
 
 class Faulty(Simulator):

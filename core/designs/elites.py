@@ -39,7 +39,8 @@ def elites_text(
 def _entry(
     elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool, sight: Sight
 ) -> dict[str, Any]:
-    candidate, design = elite.candidate, dump_design(elite.candidate, representation)
+    candidate = elite.candidate
+    design = dump_design(elite.candidate, representation)
     assert candidate.tool is not None
     left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
     data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}

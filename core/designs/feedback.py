@@ -174,7 +174,8 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     words = [f"{evaluation.reward:.3f}"]
     if reason:
         words.append(f"invalid: {reason}")
-    trial, seen = evaluation.shown, evaluation.observation
+    trial = evaluation.shown
+    seen = evaluation.observation
     several = len(evaluation.tasks) > 1
     if trial is None or seen is None:
         moved_m = {} if trial is None else trial.moved_m

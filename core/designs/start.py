@@ -27,7 +27,8 @@ class SpawnRules:
     """
 
     def __init__(self, task: Task, seed: int = 0, scene: Scene | None = None) -> None:
-        self.task, self.robot = task, task.robot
+        self.task = task
+        self.robot = task.robot
         self._parts = [SpawnRules(part, seed) for part in task.parts if part is not task]
         if self._parts:
             return
@@ -50,11 +51,14 @@ class SpawnRules:
         if self._parts:
             return
         robot, frames = self._robot(tool.gripper)
-        placed, solids, mounts = tool.placed(), list[Solid](), list[str]()
+        placed = tool.placed()
+        solids = list[Solid]()
+        mounts = list[str]()
         for component in tool.components:
             mount, pose = placed[component.name]
             own = solids_of(component.name, component.shape, frames[mount] @ pose)
-            solids, mounts = [*solids, *own], [*mounts, *[mount] * len(own)]
+            solids += own
+            mounts += [mount] * len(own)
         _check_halves(solids, mounts)
         for solid, mount in zip(solids, mounts, strict=True):
             carriers = (mount,) if tool.gripper else self.robot.near_mount

@@ -54,7 +54,9 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     """Measure the fingers of the open gripper, the left one first; none without a gripper."""
     if robot.gripper is None:
         return ()
-    model, poses, extents = robot_model(robot, Tool(gripper=True)), open_mounts(robot, True), link_extents(robot, True)
+    model = robot_model(robot, Tool(gripper=True))
+    poses = open_mounts(robot, True)
+    extents = link_extents(robot, True)
     found = []
     for name in GRIPPER_MOUNTS:
         joint, own = model.links[name]

@@ -36,8 +36,8 @@ def make_designer(
 
     ``prompts_of`` composes the requests for plans for each of several tasks.
 
-    One with a loaded scene holds 100 MB: the scene's is let go, and rollouts have another from the first one on. Where
-    nothing can draw, standard error says why, and the model gets text alone.
+    An engine with a loaded scene holds 100 MB. So the one that drew the scene is let go, and one for rollouts is made
+    when the first is drawn. Where nothing can draw, standard error says why, and the model gets text alone.
 
     Raises:
         UsageError: the model or the task is not one for the level ``prompt.told``.

@@ -151,7 +151,8 @@ def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
     motion, job = prepare(stage.task, candidate, stage.condition.layout, stage.settings, scene=stage.scene)
     if job.guards is not None and not stage.simulator.feels:
         raise DesignError("the plan has guards ('until'), and this engine can't play them")
-    duration, most_s = motion.trajectory.duration, stage.settings.max_motion_s
+    duration = motion.trajectory.duration
+    most_s = stage.settings.max_motion_s
     if duration > most_s:
         took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
         raise DesignError(f"{took}; use fewer waypoints")

@@ -36,7 +36,8 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> list[Trial]:
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
     """Find what was unphysical and what touched; say why a rollout failed; None: it did not."""
-    outcome, wanted = attempt.outcome, stage.task.reads_trace or stage.settings.observe
+    outcome = attempt.outcome
+    wanted = stage.task.reads_trace or stage.settings.observe
     if outcome is not None and (recording := outcome.recording) is not None:
         try:
             if stage.checks:
@@ -56,7 +57,8 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
 
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
     """Yield the trials of what came to its end."""
-    scene, outcomes = stage.scene, [attempt.outcome for attempt in finished]
+    scene = stage.scene
+    outcomes = [attempt.outcome for attempt in finished]
     starts, ends = (
         scene.complete(State.stack([getattr(outcome, end) for outcome in outcomes])) for end in ("start", "end")
     )
@@ -67,7 +69,8 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
     for number, (attempt, reward, moved) in enumerate(zip(finished, rewards.tolist(), shifts.tolist(), strict=True)):
         film = trace[number] if trace is not None else None
         margins = margins_of(stage.task, starts[number], ends[number], film, reward)
-        motion, outcome = attempt.motion, attempt.outcome
+        motion = attempt.motion
+        outcome = attempt.outcome
         assert outcome is not None
         trial = Trial(
             stage.where,
@@ -118,7 +121,8 @@ def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Arr
     Raises:
         PluginError: the task returned something else; names it.
     """
-    count, rewards = len(ends.positions), np.asarray(reward_of(task, starts, ends, trace), dtype=np.float64)
+    count = len(ends.positions)
+    rewards = np.asarray(reward_of(task, starts, ends, trace), dtype=np.float64)
     if rewards.shape != (count,):
         raise PluginError(
             f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {count} worlds; "

@@ -174,7 +174,8 @@ def _touched(pair: Pair, near: Flags, struck: Flags) -> tuple[Flags, float]:
     They also touch at the end of an interval (T - 1,) in which one of them is ``struck``, if they may have met in it.
     """
     samples = np.flatnonzero(np.append(near | struck, False) | np.append(False, near | struck))
-    most, gaps = touch(pair.one, pair.other), np.array([pair.gap(sample) for sample in samples.tolist()])
+    most = touch(pair.one, pair.other)
+    gaps = np.array([pair.gap(sample) for sample in samples.tolist()])
     touched = np.zeros(len(near) + 1, dtype=bool)
     touched[samples] = gaps <= most
     if (hit := np.flatnonzero(struck)).size:

@@ -22,7 +22,8 @@ def neighbours(tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset
     """
     if tracks.samples < 2:
         return np.empty((0, 2), dtype=np.intp)
-    moving, owners = tracks.moving, tracks.solids.owner_numbers
+    moving = tracks.moving
+    owners = tracks.solids.owner_numbers
     low, high = (tracks.by_sample(values) for values in (tracks.rows.low, tracks.rows.high))
     lowest, highest = tracks.rows.low[:, tracks.first], tracks.rows.high[:, tracks.first]
     lowest[:, moving], highest[:, moving] = low.min(axis=2), high.max(axis=2)

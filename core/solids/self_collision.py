@@ -131,7 +131,8 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
 @lru_cache(maxsize=8)
 def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
     """Pair the links and the tool's components that may collide."""
-    model, links = robot_model(robot, tool), link_solids(robot, jointed(tool))
+    model = robot_model(robot, tool)
+    links = link_solids(robot, jointed(tool))
     # Where a joint of the tool will be, only the engine knows.
     loose = {name for name, (bearer, _) in tool.borne.items() if bearer not in tool.mounts}
     mounted = [solid for solid in tool_solids(robot, tool) if solid.name not in loose]
@@ -148,7 +149,8 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
 @lru_cache(maxsize=8)
 def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
-    model, links = robot_model(robot, tool), link_solids(robot, tool)
+    model = robot_model(robot, tool)
+    links = link_solids(robot, tool)
     hand = {solid.name for solid in links} - {solid.name for solid in robot_solids(robot, False)}
     limits = {}
     for (one, part), (other, link) in combinations(enumerate(links), 2):

@@ -204,7 +204,8 @@ def follow(
 
     A ``detour`` widens their bounding boxes. Of the solids that move, ``only`` those with these numbers are followed.
     """
-    solids, model = all_solids(robot, tool, scene_solids(scene)), robot_model(robot, tool)
+    solids = all_solids(robot, tool, scene_solids(scene))
+    model = robot_model(robot, tool)
     own = joint_frames(model, joint_values(robot, tool, recording.arm, recording.fingers))
     bodies = _body_frames(recording.states)
     rotations, positions = (np.concatenate(pair) for pair in zip(own, bodies, strict=True))

@@ -70,5 +70,6 @@ def versions() -> dict[str, str]:
 
 def summary(generation: Generation) -> dict[str, Any]:
     """Return a generation's figures, as in ``result.json``."""
-    earned, counts = (generation.best_reward, generation.mean_reward), map(generation.count, ("rejected", "failed"))
+    earned = (generation.best_reward, generation.mean_reward)
+    counts = map(generation.count, ("rejected", "failed"))
     return asdict(GenerationFigures(generation.index, *earned, len(generation.evaluations), *counts))

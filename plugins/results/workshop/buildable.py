@@ -75,7 +75,8 @@ class Buildable(Fitness):
         self._examination = Examination(material, tuple(printer.plate_mm), min_wall_mm, safety, margin_m)
 
     def instructions(self) -> str:
-        task, material = self._condition.task.shared(), self._material
+        task = self._condition.task.shared()
+        material = self._material
         rules = filled(
             "buildable.md.j2",
             printer=Printer(list(self._examination.plate_mm), self._examination.min_wall_mm),
@@ -163,9 +164,12 @@ class Examination:
 
     def _play(self, condition: Condition, candidate: Candidate, tool: Tool) -> tuple[dict[str, float], list[str]]:
         """Play the motion as it is exported; return figures, and what speaks against the design."""
-        task, simulator = condition.task.shared(), condition.sim.shared()
-        seed, settings = condition.layout, condition.settings
-        scene, robot = condition.scene(), task.robot
+        task = condition.task.shared()
+        simulator = condition.sim.shared()
+        seed = condition.layout
+        settings = condition.settings
+        scene = condition.scene()
+        robot = task.robot
         waypoints = resolve(candidate.plan, task, seed, settings, scene)
         planned = plan_task_motion(waypoints, task, settings)
         motion = sample(planned.trajectory, arm_of(robot), RECORD_HZ)

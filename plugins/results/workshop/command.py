@@ -143,11 +143,13 @@ def export(cfg: DictConfig) -> list[Export]:
     """
     check_seed(cfg.seed)
     output = new_folder(Path(cfg.output))
-    task, representation = task_part(cfg).create(), tool_part(cfg).create()
+    task = task_part(cfg).create()
+    representation = tool_part(cfg).create()
     best = chosen_evaluations(cfg, representation, task)[0]
     if best.candidate.tool is None or best.candidate.problem is not None:
         raise UserError(f"the design can't be used: {best.candidate.problem}")
-    fit, printer = node(cfg.fit, Fit), node(cfg.printer, Printer)
+    fit = node(cfg.fit, Fit)
+    printer = node(cfg.printer, Printer)
     printed = make_tool(best.candidate.tool, task.robot, representation.material, printer, fit)
     exports = [_play(cfg, part, best, printed) for part in task_parts(cfg)]
     with writing(output):

@@ -35,7 +35,8 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
         UserError: the arm can't reach ``home``.
     """
     poses = link_poses(robot, gripper, arm_of(robot).home_for(home))
-    mount, bare = poses[RIGID_MOUNT].inverse(), robot_model(robot, Tool()).links
+    mount = poses[RIGID_MOUNT].inverse()
+    bare = robot_model(robot, Tool()).links
     found = extents_of(
         (
             solid.name if solid.name in bare or solid.name in GRIPPER_MOUNTS else GRIPPER,

@@ -12,7 +12,7 @@ from core.interfaces import Condition, Fitness, RolloutSettings, Score, Trial
 from core.search.trials import Trials, key_of
 from core.values.plans import TaskPlans, Waypoints
 from tests.executors import Inline
-from tests.faults import Faulty, Slide
+from tests.faults import Crowded, Faulty
 from tests.faults import candidate as rod
 from tests.playing import Named, condition
 
@@ -270,16 +270,6 @@ def test_an_executor_that_loses_a_chunk_is_told_on():
 
     with pytest.raises(UserError, match="map gave no result for 1 trials"):
         list(Diary().trials(Losing()).evaluate(candidates(1), Layouts(*conditions(0, 1))))
-
-
-class Crowded(Slide):
-    """Has its block where tools start in the layout of seed 1."""
-
-    def scene(self, seed):
-        scene = super().scene(seed)
-        (block,) = scene.bodies
-        there = replace(block, pose=Pose(np.array([0.5, 0.0, 0.35])))
-        return replace(scene, bodies=(there,)) if seed == 1 else scene
 
 
 def test_a_tool_that_starts_inside_something_in_one_layout_is_tried_in_the_others():

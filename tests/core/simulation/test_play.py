@@ -7,14 +7,13 @@ import pytest
 
 from core.design import Candidate
 from core.errors import UsageError
-from core.geometry import Pose
 from core.interfaces import Outcome, Recording, RolloutSettings, Waypoints
 from core.plugins.blame import PluginError
 from core.scene import State
 from core.simulation.attempt import prepare
 from core.simulation.play import find_problems, play
 from plugins.fitness.robustness import Perturbation, PerturbationRange
-from tests.faults import Faulty, Slide, candidate
+from tests.faults import Crowded, Faulty, Slide, candidate
 from tests.panda import ARM
 from tests.playing import condition, evaluate_batch
 
@@ -145,18 +144,8 @@ def test_in_a_perturbed_scene_the_reward_reads_the_trace_too():
     assert (trial.change, trial.reward) == (0, 0.75)
 
 
-class Moving(Slide):
-    """Has its block in the tool's way in the layout of seed 1."""
-
-    def scene(self, seed):
-        scene = super().scene(seed)
-        (block,) = scene.bodies
-        there = replace(block, pose=Pose(np.array([0.5, 0.0, 0.35])))
-        return replace(scene, bodies=(there,)) if seed == 1 else scene
-
-
 def test_a_tool_that_starts_inside_something_is_rejected_in_that_layout_alone():
-    clear, inside = (play(condition(Moving(), Faulty(), seed, SETTINGS), [candidate(0)])[0] for seed in range(2))
+    clear, inside = (play(condition(Crowded(), Faulty(), seed, SETTINGS), [candidate(0)])[0] for seed in range(2))
     assert (clear.status, clear.layout) == ("ok", 0)
     assert (inside.status, inside.reward, inside.layout) == ("rejected", 0.0, 1)
     assert "component 'rod' starts" in inside.reason
@@ -168,7 +157,7 @@ class Shifting:
     number = 3
 
     def __call__(self, scene):
-        return Moving().scene(1)
+        return Crowded().scene(1)
 
 
 def test_in_a_perturbed_scene_a_rejection_says_so():
