@@ -23,6 +23,7 @@ def signals(monkeypatch):
     monkeypatch.setattr(cli._Interrupt, "first", math.inf)
     monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
     monkeypatch.setattr(cli.os, "_exit", lambda code: happened.update(left=code))
+    monkeypatch.setattr(cli, "remove_scratch", lambda: None)  # engines of other tests keep files there
     return happened
 
 
