@@ -51,8 +51,8 @@ class Simulator(ABC):
     """A physics engine. It takes a batch of jobs and returns as many outcomes. One thread uses it at a time."""
 
     batch: ClassVar[int] = 1  # the best size of a batch; above 1, jobs with different tools are stepped together
-    feels: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
-    softens: ClassVar[bool] = False  # it has soft bodies (`core.scene.Soft`)
+    supports_guards: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
+    supports_soft_bodies: ClassVar[bool] = False  # it has soft bodies (`core.scene.Soft`)
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod
@@ -300,14 +300,14 @@ class EvolutionStrategy(ABC):
         """Report whether a strategy with these settings needs observations of rollouts (`Evaluation.observation`)."""
         return False
 
-    def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+    def write_archive(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
         """Write what the strategy found beside the best design, if anything, to ``folder``; it is not there yet.
 
         ``ranking`` are all candidates that were tried, the best first.
         """
         return  # nothing, unless a strategy has more to give
 
-    def goes_on(self, generation: int, budget: Budget) -> bool:
+    def has_generation(self, generation: int, budget: Budget) -> bool:
         """Report whether there is a generation of this number, from 0; by default up to ``budget.n_iteration``."""
         return generation <= budget.n_iteration
 

@@ -90,7 +90,7 @@ def elites_of(
     return list(best.values())[: cfg.budget.k_top], evaluations
 
 
-def reckon(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
+def estimate_cost(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
     """The model that the configuration names, and its estimate of the request's tokens and cost."""
     model = str(cfg.vlm.get("model") or cfg.vlm.name)
     count = getattr(installed().factory("vlm", cfg.vlm.name), "estimate", VLM.estimate)
@@ -133,12 +133,14 @@ def main(words: list[str]) -> None:
     cfg = load("prompt", arguments(USAGE, words))
     OmegaConf.resolve(cfg)
     request, *plans = requests(cfg)
-    model, estimate = reckon(cfg, request)
+    model, estimate = estimate_cost(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     if plans:
         tools, agents, paid = request.brief.n_tool, cfg.budget.n_agent, estimate.usd_per_prompt_token
-        tokens = agents * (estimate.prompt_tokens + tools * sum(reckon(cfg, of)[1].prompt_tokens for of in plans))
+        tokens = agents * (
+            estimate.prompt_tokens + tools * sum(estimate_cost(cfg, of)[1].prompt_tokens for of in plans)
+        )
         cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
         most = f"at most {agents * (1 + tools * len(plans))} requests with some {tokens} tokens{cost}"
         say(f"a generation has {most}: of each agent one for {tools} tools, then one for each tool and task")

@@ -24,7 +24,7 @@ Export = Callable[[Candidate, Robot, Motion, Path], None]
 def save_best(result: Result, run: Run, strategy: EvolutionStrategy, *, film: bool) -> None:
     """Write the best design to ``best/``, with a film of its rollout unless the run was interrupted.
 
-    What else a strategy hands over lies beside it (`core.interfaces.EvolutionStrategy.hand_over`).
+    What else a strategy hands over lies beside it (`core.interfaces.EvolutionStrategy.write_archive`).
     """
     best = result.best
     if best is None or run.simulator is None:
@@ -36,7 +36,7 @@ def save_best(result: Result, run: Run, strategy: EvolutionStrategy, *, film: bo
         if old.is_symlink():
             old.unlink()
         shutil.rmtree(old, ignore_errors=True)  # a resumed run has those of an earlier end
-    strategy.hand_over(result.ranking, run.representation, archive)
+    strategy.write_archive(result.ranking, run.representation, archive)
 
     several = len(run.task.parts) > 1
     if several:

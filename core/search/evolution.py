@@ -40,7 +40,7 @@ def evolve(
     arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
     try:
-        for index in itertools.takewhile(lambda number: strategy.goes_on(number, budget), itertools.count()):
+        for index in itertools.takewhile(lambda number: strategy.has_generation(number, budget), itertools.count()):
             events.hook.generation_started(index=index)
             arrived.append([])
             for evaluation in trials.evaluate(candidates, fitness):

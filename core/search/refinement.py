@@ -52,14 +52,14 @@ class Refinement(EvolutionStrategy):
         self._searches: list[_Search] | None = None  # until the other strategy has come to its end
         self._spent, self._generation = 0, 0
 
-    def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+    def write_archive(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
         """Pass on what the other strategy hands over."""
-        self._strategy.hand_over(ranking, representation, folder)
+        self._strategy.write_archive(ranking, representation, folder)
 
-    def goes_on(self, generation: int, budget: Budget) -> bool:
+    def has_generation(self, generation: int, budget: Budget) -> bool:
         """Report whether the other strategy goes on, or rollouts are left."""
         if self._searches is None:
-            return self._strategy.goes_on(generation, budget)
+            return self._strategy.has_generation(generation, budget)
         return bool(self._searches) and self._spent < self._rollouts
 
     def ask(self) -> Iterator[Candidate]:
@@ -75,7 +75,7 @@ class Refinement(EvolutionStrategy):
         if self._searches is None:
             self._earlier += evaluations
             self._strategy.tell(evaluations)
-            if not self._strategy.goes_on(self._generation, self.budget):
+            if not self._strategy.has_generation(self._generation, self.budget):
                 self._searches = self._started()
             return
         self._spent += len(evaluations)

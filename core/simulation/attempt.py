@@ -149,7 +149,7 @@ def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
         raise DesignError(refusal)
     _check_start(stage, candidate.tool)
     motion, job = prepare(stage.task, candidate, stage.condition.layout, stage.settings, scene=stage.scene)
-    if job.guards is not None and not stage.simulator.feels:
+    if job.guards is not None and not stage.simulator.supports_guards:
         raise DesignError("the plan has guards ('until'), and this engine can't play them")
     duration = motion.trajectory.duration
     most_s = stage.settings.max_motion_s

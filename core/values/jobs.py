@@ -84,7 +84,7 @@ class Rollout:
     targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
     ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
     contact forces too. A ``guards`` change the trajectory on the way; engines that play them say so
-    (`Simulator.feels`).
+    (`Simulator.supports_guards`).
     """
 
     tool: Tool

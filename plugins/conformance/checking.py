@@ -162,7 +162,7 @@ def some_simulator(*, soft: bool = False) -> tuple[str, Simulator]:
         LeftOut: none of them has soft bodies.
     """
     for name, simulator in simulators():
-        if simulator.softens or not soft:
+        if simulator.supports_soft_bodies or not soft:
             return name, simulator
     raise LeftOut("no engine that can be made here has soft bodies")
 

@@ -26,7 +26,7 @@ class _Home(Bodies):
 
 def _played(simulator: Simulator, rows: Array, guards: tuple[Guard | None, ...], *bodies: Body) -> Outcome:
     """Play waypoints (N, 6), each approached slowly, with guards; literal ones are the same wherever a guard ends."""
-    if not simulator.feels:
+    if not simulator.supports_guards:
         raise LeftOut("it plays no motions with guards")
     count, task, settings = len(rows), _Home(*bodies), RolloutSettings(feel=Feel(noise=0.05))
     tempo = replace(Tempo.usual(count), speeds=np.where([guard is None for guard in guards], np.nan, _SPEED))

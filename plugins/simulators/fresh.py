@@ -29,7 +29,7 @@ class FreshWorlds(Simulator):
         refusal: what the engine raises.
     """
 
-    feels = True
+    supports_guards = True
     title: ClassVar[str]
     refusal: ClassVar[type[Exception]]
 

@@ -207,14 +207,14 @@ def _play(cfg: DictConfig, part: PluginPart[Task], chosen: Evaluation, printed: 
         name: _earned(Condition(part, sim, cfg.seed, settings, engine=name), best) for name, sim in sims.items()
     }
     rewards = {name: played.reward for name, played in replays.items()}
-    checks = [as_good(f"motion{several}", "as exported", rewards, searched)]
+    checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
     if guarded := [str(number) for number, guard in enumerate(waypoints.guards, 1) if guard]:
         left_out = f"exported programs have none: those of waypoint {', '.join(guarded)} are left out"
         checks.append(Check("guards", False, left_out))
     mounted: dict[str, float] = {}
     if printed.parts:
         mounted = {name: replay(name, printed.printed).reward for name in sims}
-        checks.append(as_good(f"mounted{several}", "with its mount", mounted, rewards))
+        checks.append(compare_rewards(f"mounted{several}", "with its mount", mounted, rewards))
 
     touches = [touch for played in replays.values() for touch in played.contacts.all if touch.kind != "body"]
     contact_s = min((touch.first_s for touch in touches), default=None)
@@ -252,7 +252,7 @@ def _earned(condition: Condition, best: Evaluation) -> float:
     return max(found.reward, 0.0 if best.combined else best.reward)
 
 
-def as_good(name: str, said: str, earned: Mapping[str, float], asked: Mapping[str, float]) -> Check:
+def compare_rewards(name: str, said: str, earned: Mapping[str, float], asked: Mapping[str, float]) -> Check:
     """Check that a motion earns in each engine what is asked of it, and anything at all."""
     rows = [f"{reward:.3f} for {asked[engine]:.3f} in {engine}" for engine, reward in earned.items()]
     good = all(reward >= max(asked[engine] - SAME_REWARD, 1e-3) for engine, reward in earned.items())

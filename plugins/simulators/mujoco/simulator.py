@@ -27,8 +27,8 @@ class MuJoCoSimulator(DrawingSimulator):
     """
 
     renderer = MuJoCoRenderer
-    feels = True
-    softens = True
+    supports_guards = True
+    supports_soft_bodies = True
 
     def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
         check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)

@@ -47,7 +47,7 @@ class MapElites(EvolutionStrategy):
     def observes(cls, settings: Mapping[str, Any]) -> bool:
         return observes(settings.get("measures"))
 
-    def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+    def write_archive(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
         """Write the best of each cell, and a few more that a user may want."""
         archive = Archive(self._archive.measures, self.tie)
         archive.add(ranking)

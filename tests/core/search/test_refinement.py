@@ -50,7 +50,7 @@ def search(rollouts, designer=None, earns=earned):
     designer = designer or Plans()
     inner = installed().create("evolution", "sampling", designer=designer, budget=BUDGET)
     strategy, generations = Refinement(inner, designer, designer, rollouts), []
-    while strategy.goes_on(len(generations), BUDGET):
+    while strategy.has_generation(len(generations), BUDGET):
         candidates = list(strategy.ask())
         generations.append([tried_once(c, "ok", reward=earns(c), distance_m=1.0) for c in candidates])
         strategy.tell(generations[-1])

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.mark.parametrize("check", SUITES["sim"], ids=lambda check: check.__name__.removeprefix("check_"))
 def test_simulator(engine, check):
     made = simulator(engine)
-    if check.__module__ == softs.__name__ and not made.softens:
+    if check.__module__ == softs.__name__ and not made.supports_soft_bodies:
         with pytest.raises(LeftOut, match=f"sim={engine} can't have soft bodies"):
             check(made)
     else:

@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import as_good, checklist, configured, export, main
+from plugins.results.workshop.command import compare_rewards, checklist, configured, export, main
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
@@ -44,7 +44,7 @@ def test_the_motion_earns_what_was_simulated(made):
     assert found.replays["mujoco"].reward > 0.98
     assert found.replays["mujoco"].problems == ()
     for asked, reward, passed in ((0.9, 0.8801, True), (0.9, 0.8799, False), (0.0, 0.0, False)):
-        assert as_good("motion", "", {"one": reward}, {"one": asked}).passed == passed
+        assert compare_rewards("motion", "", {"one": reward}, {"one": asked}).passed == passed
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
     assert 0 < figures["first_contact_s"] < figures["duration_s"]
