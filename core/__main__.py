@@ -28,7 +28,10 @@ def dispatch_words(words: list[str]) -> int | None:
     plugins = installed()
     if words and words[0] not in ("--help", "-h"):
         return plugins.run_command(words[0], words[1:])
-    rows = [(name, plugins.create("command", name).help) for name in plugins.names("command")]
+    rows = [
+        (name, plugins.create("command", name).help)
+        for name in plugins.names("command")
+    ]
     say(USAGE, "")
     print_table(("command", "what it does"), rows)
     return None

@@ -72,7 +72,11 @@ class Candidate:
         plan = self.plan.of(task)
         if plan is self.plan:
             return self
-        return replace(self, problem=self.problem or plan) if isinstance(plan, str) else replace(self, plan=plan)
+        return (
+            replace(self, problem=self.problem or plan)
+            if isinstance(plan, str)
+            else replace(self, plan=plan)
+        )
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,9 @@ class Budget:
     n_iteration: int  # generations after the first
     k_top: int  # candidates that may become elites
     reward_save: float  # an elite earns more than this
-    stop_reward: float | None = None  # the run ends when the highest reward reaches it; None: never
+    stop_reward: float | None = (
+        None  # the run ends when the highest reward reaches it; None: never
+    )
 
     @property
     def population(self) -> int:

@@ -37,10 +37,14 @@ def fault(error: BaseException | None) -> str | None:
     """
     described = error
     while error is not None:
-        no_thread = isinstance(error, RuntimeError) and "can't start new thread" in str(error)
+        no_thread = isinstance(error, RuntimeError) and "can't start new thread" in str(
+            error
+        )
         if no_thread or isinstance(error, Fault | OSError | MemoryError | ImportError):
             named = isinstance(described, Fault | UserError) or described is not error
-            text = str(described) if named else f"{type(described).__name__}: {described}"
+            text = (
+                str(described) if named else f"{type(described).__name__}: {described}"
+            )
             return " ".join(text.split()).removesuffix(":")
         error = error.__cause__
     return None
@@ -57,10 +61,14 @@ def check_positive(where: str, **numbers: float) -> None:
             raise UsageError(f"{where}{name} must be greater than 0, got {number}")
 
 
-def choices(kind: str, wrong: str, possible: Iterable[str], where: str = "") -> UsageError:
+def choices(
+    kind: str, wrong: str, possible: Iterable[str], where: str = ""
+) -> UsageError:
     """Build the error for the unknown name ``wrong``: it lists the possible names, and suggests the closest."""
     names = sorted(possible)
-    close = difflib.get_close_matches(wrong.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
+    close = difflib.get_close_matches(
+        wrong.lower(), [name.lower() for name in names], n=1, cutoff=0.6
+    )
     meant = [name for name in names if close and name.lower() == close[0]]
     hint = f" (did you mean {meant[0]!r}?)" if meant else ""
     at = f" in {where}" if where else ""

@@ -41,16 +41,24 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
-    part(SIMULATOR, cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
+    part(
+        SIMULATOR, cfg.sim
+    ).create()  # a wrong setting is reported here, once, rather than by each worker
     task = task_part(cfg).create()
     for each in task.parts:
-        arm_of(task.robot).home_for(each.home)  # an arm that can't start is reported once
+        arm_of(task.robot).home_for(
+            each.home
+        )  # an arm that can't start is reported once
     fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
-    evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), task), fitness)
+    evaluations = try_all(
+        cfg, read_designs(document, tool_part(cfg).create(), task), fitness
+    )
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 
-def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) -> list[Evaluation]:
+def try_all(
+    cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness
+) -> list[Evaluation]:
     """Try candidates with the configured executor, judged by ``fitness``."""
     with part(EXECUTOR, cfg.executor).create() as executor:
         return list(Trials(executor).evaluate(candidates, fitness))
@@ -61,33 +69,57 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
     fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
     conditions = fitness.conditions()
     document = load_designs(Path(cfg.designs))
-    for candidate in read_designs(document, tool_part(cfg).create(), task_part(cfg).create()):
+    for candidate in read_designs(
+        document, tool_part(cfg).create(), task_part(cfg).create()
+    ):
         found: list[tuple[str, str]] = []
         for condition in conditions:
             place = f"layout {condition.layout}"
-            found += [(place, problem) for problem in find_problems(condition, candidate)]
-        lines = by_reason(found) if len(conditions) > 1 else dict.fromkeys(problem for _, problem in found)
+            found += [
+                (place, problem) for problem in find_problems(condition, candidate)
+            ]
+        lines = (
+            by_reason(found)
+            if len(conditions) > 1
+            else dict.fromkeys(problem for _, problem in found)
+        )
         said = clean("; ".join(lines), 2000) or "nothing found"
         yield f"strategy {candidate.strategy} plan {candidate.action}: {said}"
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """One entry of the output file."""
-    figures = {name: getattr(evaluation, name) for name in ("reward", "distance_m", "status", "reason")}
+    figures = {
+        name: getattr(evaluation, name)
+        for name in ("reward", "distance_m", "status", "reason")
+    }
     shown = evaluation.shown
     for name in ("ik_error_m", "ik_error_rad", "tracking_error_rad"):
         figures[name] = math.nan if shown is None else getattr(shown, name)
     warnings = list(evaluation.warnings)
     lag_rad = figures["tracking_error_rad"]
     if lag_rad > STOPPED_RAD:
-        warnings.append(f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target")
+        warnings.append(
+            f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"
+        )
     return {
         "strategy": evaluation.candidate.strategy,
         "plan": evaluation.candidate.action,
-        **{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in figures.items()},  # JSON: no nan
+        **{
+            k: None if isinstance(v, float) and not math.isfinite(v) else v
+            for k, v in figures.items()
+        },  # JSON: no nan
         "warnings": warnings,
-        **({"observed": describe(evaluation)} if evaluation.observation is not None else {}),
-        **({"details": combined} if (combined := combined_figures(evaluation, task)) else {}),
+        **(
+            {"observed": describe(evaluation)}
+            if evaluation.observation is not None
+            else {}
+        ),
+        **(
+            {"details": combined}
+            if (combined := combined_figures(evaluation, task))
+            else {}
+        ),
     }
 
 
@@ -111,16 +143,30 @@ def show(records: list[dict[str, Any]]) -> None:
     numbers = ("strategy", "plan", "reward", "distance m", "IK miss mm", "lag rad")
     rows = [
         (
-            *(str(r["strategy"]), str(r["plan"]), f"{r['reward']:.3f}", _number(r["distance_m"], 2)),
-            *(_number(r["ik_error_m"], 0, 1000), _number(r["tracking_error_rad"], 3), r["status"]),
+            *(
+                str(r["strategy"]),
+                str(r["plan"]),
+                f"{r['reward']:.3f}",
+                _number(r["distance_m"], 2),
+            ),
+            *(
+                _number(r["ik_error_m"], 0, 1000),
+                _number(r["tracking_error_rad"], 3),
+                r["status"],
+            ),
         )
         for r in records
     ]
     print_table((*numbers, "status"), rows, numbers)
     for r in records:
         engines = r.get("details", {}).get("engines", {})
-        tried = [f"{engine}: {' '.join(f'{x:.2f}' for x in of['rewards'])}" for engine, of in engines.items()]
-        for remark in filter(None, (r["reason"], *r["warnings"], r.get("observed"), *tried)):
+        tried = [
+            f"{engine}: {' '.join(f'{x:.2f}' for x in of['rewards'])}"
+            for engine, of in engines.items()
+        ]
+        for remark in filter(
+            None, (r["reason"], *r["warnings"], r.get("observed"), *tried)
+        ):
             say(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}")
 
 

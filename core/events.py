@@ -95,7 +95,10 @@ class Result:
     @cached_property
     def ranking(self) -> list[Evaluation]:
         """The candidates of all generations that were tried, the best first."""
-        return best_first((e for generation in self.generations for e in generation.evaluations), self.tie)
+        return best_first(
+            (e for generation in self.generations for e in generation.evaluations),
+            self.tie,
+        )
 
     @property
     def best(self) -> Evaluation | None:
@@ -110,6 +113,12 @@ class Result:
     @property
     def rollouts(self) -> int:
         """How many rollouts there were; equal candidates share theirs."""
-        evaluations = (e for generation in self.generations for e in generation.evaluations)
-        finals = sum(len(rewards) for engines in self.finals.values() for rewards in engines.values())
+        evaluations = (
+            e for generation in self.generations for e in generation.evaluations
+        )
+        finals = sum(
+            len(rewards)
+            for engines in self.finals.values()
+            for rewards in engines.values()
+        )
         return finals + sum(e.rollouts for e in evaluations)

@@ -65,7 +65,9 @@ class Pose:
         """Make a pose from a position and fixed-axis roll, pitch, yaw."""
         from scipy.spatial.transform import Rotation
 
-        return cls.from_rotation(xyz, Rotation.from_euler("xyz", np.asarray(rpy, dtype=np.float64)))
+        return cls.from_rotation(
+            xyz, Rotation.from_euler("xyz", np.asarray(rpy, dtype=np.float64))
+        )
 
     @classmethod
     def from_rotation(cls, position: Vector, rotation: Rotation) -> Pose:
@@ -87,7 +89,10 @@ class Pose:
         return Rotation.from_quat([x, y, z, w])
 
     def __getstate__(self) -> dict[str, Array]:
-        return {"position": self.position, "quaternion": self.quaternion}  # not the cached rotation
+        return {
+            "position": self.position,
+            "quaternion": self.quaternion,
+        }  # not the cached rotation
 
     @property
     def rpy(self) -> Array:
@@ -106,7 +111,9 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose poses: ``a @ b`` is the pose of b's frame where a is given, if b is given in a's frame."""
-        return Pose.from_rotation(self.apply(other.position), self.rotation * other.rotation)
+        return Pose.from_rotation(
+            self.apply(other.position), self.rotation * other.rotation
+        )
 
     def inverse(self) -> Pose:
         back = self.rotation.inv()
@@ -120,7 +127,8 @@ class Pose:
     def __eq__(self, other: object) -> bool:
         return (
             isinstance(other, Pose)
-            and self.position.tolist() == other.position.tolist()  # an eighth of the time of comparing arrays
+            and self.position.tolist()
+            == other.position.tolist()  # an eighth of the time of comparing arrays
             and self.quaternion.tolist() == other.quaternion.tolist()
         )
 
@@ -176,7 +184,9 @@ class _Solid:
             case Cylinder(radius, length):
                 return np.zeros(3), np.array([2 * radius, 2 * radius, length])
             case Capsule(radius, length):
-                return np.zeros(3), np.array([2 * radius, 2 * radius, length + 2 * radius])
+                return np.zeros(3), np.array(
+                    [2 * radius, 2 * radius, length + 2 * radius]
+                )
         corners = cast("Mesh", self.drawn).vertices
         low, high = corners.min(axis=0), corners.max(axis=0)
         return (low + high) / 2, high - low
@@ -190,9 +200,13 @@ class _Solid:
             case Sphere(radius):
                 return trimesh.creation.icosphere(subdivisions=3, radius=radius)
             case Cylinder(radius, length):
-                return trimesh.creation.cylinder(radius=radius, height=length, sections=48)
+                return trimesh.creation.cylinder(
+                    radius=radius, height=length, sections=48
+                )
             case Capsule(radius, length):
-                mesh = trimesh.creation.capsule(height=length, radius=radius, count=(32, 32))
+                mesh = trimesh.creation.capsule(
+                    height=length, radius=radius, count=(32, 32)
+                )
                 return mesh.apply_translation(-mesh.bounds.mean(axis=0))
         mesh = cast("Mesh", self.drawn)
         return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
@@ -264,8 +278,15 @@ class Mesh(_Solid):
     def __post_init__(self) -> None:
         vertices = frozen_array(self.vertices)
         faces = np.array(self.faces, dtype=np.int64)
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
-            raise ValueError(f"expected vertices (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}")
+        if (
+            vertices.ndim != 2
+            or vertices.shape[1] != 3
+            or faces.ndim != 2
+            or faces.shape[1] != 3
+        ):
+            raise ValueError(
+                f"expected vertices (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}"
+            )
         if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
             raise ValueError(
                 f"faces: vertex numbers must be 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
@@ -277,7 +298,9 @@ class Mesh(_Solid):
     @cached_property
     def content(self) -> str:
         """A hash: meshes with the same one are equal."""
-        return hashlib.blake2b(self.vertices.tobytes() + self.faces.tobytes(), digest_size=16).hexdigest()
+        return hashlib.blake2b(
+            self.vertices.tobytes() + self.faces.tobytes(), digest_size=16
+        ).hexdigest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mesh) and self.content == other.content
@@ -327,10 +350,14 @@ def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]
             rod = mass - caps
             along = rod * radius**2 / 2 + caps * 2 / 5 * radius**2
             across = rod * (3 * radius**2 + length**2) / 12
-            across += caps * (2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * radius * length)
+            across += caps * (
+                2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * radius * length
+            )
             return np.zeros(3), np.diag([across, across, along])
         case _:
-            _, center, tensor = _measured(shape.surface if isinstance(shape, Compound) else shape)
+            _, center, tensor = _measured(
+                shape.surface if isinstance(shape, Compound) else shape
+            )
             return center, mass * tensor
 
 
@@ -338,7 +365,11 @@ def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]
 def _measured(mesh: Mesh) -> tuple[float, Array, Array]:
     """The volume of a closed mesh, its centre (3,), and the inertia tensor (3, 3) of 1 kg."""
     solid = mesh.to_trimesh()
-    return float(solid.volume), frozen_array(solid.center_mass), frozen_array(solid.moment_inertia / solid.volume)
+    return (
+        float(solid.volume),
+        frozen_array(solid.center_mass),
+        frozen_array(solid.moment_inertia / solid.volume),
+    )
 
 
 def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
@@ -357,7 +388,10 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
             return _stretched(shape, *shape.bounds, np.array([x, y, z]))
         case Compound(surface, parts):
             around = *surface.bounds, np.array([x, y, z])
-            return Compound(_stretched(surface, *around), tuple(_stretched(part, *around) for part in parts))
+            return Compound(
+                _stretched(surface, *around),
+                tuple(_stretched(part, *around) for part in parts),
+            )
 
 
 def _stretched(mesh: Mesh, middle: Array, before: Array, after: Array) -> Mesh:

@@ -50,9 +50,15 @@ B = TypeVar("B")
 class Simulator(ABC):
     """A physics engine. It takes a batch of jobs and returns as many outcomes. One thread uses it at a time."""
 
-    batch: ClassVar[int] = 1  # the best size of a batch; above 1, jobs with different tools are stepped together
-    supports_guards: ClassVar[bool] = False  # it plays motions with guards (`Rollout.guards`)
-    supports_soft_bodies: ClassVar[bool] = False  # it has soft bodies (`core.scene.Soft`)
+    batch: ClassVar[int] = (
+        1  # the best size of a batch; above 1, jobs with different tools are stepped together
+    )
+    supports_guards: ClassVar[bool] = (
+        False  # it plays motions with guards (`Rollout.guards`)
+    )
+    supports_soft_bodies: ClassVar[bool] = (
+        False  # it has soft bodies (`core.scene.Soft`)
+    )
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod
@@ -78,7 +84,9 @@ class Simulator(ABC):
         Raises:
             UserError: this engine plays whole rollouts only.
         """
-        raise UserError(f"{type(self).__name__} plays whole rollouts only; one that can be stepped is needed")
+        raise UserError(
+            f"{type(self).__name__} plays whole rollouts only; one that can be stepped is needed"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +102,17 @@ class Brief:
     generation: int
     agent: int  # its number in the generation
     seed: int  # for a model that draws random numbers
-    elites: tuple[Evaluation, ...] = ()  # the best first; empty: the agent starts from nothing
+    elites: tuple[
+        Evaluation, ...
+    ] = ()  # the best first; empty: the agent starts from nothing
     actions: ActionRepresentation = field(kw_only=True)
-    tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
+    tried: tuple[
+        Evaluation, ...
+    ] = ()  # all of earlier generations, if the prompt may show them
     style: str = ""  # what a strategy adds to the prompt
-    critiques: Mapping[str, str] = field(default_factory=dict)  # a critic's words, by candidate
+    critiques: Mapping[str, str] = field(
+        default_factory=dict
+    )  # a critic's words, by candidate
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +153,9 @@ class VLM(ABC):
         characters = sum(len(part.text) for part in parts if isinstance(part, Text))
         characters += len(str(request.schema)) if cls.takes_schema else 0
         pictures = sum(isinstance(part, Picture) for part in parts)
-        tokens = round(characters / CHARACTERS_PER_TOKEN) + pictures * TOKENS_PER_PICTURE
+        tokens = (
+            round(characters / CHARACTERS_PER_TOKEN) + pictures * TOKENS_PER_PICTURE
+        )
         rule = f"{CHARACTERS_PER_TOKEN:g} characters to a token, {TOKENS_PER_PICTURE} tokens to a picture"
         return Estimate(tokens, f"rule of thumb: {rule}")
 
@@ -164,8 +180,12 @@ class VLM(ABC):
 class ToolRepresentation(Variable[Tool], ABC):
     """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
-    robot: Robot  # the arm that tools are for; the program makes a representation for one
-    shapes: tuple[str, ...] = ("box",)  # what a component may be: box, cylinder, capsule, sphere
+    robot: (
+        Robot  # the arm that tools are for; the program makes a representation for one
+    )
+    shapes: tuple[str, ...] = (
+        "box",
+    )  # what a component may be: box, cylinder, capsule, sphere
     material: Material = PAPER  # the program makes it for one, and weighs by it what `parse` and `given` return
 
     @abstractmethod
@@ -228,9 +248,13 @@ class ActionRepresentation(Variable[ActionPlan], ABC):
         Raises:
             DesignError: this representation can't write them.
         """
-        raise DesignError(f"{type(self).__name__} can't write literal waypoints; use action=waypoints")
+        raise DesignError(
+            f"{type(self).__name__} can't write literal waypoints; use action=waypoints"
+        )
 
-    def anchor(self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen) -> list[Any]:
+    def anchor(
+        self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen
+    ) -> list[Any]:
         """Write the waypoints of one layout as a plan for all: each keeps its place by its anchor.
 
         There is an anchor for each waypoint. In the layout that was ``seen`` the plan means these waypoints. A
@@ -265,7 +289,9 @@ class GivenTools(ToolRepresentation):
 class Designer(Protocol):
     """The source of candidates, which the program gives to a strategy (`core.search.designer`)."""
 
-    def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
+    def design(
+        self, generation: int, elites: Sequence[Evaluation] = ()
+    ) -> Iterator[Candidate]:
         """Ask the model for a population, with ``elites`` for their offspring, and yield it as replies arrive.
 
         Candidates that break a rule are among them (`Candidate.problem`). The best elite comes first.
@@ -300,7 +326,12 @@ class EvolutionStrategy(ABC):
         """Report whether a strategy with these settings needs observations of rollouts (`Evaluation.observation`)."""
         return False
 
-    def write_archive(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+    def write_archive(
+        self,
+        ranking: Sequence[Evaluation],
+        representation: ToolRepresentation,
+        folder: Path,
+    ) -> None:
         """Write what the strategy found beside the best design, if anything, to ``folder``; it is not there yet.
 
         ``ranking`` are all candidates that were tried, the best first.
@@ -355,7 +386,10 @@ class Fitness(ABC):
 
     def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
         """Return what a candidate earned in trials of `finals` or `unseen`: by engine a number for each layout."""
-        return {engine: tuple(rewards) for engine, rewards in rewards_by_engine(trials).items()}
+        return {
+            engine: tuple(rewards)
+            for engine, rewards in rewards_by_engine(trials).items()
+        }
 
     def joined(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
         """Yield candidates made of parts of those that were ``tried``, whose trials are therefore known."""
@@ -369,7 +403,9 @@ class Executor(ABC):
     """Workers that call a picklable function with chunks. As a context manager it ends them."""
 
     @abstractmethod
-    def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
+    def map(
+        self, function: Callable[[A], B], chunks: Iterable[A]
+    ) -> Iterator[tuple[A, B | Exception]]:
         """Yield each chunk with its result, in the order in which they finish.
 
         The result is an exception where the function raised one or its worker died. ``chunks`` is read no faster than
@@ -387,7 +423,14 @@ class Executor(ABC):
         self.close()
 
 
-__all__ = ["ActionRepresentation", "Brief", "Designer", "EvolutionStrategy", "Executor", "Fitness"]
+__all__ = [
+    "ActionRepresentation",
+    "Brief",
+    "Designer",
+    "EvolutionStrategy",
+    "Executor",
+    "Fitness",
+]
 __all__ += ["VLM", "GivenTools", "Request", "Simulator", "ToolRepresentation"]
 __all__ += [
     "Budget",
@@ -400,6 +443,16 @@ __all__ += [
 ]  # of core.design, core.task and core.scene; what follows of core.values
 __all__ += ["Feel", "Felt", "JointTrajectory", "Outcome", "Perception", "Pushes"]
 __all__ += ["Guards", "Recording", "Rollout", "RolloutSettings", "World"]
-__all__ += ["ActionPlan", "Anchor", "Contact", "Guard", "Numbers", "Observation", "Seen", "Tempo", "Waypoints"]
+__all__ += [
+    "ActionPlan",
+    "Anchor",
+    "Contact",
+    "Guard",
+    "Numbers",
+    "Observation",
+    "Seen",
+    "Tempo",
+    "Waypoints",
+]
 __all__ += ["ISO_9409_1_50", "PAPER", "Flange", "Gripper", "Material", "Robot"]
 __all__ += ["Estimate", "Message", "Picture", "Reply", "Spending", "Text"]

@@ -18,7 +18,15 @@ from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.evaluate import try_all
-from core.interfaces import VLM, Estimate, Fitness, Picture, Request, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    Estimate,
+    Fitness,
+    Picture,
+    Request,
+    Task,
+    ToolRepresentation,
+)
 from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
@@ -59,16 +67,30 @@ def requests(cfg: DictConfig) -> list[Request]:
     """
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
-    designer, fitness = build_designer(cfg, NoModel(installed().factory("vlm", cfg.vlm.name)), event_hub())
+    designer, fitness = build_designer(
+        cfg, NoModel(installed().factory("vlm", cfg.vlm.name)), event_hub()
+    )
     elites: list[Evaluation] = []
     if cfg.designs is not None:
-        elites, designer.tried = elites_of(cfg, designer.task, designer.representation, fitness)
+        elites, designer.tried = elites_of(
+            cfg, designer.task, designer.representation, fitness
+        )
     (first,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
     if designer.planner is None:
         return [first]
-    tool = elites[0].candidate if elites else Candidate(Tool(gripper=first.brief.gripper), NO_PLANS)
+    tool = (
+        elites[0].candidate
+        if elites
+        else Candidate(Tool(gripper=first.brief.gripper), NO_PLANS)
+    )
     known = first.brief, first.temperature
-    return [first, *(designer.planner.request(part, tool, elites[:1], *known) for part in designer.task.parts)]
+    return [
+        first,
+        *(
+            designer.planner.request(part, tool, elites[:1], *known)
+            for part in designer.task.parts
+        ),
+    ]
 
 
 def elites_of(
@@ -86,7 +108,9 @@ def elites_of(
         best.setdefault(evaluation.candidate.strategy, evaluation)
     if not best:
         reason = next(e.reason for e in evaluations if e.reason)
-        raise UserError(f"{cfg.designs}: none of its designs can be an elite; the first reason: {reason}")
+        raise UserError(
+            f"{cfg.designs}: none of its designs can be an elite; the first reason: {reason}"
+        )
     return list(best.values())[: cfg.budget.k_top], evaluations
 
 
@@ -137,15 +161,24 @@ def main(words: list[str]) -> None:
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     if plans:
-        tools, agents, paid = request.brief.n_tool, cfg.budget.n_agent, estimate.usd_per_prompt_token
+        tools, agents, paid = (
+            request.brief.n_tool,
+            cfg.budget.n_agent,
+            estimate.usd_per_prompt_token,
+        )
         tokens = agents * (
-            estimate.prompt_tokens + tools * sum(estimate_cost(cfg, of)[1].prompt_tokens for of in plans)
+            estimate.prompt_tokens
+            + tools * sum(estimate_cost(cfg, of)[1].prompt_tokens for of in plans)
         )
         cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
         most = f"at most {agents * (1 + tools * len(plans))} requests with some {tokens} tokens{cost}"
-        say(f"a generation has {most}: of each agent one for {tools} tools, then one for each tool and task")
+        say(
+            f"a generation has {most}: of each agent one for {tools} tools, then one for each tool and task"
+        )
     if cfg.prompt.critic:
-        say(f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first")
+        say(
+            f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"
+        )
     say(str(Path(cfg.output)))
 
 

@@ -23,7 +23,9 @@ usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups 
        python -m core.run --hydra-help                      Hydra's own flags
 """
 
-_failures: list[UserError] = []  # of the jobs: raised in a job, they would be printed by Hydra with lines of its own
+_failures: list[
+    UserError
+] = []  # of the jobs: raised in a job, they would be printed by Hydra with lines of its own
 
 
 def _job(cfg: DictConfig) -> None:
@@ -53,7 +55,9 @@ def main(words: list[str]) -> None:
         say(*f"{USAGE}\n{overview('config', others)}".splitlines())
     elif resumed:
         if len(resumed) > 1 or flags:
-            raise UsageError(f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's")
+            raise UsageError(
+                f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's"
+            )
         from core.search.orchestration import resume
 
         resume(Path(resumed[0].removeprefix("resume=")), others)
@@ -72,21 +76,35 @@ def _hydra(given: list[str]) -> None:
 
     words = prepared("config", given)
     flags = {word for word in words if word.startswith("-")}
-    if flags and flags <= {"-m", "--multirun"} and not any("hydra.sweep.dir=" in word for word in words):
-        words.append(f"hydra.sweep.dir={new_folder(f'multirun/{stamp()}')}")  # one for all jobs, in any process
+    if (
+        flags
+        and flags <= {"-m", "--multirun"}
+        and not any("hydra.sweep.dir=" in word for word in words)
+    ):
+        words.append(
+            f"hydra.sweep.dir={new_folder(f'multirun/{stamp()}')}"
+        )  # one for all jobs, in any process
     sys.argv[1:] = words  # where Hydra reads them
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises its errors, and explain makes one line of them
+    os.environ["HYDRA_FULL_ERROR"] = (
+        "1"  # Hydra raises its errors, and explain makes one line of them
+    )
     try:
-        hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()
+        hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(
+            _job
+        )()
     except KeyFound as found:
         raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config", [word for word in words if "=" in word and word[0] != "-"]) from error
+        raise explain(
+            error, "config", [word for word in words if "=" in word and word[0] != "-"]
+        ) from error
     except OSError as error:
         if isinstance(error, BrokenPipeError):
             raise
         where = error.filename or "the run's folder"  # no name: its disk is full
-        raise UserError(f"can't write {where}: {error.strerror}") from error  # Hydra, making the folder
+        raise UserError(
+            f"can't write {where}: {error.strerror}"
+        ) from error  # Hydra, making the folder
     if _failures:
         raise _failures[0]
 

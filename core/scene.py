@@ -13,7 +13,17 @@ from typing import TypedDict
 
 import numpy as np
 
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vector, frozen_array
+from core.geometry import (
+    Array,
+    Box,
+    Cylinder,
+    Mesh,
+    Pose,
+    Shape,
+    Sphere,
+    Vector,
+    frozen_array,
+)
 from core.geometry import Color as Color
 from core.goals import Goal, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
@@ -62,16 +72,28 @@ class Body:
     friction: float = 0.5
     rolling_friction: float = 0.0
     restitution: float = 0.0
-    velocity: Vector = (0.0, 0.0, 0.0)  # of its origin when the robot's motion begins, m/s; until then it rests
+    velocity: Vector = (
+        0.0,
+        0.0,
+        0.0,
+    )  # of its origin when the robot's motion begins, m/s; until then it rests
     spin: Vector = (0.0, 0.0, 0.0)  # likewise, rad/s along the world's axes
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
-            raise ValueError(f"body {self.name!r}: the mass must be 0 (fixed) or positive, got {self.mass}")
+            raise ValueError(
+                f"body {self.name!r}: the mass must be 0 (fixed) or positive, got {self.mass}"
+            )
         if self.mass > 0 and not self.collisions and not isinstance(self, Soft):
-            raise ValueError(f"body {self.name!r}: a body that can move needs collision parts")
-        if not np.isfinite([*self.velocity, *self.spin]).all() or (self.fixed and self.launched):
-            raise ValueError(f"body {self.name!r}: a velocity needs finite numbers, and a mass above 0")
+            raise ValueError(
+                f"body {self.name!r}: a body that can move needs collision parts"
+            )
+        if not np.isfinite([*self.velocity, *self.spin]).all() or (
+            self.fixed and self.launched
+        ):
+            raise ValueError(
+                f"body {self.name!r}: a velocity needs finite numbers, and a mass above 0"
+            )
 
     @classmethod
     def of(
@@ -88,7 +110,15 @@ class Body:
     ) -> Body:
         """Make a body of one shape, visual and collision shape alike."""
         part = (Geom(shape, color=color),)
-        return cls(name, Pose.xyz_rpy(position, rpy), mass, part, part, friction, rolling_friction)
+        return cls(
+            name,
+            Pose.xyz_rpy(position, rpy),
+            mass,
+            part,
+            part,
+            friction,
+            rolling_friction,
+        )
 
     @classmethod
     def mark(cls, name: str, position: Vector, radius: float, color: Color) -> Body:
@@ -113,7 +143,9 @@ class Body:
             mesh = mesh.convex_hull if isinstance(part.shape, Mesh) else mesh
             meshes.append(mesh.apply_transform(part.pose.matrix))
         density = self.mass / sum(mesh.volume for mesh in meshes)
-        center = sum(mesh.volume * mesh.center_mass for mesh in meshes) * density / self.mass
+        center = (
+            sum(mesh.volume * mesh.center_mass for mesh in meshes) * density / self.mass
+        )
         tensor = np.zeros((3, 3))
         for mesh in meshes:
             arm = mesh.center_mass - center
@@ -148,24 +180,49 @@ class Soft(Body):
         super().__post_init__()
         where = f"soft body {self.name!r}"
         if self.fixed or self.launched:
-            raise ValueError(f"{where}: it can't be fixed or have a velocity; pin nodes to hold it")
+            raise ValueError(
+                f"{where}: it can't be fixed or have a velocity; pin nodes to hold it"
+            )
         if self.elastic.young > (most := MOST_YOUNG[self.form.kind]):
-            raise ValueError(f"{where}: the Young's modulus of a {self.form.kind} can be {most:g} Pa at most")
+            raise ValueError(
+                f"{where}: the Young's modulus of a {self.form.kind} can be {most:g} Pa at most"
+            )
         if not set(self.pinned) < set(range(len(self.form.nodes))):
-            raise ValueError(f"{where}: pinned nodes have numbers from 0 to {len(self.form.nodes) - 1}, and not all")
+            raise ValueError(
+                f"{where}: pinned nodes have numbers from 0 to {len(self.form.nodes) - 1}, and not all"
+            )
 
     @classmethod
     def make(
-        cls, name: str, form: Form, elastic: Elastic, pose: Pose, *, color: Color, pinned: Sequence[int] = ()
+        cls,
+        name: str,
+        form: Form,
+        elastic: Elastic,
+        pose: Pose,
+        *,
+        color: Color,
+        pinned: Sequence[int] = (),
     ) -> Soft:
         """Make one that weighs what its material does."""
         drawn = (Geom(form.surface(form.nodes), color=color),)
         mass, pins = elastic.density * form.volume, tuple(pinned)
-        return cls(name, pose, mass, drawn, (), elastic.friction, form=form, elastic=elastic, pinned=pins)
+        return cls(
+            name,
+            pose,
+            mass,
+            drawn,
+            (),
+            elastic.friction,
+            form=form,
+            elastic=elastic,
+            pinned=pins,
+        )
 
     def in_words(self) -> str:
         """Say how stiff it is, and whether it is held."""
-        return self.elastic.in_words() + (f"; held at {len(self.pinned)} of its nodes" if self.pinned else "")
+        return self.elastic.in_words() + (
+            f"; held at {len(self.pinned)} of its nodes" if self.pinned else ""
+        )
 
     @property
     def placed(self) -> Array:
@@ -187,29 +244,53 @@ class Scene:
     joints: tuple[Joint, ...] = ()
 
     def __post_init__(self) -> None:
-        for what, names in (("bodies", [b.name for b in self.bodies]), ("joints", [j.name for j in self.joints])):
+        for what, names in (
+            ("bodies", [b.name for b in self.bodies]),
+            ("joints", [j.name for j in self.joints]),
+        ):
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
-                raise ValueError(f"two {what} in the scene have the same name: {', '.join(twice)}")
+                raise ValueError(
+                    f"two {what} in the scene have the same name: {', '.join(twice)}"
+                )
         if (nodes := sum(len(soft.form.nodes) for soft in self.softs)) > MAX_NODES:
-            raise ValueError(f"the soft bodies of a scene can have {MAX_NODES} nodes in all, not {nodes}; take fewer")
+            raise ValueError(
+                f"the soft bodies of a scene can have {MAX_NODES} nodes in all, not {nodes}; take fewer"
+            )
         self._check_joints()
 
     def _check_joints(self) -> None:
-        bodies, parents = {body.name: body for body in self.bodies}, dict[str, str | None]()
+        bodies, parents = (
+            {body.name: body for body in self.bodies},
+            dict[str, str | None](),
+        )
         for joint in self.joints:
             where = f"joint {joint.name!r}"
             for name in (joint.body, joint.parent):
                 if name is not None and name not in bodies:
-                    raise ValueError(f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}")
-            if any(isinstance(bodies[name], Soft) for name in (joint.body, joint.parent) if name):
-                raise ValueError(f"{where}: a joint can't hold a soft body; pin nodes of it")
+                    raise ValueError(
+                        f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}"
+                    )
+            if any(
+                isinstance(bodies[name], Soft)
+                for name in (joint.body, joint.parent)
+                if name
+            ):
+                raise ValueError(
+                    f"{where}: a joint can't hold a soft body; pin nodes of it"
+                )
             if bodies[joint.body].fixed:
-                raise ValueError(f"{where}: its body {joint.body!r} is fixed; give it a mass")
+                raise ValueError(
+                    f"{where}: its body {joint.body!r} is fixed; give it a mass"
+                )
             if bodies[joint.body].launched:
-                raise ValueError(f"{where}: its body {joint.body!r} can't start with a velocity; use a drive")
+                raise ValueError(
+                    f"{where}: its body {joint.body!r} can't start with a velocity; use a drive"
+                )
             if joint.body in parents:
-                raise ValueError(f"{where}: its body {joint.body!r} hangs from another joint already")
+                raise ValueError(
+                    f"{where}: its body {joint.body!r} hangs from another joint already"
+                )
             parents[joint.body] = joint.parent
         for name in parents:
             above, seen = parents[name], {name}
@@ -217,13 +298,17 @@ class Scene:
                 seen.add(above)
                 above = parents[above]
             if above in seen:
-                raise ValueError(f"the joints of {', '.join(sorted(seen))} form a circle; leave one of them out")
+                raise ValueError(
+                    f"the joints of {', '.join(sorted(seen))} form a circle; leave one of them out"
+                )
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
             if body.name == name:
                 return body
-        raise KeyError(f"no body {name!r} in the scene; there are: {', '.join(body.name for body in self.bodies)}")
+        raise KeyError(
+            f"no body {name!r} in the scene; there are: {', '.join(body.name for body in self.bodies)}"
+        )
 
     @property
     def free(self) -> tuple[Body, ...]:
@@ -238,7 +323,12 @@ class Scene:
     def state(self) -> State:
         """The state of the free bodies at their initial poses, at rest."""
         free = self.free
-        poses = [Pose(body.form.weights @ body.placed) if isinstance(body, Soft) else body.pose for body in free]
+        poses = [
+            Pose(body.form.weights @ body.placed)
+            if isinstance(body, Soft)
+            else body.pose
+            for body in free
+        ]
         return State(
             tuple(body.name for body in free),
             np.array([pose.position for pose in poses]).reshape(len(free), 3),
@@ -254,7 +344,12 @@ class Scene:
     def placed_joints(self) -> dict[str, PlacedJoint]:
         """The joints in this layout, by name."""
         poses = {body.name: body.pose for body in self.bodies}
-        return {j.name: PlacedJoint.of(j, poses[j.body], poses[j.parent] if j.parent else Pose()) for j in self.joints}
+        return {
+            j.name: PlacedJoint.of(
+                j, poses[j.body], poses[j.parent] if j.parent else Pose()
+            )
+            for j in self.joints
+        }
 
     @cached_property
     def ordered_joints(self) -> tuple[PlacedJoint, ...]:
@@ -269,7 +364,11 @@ class Scene:
     @cached_property
     def joined(self) -> frozenset[frozenset[str]]:
         """The pairs of bodies that a joint connects, which never collide."""
-        return frozenset(frozenset((joint.body, joint.parent)) for joint in self.joints if joint.parent is not None)
+        return frozenset(
+            frozenset((joint.body, joint.parent))
+            for joint in self.joints
+            if joint.parent is not None
+        )
 
     @property
     def places(self) -> dict[str, Pose]:
@@ -299,7 +398,11 @@ class Camera:
         """The directions to the right, up and forward in the picture, as rows (3, 3)."""
         forward = np.subtract(self.target, self.position)
         forward = forward / np.linalg.norm(forward)
-        upright = [0.0, 0.0, 1.0] if np.hypot(forward[0], forward[1]) > 1e-6 else [0.0, 1.0, 0.0]
+        upright = (
+            [0.0, 0.0, 1.0]
+            if np.hypot(forward[0], forward[1]) > 1e-6
+            else [0.0, 1.0, 0.0]
+        )
         right = np.cross(forward, upright)
         right = right / np.linalg.norm(right)
         return np.stack([right, np.cross(right, forward), forward])
@@ -311,7 +414,10 @@ class Camera:
             scale = height / 2 / np.tan(np.radians(self.fov_deg) / 2) / seen[..., 2:]
         else:
             scale = np.asarray(height / self.height_m)
-        pixels: Array = np.array([width / 2, height / 2]) + scale * seen[..., :2] * [1.0, -1.0]
+        pixels: Array = np.array([width / 2, height / 2]) + scale * seen[..., :2] * [
+            1.0,
+            -1.0,
+        ]
         return pixels
 
 
@@ -345,19 +451,53 @@ def table() -> Body:
     leg: Color = (0.35, 0.28, 0.22, 1.0)
     top = Geom(Box((1.5, 1.0, 0.04)), Pose(np.array([0.6, 0.0, -0.02])), wood)
     legs = tuple(
-        Geom(Box((0.05, 0.05, 0.585)), Pose(np.array([x, y, -0.3325])), leg) for x in (-0.1, 1.3) for y in (-0.45, 0.45)
+        Geom(Box((0.05, 0.05, 0.585)), Pose(np.array([x, y, -0.3325])), leg)
+        for x in (-0.1, 1.3)
+        for y in (-0.45, 0.45)
     )
     return Body("table", Pose(), 0.0, (top, *legs), (top, *legs))
 
 
 def floor(height: float = -0.625, friction: float = 0.5) -> Body:
     """Make a floor with its upper face at z = ``height``."""
-    slab = Geom(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, height - 0.05])), (0.86, 0.87, 0.88, 1.0))
+    slab = Geom(
+        Box((6.0, 6.0, 0.1)),
+        Pose(np.array([0.0, 0.0, height - 0.05])),
+        (0.86, 0.87, 0.88, 1.0),
+    )
     return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
 
 
-__all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "Soft", "State", "floor", "table"]
-__all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.values.joints; State of core.values.states
+__all__ = [
+    "Body",
+    "Camera",
+    "Color",
+    "Geom",
+    "Goal",
+    "Inertia",
+    "Scene",
+    "Soft",
+    "State",
+    "floor",
+    "table",
+]
+__all__ += [
+    "Drive",
+    "Joint",
+    "JointState",
+    "Latch",
+]  # of core.values.joints; State of core.values.states
 __all__ += ["Cloth", "Elastic", "Filling", "Form", "Rope"]  # of core.values.softs
-__all__ += ["Margin", "Trace", "goals_reward", "needs_trace"]  # of core.values.margins, its traces, and core.goals
-__all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import
+__all__ += [
+    "Margin",
+    "Trace",
+    "goals_reward",
+    "needs_trace",
+]  # of core.values.margins, its traces, and core.goals
+__all__ += [
+    "Box",
+    "Cylinder",
+    "Mesh",
+    "Pose",
+    "Sphere",
+]  # of core.geometry, so that a task needs one import

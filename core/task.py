@@ -34,23 +34,38 @@ class Task(ABC):
 
     name: ClassVar[str]
     description: ClassVar[str]  # one paragraph, for the model
-    in_words: ClassVar[str] = ""  # the same without places, sizes and masses, for a model that is told less
+    in_words: ClassVar[str] = (
+        ""  # the same without places, sizes and masses, for a model that is told less
+    )
     goals: ClassVar[tuple[Goal, ...]]  # the same, for programs
     every: ClassVar[bool] = False  # whether all goals count; else one is enough
-    hold_s: ClassVar[float] = 0.0  # the least time after the plan, s; the rollout's own setting may be longer
-    home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's pose in the world at the start
+    hold_s: ClassVar[float] = (
+        0.0  # the least time after the plan, s; the rollout's own setting may be longer
+    )
+    home: ClassVar[Pose] = Pose(
+        np.array([0.5, 0.0, 0.5])
+    )  # the end-effector's pose in the world at the start
     camera: ClassVar[Camera] = Camera()
     success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
-    variations: ClassVar[Mapping[str, Ranges]] = {}  # by name: what `draw` draws at random, and from which range
+    variations: ClassVar[
+        Mapping[str, Ranges]
+    ] = {}  # by name: what `draw` draws at random, and from which range
     variation: str = NONE
-    tool_kinds: Sequence[str] = ()  # that a tool for it may have, where its configuration names none
+    tool_kinds: Sequence[
+        str
+    ] = ()  # that a tool for it may have, where its configuration names none
     combine: str = "mean"  # of the rewards of its parts: mean or worst
     language: ClassVar[str] = "python"  # of the source that a model is shown
     robot: Robot  # the arm that performs the task; the program makes a task for one
 
     def __init__(self, variation: str = NONE) -> None:
         if variation not in (NONE, *self.variations):
-            raise choices("variation", variation, (NONE, *self.variations), f"the task {self.name}")
+            raise choices(
+                "variation",
+                variation,
+                (NONE, *self.variations),
+                f"the task {self.name}",
+            )
         self.variation = variation
 
     @property
@@ -89,7 +104,9 @@ class Task(ABC):
         it gets what happened in between too (`Trace`).
         """
 
-    def margins(self, start: State, end: State, trace: Trace | None = None) -> Sequence[Margin]:
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> Sequence[Margin]:
         """Say how far one world stayed from the limits of the task; by default from those of its goals.
 
         Arguments are as those of `reward`, of one world; ``trace`` is None where the reward reads none.
@@ -114,7 +131,16 @@ class Task(ABC):
 
 
 NOTHING_TOLD: dict[str, Any] = dict.fromkeys(
-    ("several", "description", "layout", "task_source", "goals", "vocabulary", "helpers"), ""
+    (
+        "several",
+        "description",
+        "layout",
+        "task_source",
+        "goals",
+        "vocabulary",
+        "helpers",
+    ),
+    "",
 )
 """What a level may say of a task, by the names that templates use; ``several``: such values for each of its parts."""
 
@@ -122,7 +148,9 @@ NOTHING_TOLD: dict[str, Any] = dict.fromkeys(
 class Level(ABC):
     """How much a model is told of a task's scene: ``prompt.told=NAME``."""
 
-    numbers: ClassVar[bool] = True  # of bodies, in texts; else pictures show them, and feedback has none either
+    numbers: ClassVar[bool] = (
+        True  # of bodies, in texts; else pictures show them, and feedback has none either
+    )
     in_words: ClassVar[bool] = True  # a task needs `Task.in_words`
 
     @abstractmethod
@@ -133,7 +161,9 @@ class Level(ABC):
         """Return what feedback may say of the bodies of the layout of ``seed``."""
         return Sight()
 
-    def draw(self, task: Task, seed: int, render: Callable[..., Any]) -> tuple[Picture, ...]:
+    def draw(
+        self, task: Task, seed: int, render: Callable[..., Any]
+    ) -> tuple[Picture, ...]:
         """Draw the layout, where texts have no numbers: ``render`` takes ``camera``, ``width`` and ``height``.
 
         Raises:
@@ -146,21 +176,31 @@ class Level(ABC):
 def _reads_trace(kind: type[Task]) -> bool:
     _, *given = inspect.signature(kind.reward).parameters.values()
     reads = len(given) > 2 and given[2].name == "trace"
-    needed = [p for p in given if p.default is p.empty and p.kind is not p.VAR_KEYWORD and p.name != "trace"]
+    needed = [
+        p
+        for p in given
+        if p.default is p.empty and p.kind is not p.VAR_KEYWORD and p.name != "trace"
+    ]
     if len(needed) != 2:
         wrong = f"reward{inspect.signature(kind.reward)}"
-        raise UsageError(f"task {kind.name}: {wrong} must be reward(self, start, end) or (self, start, end, trace)")
+        raise UsageError(
+            f"task {kind.name}: {wrong} must be reward(self, start, end) or (self, start, end, trace)"
+        )
     return reads
 
 
-def reward_of(task: Task, start: State, end: State, trace: Trace | None = None) -> Array:
+def reward_of(
+    task: Task, start: State, end: State, trace: Trace | None = None
+) -> Array:
     """Call a task's reward, with the trace if it reads one."""
     if not task.reads_trace:
         return task.reward(start, end)
     return task.reward(start, end, trace)  # type: ignore[call-arg]  # the third is optional, see `Task.reward`
 
 
-def margins_of(task: Task, start: State, end: State, trace: Trace | None, reward: float) -> tuple[Margin, ...]:
+def margins_of(
+    task: Task, start: State, end: State, trace: Trace | None, reward: float
+) -> tuple[Margin, ...]:
     """Return a task's margins in one world, the least first.
 
     Goals are a hint (`core.scene.Goal`): where the reward says success, what they call failed is no limit of the task.
@@ -170,17 +210,34 @@ def margins_of(task: Task, start: State, end: State, trace: Trace | None, reward
         return least_first(task.margins(start, end, trace))
     try:
         margins = least_first(task.margins(start, end, trace))
-    except (AttributeError, KeyError, ValueError):  # goals that don't fit the scene cost the margins, not the rollout
+    except (
+        AttributeError,
+        KeyError,
+        ValueError,
+    ):  # goals that don't fit the scene cost the margins, not the rollout
         return ()
     if not margins and task.success_reward < 1:
         far = 1 - task.success_reward
-        return least_first([Margin.at_least("reward", reward, task.success_reward, "", far)])
-    return tuple(margin for margin in margins if reward < task.success_reward or margin.margin >= 0)
+        return least_first(
+            [Margin.at_least("reward", reward, task.success_reward, "", far)]
+        )
+    return tuple(
+        margin
+        for margin in margins
+        if reward < task.success_reward or margin.margin >= 0
+    )
 
 
-def shares_of(task: Task, start: State, end: State, trace: Trace | None) -> tuple[tuple[str, float], ...]:
+def shares_of(
+    task: Task, start: State, end: State, trace: Trace | None
+) -> tuple[tuple[str, float], ...]:
     """Return how far each of a task's goals was fulfilled in one world, if all of them count."""
     try:
         return goals_shares(task, start, end, trace)
-    except (AssertionError, AttributeError, KeyError, ValueError):  # goals are a hint, as for `margins_of`
+    except (
+        AssertionError,
+        AttributeError,
+        KeyError,
+        ValueError,
+    ):  # goals are a hint, as for `margins_of`
         return ()

@@ -61,7 +61,9 @@ class Examiner(Protocol):
     def refuse(self, condition: Condition, candidate: Candidate) -> str | None:
         """Say what speaks against a candidate before it is played; None: nothing does."""
 
-    def examine(self, condition: Condition, candidate: Candidate, trial: Trial) -> Trial:
+    def examine(
+        self, condition: Condition, candidate: Candidate, trial: Trial
+    ) -> Trial:
         """Return a trial that was played, with what is found out beside it."""
 
 
@@ -71,7 +73,9 @@ class Where(NamedTuple):
     task: str  # its name
     engine: str  # its name, as the fitness shows it
     layout: int  # the seed of the layout
-    change: int | None = None  # the number of the scene's perturbation; None: the scene as it is
+    change: int | None = (
+        None  # the number of the scene's perturbation; None: the scene as it is
+    )
 
 
 TrialKey = tuple[str, Where]
@@ -109,7 +113,9 @@ class Condition:
     def where(self) -> Where:
         """Return what distinguishes the condition from a run's others."""
         number = None if self.change is None else self.change.number
-        return Where(self.task.shared().name, self.engine or self.sim.name, self.layout, number)
+        return Where(
+            self.task.shared().name, self.engine or self.sim.name, self.layout, number
+        )
 
     def scene(self) -> Scene:
         """Make the scene: the task's layout, perturbed if this is asked for."""
@@ -248,7 +254,10 @@ class Evaluation:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What else is to be said of it."""
-        return (*(self.shown.warnings if self.shown is not None else ()), *self.score.warnings)
+        return (
+            *(self.shown.warnings if self.shown is not None else ()),
+            *self.score.warnings,
+        )
 
     @property
     def observation(self) -> Observation | None:
@@ -279,7 +288,9 @@ class Evaluation:
     @property
     def holds(self) -> bool:
         """Whether its trials hold in each engine (`core.values.efforts.holds`)."""
-        return bool(self.trials) and holds(min(float(np.mean(own)) for own in self.by_engine.values()))
+        return bool(self.trials) and holds(
+            min(float(np.mean(own)) for own in self.by_engine.values())
+        )
 
     @property
     def by_engine(self) -> dict[str, list[float]]:
@@ -296,19 +307,30 @@ class Evaluation:
         if task not in self.figures:
             return replace(self, candidate=self.candidate.of(task))
         trials = tuple(trial for trial in self.trials if trial.task == task)
-        shown = min(range(len(trials)), key=lambda n: (trials[n].status != "ok", trials[n].reward))
-        return Evaluation(self.candidate.of(task), trials, Score(self.figures[task], shown=shown))
+        shown = min(
+            range(len(trials)),
+            key=lambda n: (trials[n].status != "ok", trials[n].reward),
+        )
+        return Evaluation(
+            self.candidate.of(task), trials, Score(self.figures[task], shown=shown)
+        )
 
 
 def tried_once(
-    candidate: Candidate, status: Status = "ok", reward: float = 0.0, distance_m: float = float("nan"), **fields: Any
+    candidate: Candidate,
+    status: Status = "ok",
+    reward: float = 0.0,
+    distance_m: float = float("nan"),
+    **fields: Any,
 ) -> Evaluation:
     """Make the evaluation of a candidate with a single trial, where it does not matter in which condition it was.
 
     ``fields`` are further fields of the `Trial`.
     """
     where = fields.pop("where", Where("", "", 0))
-    trial = Trial(where, candidate.id, status, float(reward), distance_m=distance_m, **fields)
+    trial = Trial(
+        where, candidate.id, status, float(reward), distance_m=distance_m, **fields
+    )
     return Evaluation(candidate, (trial,), Score(trial.reward))
 
 
@@ -317,8 +339,16 @@ def effort_of(candidate: Candidate, trials: Sequence[Trial]) -> Effort | None:
     times = [trial.motion_s for trial in trials if trial.motion_s is not None]
     if not times or candidate.tool is None:
         return None
-    least = [max(min(margin.margin for margin in trial.margins), 0.0) for trial in trials if trial.margins]
-    return Effort(float(np.mean(times)), candidate.tool.mass, float(np.mean(least)) if least else None)
+    least = [
+        max(min(margin.margin for margin in trial.margins), 0.0)
+        for trial in trials
+        if trial.margins
+    ]
+    return Effort(
+        float(np.mean(times)),
+        candidate.tool.mass,
+        float(np.mean(least)) if least else None,
+    )
 
 
 def rewards_by_engine(trials: Iterable[Trial]) -> dict[str, list[float]]:
@@ -331,10 +361,16 @@ def rewards_by_engine(trials: Iterable[Trial]) -> dict[str, list[float]]:
 
 def count_rollouts(candidate: str, trials: Iterable[Trial]) -> int:
     """Count the rollouts that were played for the candidate of an id: not those that it shares with another one."""
-    return sum(trial.status != "rejected" and trial.candidate == candidate for trial in trials)
+    return sum(
+        trial.status != "rejected" and trial.candidate == candidate for trial in trials
+    )
 
 
-def ranked(items: Iterable[T], figures: Callable[[T], tuple[float, float | None]], tie: float = TIE) -> list[T]:
+def ranked(
+    items: Iterable[T],
+    figures: Callable[[T], tuple[float, float | None]],
+    tie: float = TIE,
+) -> list[T]:
     """Sort items by reward and distance, the best first.
 
     Rewards within ``tie`` of the highest count as equal: of these items the one with the shorter distance goes first,
@@ -351,7 +387,11 @@ def ranked(items: Iterable[T], figures: Callable[[T], tuple[float, float | None]
         if not groups or figures(groups[-1][0])[0] - figures(item)[0] > tie:
             groups.append([])
         groups[-1].append(item)
-    return [item for group in groups for item in sorted(group, key=lambda item: _or_longest(figures(item)[1]))]
+    return [
+        item
+        for group in groups
+        for item in sorted(group, key=lambda item: _or_longest(figures(item)[1]))
+    ]
 
 
 def _or_longest(distance_m: float | None) -> float:
@@ -360,7 +400,9 @@ def _or_longest(distance_m: float | None) -> float:
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
     """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
-    tried = sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key)
+    tried = sorted(
+        (e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key
+    )
     return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
 
 

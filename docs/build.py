@@ -50,7 +50,9 @@ def reference(name: str) -> Candidate:
     """Read the reference solution of a task."""
     plugins = installed()
     document = load_designs(SOLUTIONS / f"{name}.json")
-    return read_designs(document, plugins.create("tool", "urdf"), plugins.create("task", name))[0]
+    return read_designs(
+        document, plugins.create("tool", "urdf"), plugins.create("task", name)
+    )[0]
 
 
 def pictures(names: list[str]) -> None:
@@ -64,7 +66,15 @@ def pictures(names: list[str]) -> None:
         still = simulator.render(task, tool=Tool())
         Image.fromarray(still).save(IMAGES / f"{name}.png")
         stills.append(still)
-        save_film(task, simulator, reference(name), 0, RolloutSettings(), IMAGES / f"{name}.gif", FILM_SIZE)
+        save_film(
+            task,
+            simulator,
+            reference(name),
+            0,
+            RolloutSettings(),
+            IMAGES / f"{name}.gif",
+            FILM_SIZE,
+        )
         print(name)
     Image.fromarray(sheet(names, stills)).save(IMAGES / "all.png")
 
@@ -77,13 +87,17 @@ def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> 
         ImageDraw.Draw(small).text((8, 6), name, fill=(40, 40, 40), font_size=16)
         labelled.append(np.asarray(small))
     labelled += [np.full_like(labelled[0], 255)] * (-len(labelled) % columns)
-    rows = [np.hstack(labelled[i : i + columns]) for i in range(0, len(labelled), columns)]
+    rows = [
+        np.hstack(labelled[i : i + columns]) for i in range(0, len(labelled), columns)
+    ]
     return np.vstack(rows)
 
 
 def page_module(folder: Path) -> Any:
     """Import the first four blocks of code on the page about scenes as a module."""
-    blocks = re.findall(r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.S)
+    blocks = re.findall(
+        r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.S
+    )
     file = folder / "pull_tray.py"
     file.write_text("\n\n".join(blocks[:3]) + "\n" + blocks[3])
     spec = importlib.util.spec_from_file_location("pull_tray", file)
@@ -104,30 +118,60 @@ def scene(output: Path) -> None:
         task.robot = installed().default_robot
         Image.fromarray(simulator.render(task, tool=Tool())).save(output / "scene.png")
         layouts = [simulator.render(task, seed=seed, tool=Tool()) for seed in (0, 2, 4)]
-        Image.fromarray(sheet(["seed 0", "seed 2", "seed 4"], layouts)).save(output / "layouts.png")
+        Image.fromarray(sheet(["seed 0", "seed 2", "seed 4"], layouts)).save(
+            output / "layouts.png"
+        )
         tray = module.tray(*AWAY)
-        camera = Camera((AWAY[0] - 0.34, AWAY[1] - 0.26, 0.3), (AWAY[0] - 0.01, AWAY[1], 0.02), 48.0)
+        camera = Camera(
+            (AWAY[0] - 0.34, AWAY[1] - 0.26, 0.3), (AWAY[0] - 0.01, AWAY[1], 0.02), 48.0
+        )
         views = []
-        for body in (replace(tray, visuals=(*tray.visuals, *axes())), replace(tray, visuals=collision_shapes(tray))):
-            own = {"scene": lambda self, seed, body=body: Scene((ground(), body)), "robot": task.robot}
+        for body in (
+            replace(tray, visuals=(*tray.visuals, *axes())),
+            replace(tray, visuals=collision_shapes(tray)),
+        ):
+            own = {
+                "scene": lambda self, seed, body=body: Scene((ground(), body)),
+                "robot": task.robot,
+            }
             alone = type("Alone", (module.PullTray,), own)
             views.append(simulator.render(alone(), tool=Tool(), camera=camera))
-        Image.fromarray(sheet(["visuals", "collisions"], views, columns=2)).save(output / "shapes.png")
+        Image.fromarray(sheet(["visuals", "collisions"], views, columns=2)).save(
+            output / "shapes.png"
+        )
 
 
 def ground() -> Body:
-    return Body.of("ground", Box((2.0, 2.0, 0.02)), (*AWAY, -0.0101), mass=0.0, color=(0.86, 0.87, 0.88, 1.0))
+    return Body.of(
+        "ground",
+        Box((2.0, 2.0, 0.02)),
+        (*AWAY, -0.0101),
+        mass=0.0,
+        color=(0.86, 0.87, 0.88, 1.0),
+    )
 
 
-def axes(lengths: tuple[float, ...] = (0.26, 0.26, 0.15), width: float = 0.005) -> list[Geom]:
+def axes(
+    lengths: tuple[float, ...] = (0.26, 0.26, 0.15), width: float = 0.005
+) -> list[Geom]:
     """Make the axes of a body's frame: x red, y green, z blue."""
     ways = np.diag(lengths)
-    return [Geom(Box(tuple(way + width)), Pose(way / 2), (*np.sign(way), 1.0)) for way in ways]
+    return [
+        Geom(Box(tuple(way + width)), Pose(way / 2), (*np.sign(way), 1.0))
+        for way in ways
+    ]
 
 
 def collision_shapes(body: Body) -> tuple[Geom, ...]:
     """Make the collision shapes of a body, each in its own colour."""
-    colors = [(0.9, 0.6, 0.2), (0.3, 0.6, 0.85), (0.35, 0.7, 0.4), (0.85, 0.45, 0.5), (0.6, 0.5, 0.8), (0.5, 0.5, 0.5)]
+    colors = [
+        (0.9, 0.6, 0.2),
+        (0.3, 0.6, 0.85),
+        (0.35, 0.7, 0.4),
+        (0.85, 0.45, 0.5),
+        (0.6, 0.5, 0.8),
+        (0.5, 0.5, 0.5),
+    ]
     return tuple(
         replace(
             geom,
@@ -148,10 +192,14 @@ def notebook(file: Path) -> None:
     document = nbformat.read(file, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
         where = {"metadata": {"path": folder}}
-        nbclient.NotebookClient(document, timeout=600, record_timing=False, resources=where).execute()
+        nbclient.NotebookClient(
+            document, timeout=600, record_timing=False, resources=where
+        ).execute()
     for cell in document.cells:
         for output in cell.get("outputs", []):
-            output.get("data", {}).pop("image/jpeg", None)  # Pillow offers it beside the PNG
+            output.get("data", {}).pop(
+                "image/jpeg", None
+            )  # Pillow offers it beside the PNG
     nbformat.write(document, file)
 
 
@@ -159,34 +207,63 @@ def tempo(file: Path) -> None:
     """Draw the greatest speed of each joint in the swing of a strike and of a throw, with tempo and without."""
     import matplotlib.pyplot as plt
 
-    plays = {"a strike": (on_panda(Strike()), swing), "a throw": (on_panda(Throw()), throw)}
-    figure, panels = plt.subplots(1, 2, figsize=(8, 2.6), sharey=True, layout="constrained")
+    plays = {
+        "a strike": (on_panda(Strike()), swing),
+        "a throw": (on_panda(Throw()), throw),
+    }
+    figure, panels = plt.subplots(
+        1, 2, figsize=(8, 2.6), sharey=True, layout="constrained"
+    )
     for axes, (what, (task, plan)) in zip(panels, plays.items(), strict=True):
-        for fast, label, shift in ((True, "with tempo", -0.2), (False, "at rest at each waypoint", 0.2)):
+        for fast, label, shift in (
+            (True, "with tempo", -0.2),
+            (False, "at rest at each waypoint", 0.2),
+        ):
             waypoints = resolve(plan(tempo=fast), task, 0, RolloutSettings())
             motion = plan_task_motion(waypoints, task, RolloutSettings())
             times, arm = motion.trajectory.times, motion.trajectory.arm
             swing_only = times[1:] > motion.arrivals[-8]  # the last seven ways
-            peaks = np.abs(np.diff(arm, axis=0) / np.diff(times)[:, None])[swing_only].max(axis=0)
-            axes.bar(np.arange(len(peaks)) + 1 + shift, peaks / arm_of(task.robot).velocity_limits, 0.4, label=label)
+            peaks = np.abs(np.diff(arm, axis=0) / np.diff(times)[:, None])[
+                swing_only
+            ].max(axis=0)
+            axes.bar(
+                np.arange(len(peaks)) + 1 + shift,
+                peaks / arm_of(task.robot).velocity_limits,
+                0.4,
+                label=label,
+            )
         axes.axhline(1.0, color="black", linewidth=0.8)
         axes.set(title=what, xlabel="joint")
     panels[0].set_ylabel("peak speed / limit")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=2,
+        frameon=False,
+    )
     figure.savefig(file)
 
 
 def tasks_of(plugin: str) -> list[str]:
     """List the tasks that a plugin offers."""
-    return [name for (kind, name), of in installed().offers.items() if kind == "task" and of.entry_point == plugin]
+    return [
+        name
+        for (kind, name), of in installed().offers.items()
+        if kind == "task" and of.entry_point == plugin
+    ]
 
 
 def strips(names: list[str]) -> None:
     """Draw the reference solutions of HardToolBench and SoftToolBench in a layout of the test."""
-    simulator, settings = installed().create("sim", "mujoco"), RolloutSettings(perception=Perception(0.002, 0.01))
+    simulator, settings = (
+        installed().create("sim", "mujoco"),
+        RolloutSettings(perception=Perception(0.002, 0.01)),
+    )
     for name in names:
         task = installed().create("task", name, variation="wide")
-        strip = draw_strip(task, simulator, solutions.anchored(name, "pla"), UNSEEN, settings)
+        strip = draw_strip(
+            task, simulator, solutions.anchored(name, "pla"), UNSEEN, settings
+        )
         Image.fromarray(strip).quantize(128).save(IMAGES / f"{name}.png", optimize=True)
         print(name, flush=True)
 

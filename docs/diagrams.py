@@ -6,7 +6,11 @@ from collections.abc import Sequence
 from html import escape
 
 INK, SOFT, GROUND = "#1b1f24", "#57606a", "#ffffff"
-CORE, PART, QUIET = "#dcebf7", "#fdeed0", "#eef0f2"  # fills: core, plugin parts, the rest
+CORE, PART, QUIET = (
+    "#dcebf7",
+    "#fdeed0",
+    "#eef0f2",
+)  # fills: core, plugin parts, the rest
 FONT = "system-ui, 'DejaVu Sans', sans-serif"
 
 # From the ground up, and within a floor from left to right: a room imports only from rooms before it.
@@ -42,12 +46,21 @@ def drawing(width: int, height: int, title: str, pieces: Sequence[str]) -> str:
         f'role="img" font-family="{FONT}" font-size="14" fill="{INK}">\n<title>{escape(title)}</title>\n'
         f'<defs><marker id="tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" orient="auto">'
         f'<path d="M0 0 10 5 0 10z" fill="{INK}"/></marker></defs>\n'
-        f'<rect width="{width}" height="{height}" rx="10" fill="{GROUND}"/>\n' + "\n".join(pieces) + "\n</svg>\n"
+        f'<rect width="{width}" height="{height}" rx="10" fill="{GROUND}"/>\n'
+        + "\n".join(pieces)
+        + "\n</svg>\n"
     )
 
 
 def text(
-    x: float, y: float, words: str, *, size: int = 14, color: str = INK, anchor: str = "middle", bold: bool = False
+    x: float,
+    y: float,
+    words: str,
+    *,
+    size: int = 14,
+    color: str = INK,
+    anchor: str = "middle",
+    bold: bool = False,
 ) -> str:
     weight = ' font-weight="600"' if bold else ""
     look = f'font-size="{size}" fill="{color}" text-anchor="{anchor}"{weight}'
@@ -55,14 +68,23 @@ def text(
 
 
 def box(
-    x: float, y: float, width: float, height: float, title: str, lines: Sequence[str] = (), fill: str = CORE
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    title: str,
+    lines: Sequence[str] = (),
+    fill: str = CORE,
 ) -> str:
     """Draw a rectangle with a title and small lines below it, centred."""
     top = y + height / 2 + 5 - 9 * len(lines)
     pieces = [
         f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" fill="{fill}" stroke="{INK}"/>',
         text(x + width / 2, top, title, bold=True),
-        *(text(x + width / 2, top + 18 * i, line, size=12, color=SOFT) for i, line in enumerate(lines, 1)),
+        *(
+            text(x + width / 2, top + 18 * i, line, size=12, color=SOFT)
+            for i, line in enumerate(lines, 1)
+        ),
     ]
     return "\n".join(pieces)
 
@@ -83,22 +105,47 @@ def house() -> str:
     for number, (what, modules) in enumerate(reversed(FLOORS.items())):
         y = top + number * (storey + gap)
         middle[what] = y + storey / 2
-        pieces.append(box(left, y, width, storey, what, [" · ".join(name for name in modules if name[0] != "_")]))
+        pieces.append(
+            box(
+                left,
+                y,
+                width,
+                storey,
+                what,
+                [" · ".join(name for name in modules if name[0] != "_")],
+            )
+        )
     note = "Imports go down, and within a floor to the left, never the other way."
     pieces.append(text(left, base + 18, note, size=12, color=SOFT, anchor="start"))
     right, wide = left + width + 120, 240
-    pieces.append(text(right, 34, "plugins/, tasks/, yours", size=16, anchor="start", bold=True))
+    pieces.append(
+        text(right, 34, "plugins/, tasks/, yours", size=16, anchor="start", bold=True)
+    )
     for number, (kind, names) in enumerate(PARTS.items()):
-        pieces.append(box(right, top + number * (storey + gap), wide, storey, kind, [names], PART))
+        pieces.append(
+            box(right, top + number * (storey + gap), wide, storey, kind, [names], PART)
+        )
     rail = right - 20
     ends = (top + storey / 2, top + (len(PARTS) - 1) * (storey + gap) + storey / 2)
     pieces.append(
         f'<path d="M{right} {ends[0]:g}H{rail}V{ends[1]:g}H{right}" fill="none" stroke="{INK}" stroke-width="1.5"/>'
     )
-    for what, label in (("interfaces and events", "implement"), ("plugins and config", "are found by")):
+    for what, label in (
+        ("interfaces and events", "implement"),
+        ("plugins and config", "are found by"),
+    ):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
-        pieces.append(text((rail + left + width) / 2, middle[what] - 7, label, size=12, color=SOFT))
-    return drawing(right + wide + 20, base + 34, "The floors of core, and the eleven kinds of parts beside it", pieces)
+        pieces.append(
+            text(
+                (rail + left + width) / 2, middle[what] - 7, label, size=12, color=SOFT
+            )
+        )
+    return drawing(
+        right + wide + 20,
+        base + 34,
+        "The floors of core, and the eleven kinds of parts beside it",
+        pieces,
+    )
 
 
 def loop() -> str:
@@ -109,7 +156,9 @@ def loop() -> str:
         box(xs[0], top, w, h, "strategy", ["ask, tell"], PART),
         box(xs[1], top, w, h, "designer", ["a brief for each agent"]),
         box(xs[2], top, w, h, "model", ["vision and language"], PART),
-        box(xs[3], top, w, h, "tool representation", ["reads; rules are checked"], PART),
+        box(
+            xs[3], top, w, h, "tool representation", ["reads; rules are checked"], PART
+        ),
         box(xs[3], bottom, w, h, "executor", ["chunks to its workers"], PART),
         box(xs[2], bottom, w, h, "motion", ["waypoints to joints"]),
         box(xs[1], bottom, w, h, "simulator", ["plays it: start, end"], PART),
@@ -124,28 +173,60 @@ def loop() -> str:
         arrow((left, bottom), (left, middle + h + 2)),
         arrow((left, middle), (left, top + h + 2)),
         arrow(
-            (xs[3] + 30, top + h), (xs[3] + 30, 122), (xs[0] + w - 20, 122), (xs[0] + w - 20, top + h + 2), dashed=True
+            (xs[3] + 30, top + h),
+            (xs[3] + 30, 122),
+            (xs[0] + w - 20, 122),
+            (xs[0] + w - 20, top + h + 2),
+            dashed=True,
         ),
     ]
     labels = [
         text((xs[0] + w + xs[1]) / 2, y - 10, "elites", size=12, color=SOFT),
         text((xs[1] + w + xs[2]) / 2, y - 10, "prompts", size=12, color=SOFT),
         text((xs[2] + w + xs[3]) / 2, y - 10, "replies", size=12, color=SOFT),
-        text(xs[3] + w / 2 + 8, middle + h / 2 + 4, "candidates", size=12, color=SOFT, anchor="start"),
-        text(left - 8, (middle + h + bottom) / 2 + 4, "rewards", size=12, color=SOFT, anchor="end"),
-        text(left - 8, (top + h + middle) / 2 + 4, "fitness", size=12, color=SOFT, anchor="end"),
-        text((xs[1] + xs[2] + w) / 2, 115, "rejected, with a reason", size=12, color=SOFT),
+        text(
+            xs[3] + w / 2 + 8,
+            middle + h / 2 + 4,
+            "candidates",
+            size=12,
+            color=SOFT,
+            anchor="start",
+        ),
+        text(
+            left - 8,
+            (middle + h + bottom) / 2 + 4,
+            "rewards",
+            size=12,
+            color=SOFT,
+            anchor="end",
+        ),
+        text(
+            left - 8,
+            (top + h + middle) / 2 + 4,
+            "fitness",
+            size=12,
+            color=SOFT,
+            anchor="end",
+        ),
+        text(
+            (xs[1] + xs[2] + w) / 2, 115, "rejected, with a reason", size=12, color=SOFT
+        ),
     ]
     events = "each step is an event for the listeners: store · progress · recording · your own"
     strip = box(xs[0], bottom + h + 42, xs[3] + w - xs[0], 44, events, fill=QUIET)
     title = "One generation: from the strategy through model and simulator back to it"
-    return drawing(xs[3] + w + 20, bottom + h + 106, title, [*boxes, *arrows, *labels, strip])
+    return drawing(
+        xs[3] + w + 20, bottom + h + 106, title, [*boxes, *arrows, *labels, strip]
+    )
 
 
 def flange() -> str:
     """Draw the flange's outer face, with the mount's axes, as it must stand at home, and as it must not."""
     red, pieces = "#c62828", list[str]()
-    for x, turn, title in ((150, 0, "home: the outer face looks down"), (500, 90, "no home: it looks ahead")):
+    for x, turn, title in (
+        (150, 0, "home: the outer face looks down"),
+        (500, 90, "no home: it looks ahead"),
+    ):
         steel = f'fill="{QUIET}" stroke="{INK}"'
         drawn = [
             f'<rect x="-34" y="-150" width="68" height="96" rx="14" {steel}/>',
@@ -159,7 +240,11 @@ def flange() -> str:
             f'<path d="M-9 4V92H60V74H9V4z" fill="{PART}" stroke="{INK}" stroke-dasharray="5 4"/>',
             *((arrow((0, 0), (0, -84)), arrow((0, 0), (84, 0))) if not turn else ()),
         ]
-        pieces += [f'<g transform="translate({x} 210) rotate({-turn})">', *drawn, "</g>"]
+        pieces += [
+            f'<g transform="translate({x} 210) rotate({-turn})">',
+            *drawn,
+            "</g>",
+        ]
         pieces.append(text(x, 30, title, bold=True))
     labels = [
         text(192, 120, "z, into the arm", size=12, anchor="start"),
@@ -170,7 +255,12 @@ def flange() -> str:
         text(112, 90, "last link", size=12, color=SOFT, anchor="end"),
         text(500, 322, "turn it by 90 degrees about y, (0, 1, 0)", size=12, color=SOFT),
     ]
-    return drawing(660, 345, "The flange's outer face and the mount's axes at home", [*pieces, *labels])
+    return drawing(
+        660,
+        345,
+        "The flange's outer face and the mount's axes at home",
+        [*pieces, *labels],
+    )
 
 
 DRAWINGS = {"house": house, "loop": loop, "flange": flange}

@@ -8,12 +8,26 @@ from core.hooks import Command, hookimpl
 @hookimpl
 def commands() -> dict[str, Command]:
     return {
-        "conformance": Command("check that a part does what its kind must do", "plugins.conformance.command:main"),
-        "facts": Command("say where an arm reaches, how fast and how exact it is", "plugins.vlms.told.facts:main"),
-        "home": Command("find joints at which the flange of one's own arm looks down", "plugins.robots.home:main"),
-        "new": Command("write a plugin package to start from", "plugins.new.packages:main"),
-        "render": Command("draw a task's scene, with a tool if one is given", "plugins.render:main"),
+        "conformance": Command(
+            "check that a part does what its kind must do",
+            "plugins.conformance.command:main",
+        ),
+        "facts": Command(
+            "say where an arm reaches, how fast and how exact it is",
+            "plugins.vlms.told.facts:main",
+        ),
+        "home": Command(
+            "find joints at which the flange of one's own arm looks down",
+            "plugins.robots.home:main",
+        ),
+        "new": Command(
+            "write a plugin package to start from", "plugins.new.packages:main"
+        ),
+        "render": Command(
+            "draw a task's scene, with a tool if one is given", "plugins.render:main"
+        ),
         "transfer": Command(
-            "try the best designs in several engines and in perturbed scenes", "plugins.fitness.transfer:main"
+            "try the best designs in several engines and in perturbed scenes",
+            "plugins.fitness.transfer:main",
         ),
     }

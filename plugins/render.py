@@ -51,7 +51,9 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
     tool = None
     if cfg.designs is not None:
         tool = load_tool(Path(cfg.designs), cfg.strategy, tool_part(cfg).create(), task)
-    picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)
+    picture: Image = simulator.render(
+        task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height
+    )
     return picture, simulator.drawn_by
 
 

@@ -8,7 +8,9 @@ import trimesh
 from core.scene import Box, Color, Cylinder, Geom, Mesh, Pose
 
 
-def board(size: tuple[float, float, float], position: tuple[float, float, float], color: Color) -> Geom:
+def board(
+    size: tuple[float, float, float], position: tuple[float, float, float], color: Color
+) -> Geom:
     """An upright box with full side lengths, centred at a position in the body's frame."""
     return Geom(Box(size), Pose(np.array(position)), color)
 
@@ -33,24 +35,39 @@ def hull(points: object) -> Mesh:
     return Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points)))
 
 
-def open_box(length: float, width: float, height: float, wall: float, color: Color) -> tuple[Geom, ...]:
+def open_box(
+    length: float, width: float, height: float, wall: float, color: Color
+) -> tuple[Geom, ...]:
     """A bottom and four walls, open on top. Lengths are outer ones; the frame is below, in the middle of the bottom."""
     inside = height - wall
     return (
         board((length, width, wall), (0.0, 0.0, wall / 2), color),
         *(
-            board((wall, width, inside), (side * (length - wall) / 2, 0.0, wall + inside / 2), color)
+            board(
+                (wall, width, inside),
+                (side * (length - wall) / 2, 0.0, wall + inside / 2),
+                color,
+            )
             for side in (-1, 1)
         ),
         *(
-            board((length - 2 * wall, wall, inside), (0.0, side * (width - wall) / 2, wall + inside / 2), color)
+            board(
+                (length - 2 * wall, wall, inside),
+                (0.0, side * (width - wall) / 2, wall + inside / 2),
+                color,
+            )
             for side in (-1, 1)
         ),
     )
 
 
 def round_wall(
-    inner: tuple[float, float], outer: tuple[float, float], bottom: float, top: float, color: Color, pieces: int = 24
+    inner: tuple[float, float],
+    outer: tuple[float, float],
+    bottom: float,
+    top: float,
+    color: Color,
+    pieces: int = 24,
 ) -> tuple[Geom, ...]:
     """Collision shapes of a wall around z: convex wedges. Radii are those at the bottom and at the top.
 
@@ -63,7 +80,10 @@ def round_wall(
         angles = np.array([i * step, (i + 1) * step])
         points = [
             (radius * np.cos(angle), radius * np.sin(angle), height)
-            for low, high in ((inner[0] * stretch, inner[1] * stretch), (outer[0], outer[1]))
+            for low, high in (
+                (inner[0] * stretch, inner[1] * stretch),
+                (outer[0], outer[1]),
+            )
             for radius, height in ((low, bottom), (high, top))
             for angle in angles
         ]
@@ -71,7 +91,9 @@ def round_wall(
     return tuple(parts)
 
 
-def revolved(profile: list[tuple[float, float]], color: Color, sections: int = 64) -> Geom:
+def revolved(
+    profile: list[tuple[float, float]], color: Color, sections: int = 64
+) -> Geom:
     """A visual solid of revolution around z. Its closed outline is (radius, height) pairs, counter-clockwise."""
     mesh = trimesh.creation.revolve(np.array([*profile, profile[0]]), sections=sections)
     return Geom(Mesh.from_trimesh(mesh), color=color)

@@ -34,7 +34,13 @@ class BringCube(Task):
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("mark", TARGET, 0.03)},
         "wide": {
-            **within("cube", x=(0.85, 1.05), y=(-0.3, 0.3), yaw=(-np.pi / 4, np.pi / 4), mass=(0.5, 1.5)),
+            **within(
+                "cube",
+                x=(0.85, 1.05),
+                y=(-0.3, 0.3),
+                yaw=(-np.pi / 4, np.pi / 4),
+                mass=(0.5, 1.5),
+            ),
             **within("mark", x=(0.45, 0.65), y=(-0.2, 0.2)),
         },
     }

@@ -8,7 +8,9 @@ from tasks.rewards import share
 
 SIDE = 0.07
 WALL = 0.01
-HEIGHT = 0.13  # of the pipe, outside; inside it is 0.11 high, and the main run is 0.11 wide
+HEIGHT = (
+    0.13  # of the pipe, outside; inside it is 0.11 high, and the main run is 0.11 wide
+)
 # Main run along x: open at NEAR, closed at FAR.
 NEAR = 0.9
 FAR = 1.3
@@ -43,9 +45,15 @@ def rims() -> tuple[Geom, ...]:
     top = (HEIGHT - WALL, HEIGHT + 0.001)
     return (
         *(board(near, wide, z, WHITE) for z in (bottom, top)),
-        *(board(near, y, high, WHITE) for y in ((RIGHT, RIGHT + WALL), (LEFT - WALL, LEFT))),
+        *(
+            board(near, y, high, WHITE)
+            for y in ((RIGHT, RIGHT + WALL), (LEFT - WALL, LEFT))
+        ),
         *(board(branch, aside, z, WHITE) for z in (bottom, top)),
-        *(board(x, aside, high, WHITE) for x in ((BRANCH_X - WALL, BRANCH_X), (FAR - WALL, FAR))),
+        *(
+            board(x, aside, high, WHITE)
+            for x in ((BRANCH_X - WALL, BRANCH_X), (FAR - WALL, FAR))
+        ),
     )
 
 
@@ -59,7 +67,9 @@ def pipe(pose: Pose) -> Body:
         board((NEAR, FAR), (RIGHT, LEFT), top),
         board((NEAR, FAR), (LEFT - WALL, LEFT), inside),
         board((NEAR, BRANCH_X), (RIGHT, RIGHT + WALL), inside),
-        board((FAR - WALL, FAR), (BRANCH_Y, LEFT - WALL), inside),  # the closed end, on to the branch's far wall
+        board(
+            (FAR - WALL, FAR), (BRANCH_Y, LEFT - WALL), inside
+        ),  # the closed end, on to the branch's far wall
         board((BRANCH_X - WALL, FAR), (BRANCH_Y, RIGHT), bottom),
         board((BRANCH_X - WALL, FAR), (BRANCH_Y, RIGHT), top),
         board((BRANCH_X - WALL, BRANCH_X), (BRANCH_Y, RIGHT), inside),
@@ -100,7 +110,12 @@ class DislodgeCube(Task):
         "near": around("pipe", (0.0, 0.0), 0.03, 0.05),
         "wide": {
             **within("pipe", x=(-0.05, 0.03), y=(-0.1, 0.1), yaw=(-0.2, 0.2)),
-            **within("cube", x=(CUBE[0] - 0.02, CUBE[0] + 0.005), side=(0.055, 0.08), mass=(0.1, 0.4)),
+            **within(
+                "cube",
+                x=(CUBE[0] - 0.02, CUBE[0] + 0.005),
+                side=(0.055, 0.08),
+                mass=(0.1, 0.4),
+            ),
         },
     }
     home = Pose(np.array([0.4, 0.0, 0.1]))

@@ -5,7 +5,18 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import raised, revolved, round_wall
 from tasks.rewards import progress
@@ -19,9 +30,16 @@ DISC_TOP = 0.024
 # The rim leans outward, from the disc's edge.
 RIM_RADIUS = 0.13
 RIM_TOP = 0.036
-RIM_INSIDE = (0.095, 0.127)  # radii of the rim's inner face, at FOOT_HEIGHT (within the disc) and at RIM_TOP
+RIM_INSIDE = (
+    0.095,
+    0.127,
+)  # radii of the rim's inner face, at FOOT_HEIGHT (within the disc) and at RIM_TOP
 MASS = 0.5
-START = (0.75, 0.0, 0.0)  # the plate's frame is in the middle of its foot, at the bottom
+START = (
+    0.75,
+    0.0,
+    0.0,
+)  # the plate's frame is in the middle of its foot, at the bottom
 LIFT = 0.4
 
 CHINA = (0.95, 0.95, 0.93, 1.0)
@@ -32,7 +50,9 @@ BLUE = (0.20, 0.36, 0.62, 1.0)
 def plate() -> Body:
     """The plate. Visual: a solid of revolution with a hollow foot and a blue line; collision: two discs and a ring."""
     slope = (RIM_TOP - FOOT_HEIGHT) / (RIM_INSIDE[1] - RIM_INSIDE[0])
-    face = RIM_INSIDE[0] + (DISC_TOP - FOOT_HEIGHT) / slope  # where the rim rises from the disc's upper face
+    face = (
+        RIM_INSIDE[0] + (DISC_TOP - FOOT_HEIGHT) / slope
+    )  # where the rim rises from the disc's upper face
     china = [
         (0.0, 0.012),
         (FOOT_RADIUS - 0.006, 0.012),
@@ -89,7 +109,15 @@ class ElevatePlate(Task):
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
         return Scene(
-            (floor(), table(), replace(plate(), pose=draw.pose("plate", START), mass=draw("plate.mass", MASS)))
+            (
+                floor(),
+                table(),
+                replace(
+                    plate(),
+                    pose=draw.pose("plate", START),
+                    mass=draw("plate.mass", MASS),
+                ),
+            )
         )
 
     def reward(self, start: State, end: State) -> Array:

@@ -2,7 +2,18 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Goal, Pose, Scene, Sphere, State, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Color,
+    Goal,
+    Pose,
+    Scene,
+    Sphere,
+    State,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board
 from tasks.rewards import share
@@ -37,7 +48,10 @@ def container(pose: Pose) -> Body:
     length = 2 * REACH
     inside = 2 * REACH - WALL
     walls = (
-        *(board((length, WALL, WALL_HEIGHT), (0.0, y, 0.0), GLASS) for y in (-REACH, REACH)),
+        *(
+            board((length, WALL, WALL_HEIGHT), (0.0, y, 0.0), GLASS)
+            for y in (-REACH, REACH)
+        ),
         board((WALL, inside, WALL_HEIGHT), (REACH, 0.0, 0.0), GLASS),
     )
     return Body("container", pose, 0.0, walls, walls, friction=0.1)
@@ -84,7 +98,9 @@ class GatherSpheres(Task):
         "and the table is the floor. Scoop up as many of the spheres as possible, lift them above z = 0.3 m, and hold "
         "them there."
     )
-    goals = (Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),)
+    goals = (
+        Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),
+    )
     variations = {
         "near": around("container", CONTAINER, 0.03, 0.1),
         "wide": {
@@ -99,7 +115,14 @@ class GatherSpheres(Task):
         middle = (*CONTAINER, WALL_HEIGHT / 2)
         pose = draw.pose("container", middle)
         move = pose @ Pose(-np.array(middle))
-        return Scene((floor(), table(), container(pose), *spheres(seed, move, draw("sphere.mass", MASS))))
+        return Scene(
+            (
+                floor(),
+                table(),
+                container(pose),
+                *spheres(seed, move, draw("sphere.mass", MASS)),
+            )
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """The mean over the spheres: the fraction of the way from rest to the wanted height."""

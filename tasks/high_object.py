@@ -14,7 +14,10 @@ SHELF_X = 1.3
 SHELF_DEPTH = 0.4
 SHELF_WIDTH = 1.2
 BOARD = 0.03
-BOARD_HEIGHTS = (0.435, 0.885)  # of the boards' middles; the upper board's top face is at z = 0.9
+BOARD_HEIGHTS = (
+    0.435,
+    0.885,
+)  # of the boards' middles; the upper board's top face is at z = 0.9
 SHELF_TOP = 0.9
 
 BIN_CENTER = (0.8, 0.0, 0.05)
@@ -23,19 +26,33 @@ BIN_LENGTH = 0.38
 BIN_WIDTH = 1.2
 BIN_HEIGHT = 0.1
 BIN_WALL = 0.015
-OFF_THE_SHELF = 0.85  # below this height above the shelf's frame the cube has left the upper board
+OFF_THE_SHELF = (
+    0.85  # below this height above the shelf's frame the cube has left the upper board
+)
 
 
 def shelf(height: float) -> Body:
     """Two boards on four posts; ``height`` is that of its frame above the ground."""
     wood = (0.72, 0.53, 0.34, 1.0)
     dark = (0.45, 0.32, 0.21, 1.0)
-    boards = tuple(board((SHELF_DEPTH, SHELF_WIDTH, BOARD), (0.0, 0.0, height), wood) for height in BOARD_HEIGHTS)
+    boards = tuple(
+        board((SHELF_DEPTH, SHELF_WIDTH, BOARD), (0.0, 0.0, height), wood)
+        for height in BOARD_HEIGHTS
+    )
     x = SHELF_DEPTH / 2 - 0.02
     y = SHELF_WIDTH / 2 + 0.02
     corners = ((-x, -y), (-x, y), (x, -y), (x, y))
-    posts = tuple(board((0.04, 0.04, SHELF_TOP), (*corner, SHELF_TOP / 2), dark) for corner in corners)
-    return Body("shelf", Pose.xyz_rpy((SHELF_X, 0.0, height)), 0.0, boards + posts, boards + posts)
+    posts = tuple(
+        board((0.04, 0.04, SHELF_TOP), (*corner, SHELF_TOP / 2), dark)
+        for corner in corners
+    )
+    return Body(
+        "shelf",
+        Pose.xyz_rpy((SHELF_X, 0.0, height)),
+        0.0,
+        boards + posts,
+        boards + posts,
+    )
 
 
 class HighObject(Task):
@@ -58,12 +75,21 @@ class HighObject(Task):
         "A green cube lies on the upper board of a shelf in front of the robot. Between the robot and the shelf an "
         "open bin stands on the floor. Bring the cube into the bin. There is no table: the robot stands on the floor."
     )
-    goals = (Goal(bodies=("cube",), place=(0.0, 0.0, BIN_CENTER[2]), tolerance=0.05, at="bin"),)
+    goals = (
+        Goal(
+            bodies=("cube",), place=(0.0, 0.0, BIN_CENTER[2]), tolerance=0.05, at="bin"
+        ),
+    )
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("bin", BIN_CENTER, 0.02)},
         "wide": {
             **within(
-                "cube", x=(1.15, 1.28), y=(-0.3, 0.3), yaw=(-np.pi / 4, np.pi / 4), side=(0.04, 0.06), mass=(0.05, 0.2)
+                "cube",
+                x=(1.15, 1.28),
+                y=(-0.3, 0.3),
+                yaw=(-np.pi / 4, np.pi / 4),
+                side=(0.04, 0.06),
+                mass=(0.05, 0.2),
             ),
             "shelf.z": (-0.1, 0.0),
             "bin.x": (0.74, 0.82),
@@ -83,8 +109,16 @@ class HighObject(Task):
             mass=draw("cube.mass", 0.1),
             color=(0.18, 0.62, 0.27, 1.0),
         )
-        walls = open_box(BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL, (0.33, 0.47, 0.66, 1.0))
-        the_bin = Body("bin", draw.pose("bin", (BIN_CENTER[0], BIN_CENTER[1], 0.0)), 0.0, walls, walls)
+        walls = open_box(
+            BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL, (0.33, 0.47, 0.66, 1.0)
+        )
+        the_bin = Body(
+            "bin",
+            draw.pose("bin", (BIN_CENTER[0], BIN_CENTER[1], 0.0)),
+            0.0,
+            walls,
+            walls,
+        )
         return Scene((floor(0.0), shelf(height), the_bin, cube))
 
     def reward(self, start: State, end: State) -> Array:
@@ -94,7 +128,18 @@ class HighObject(Task):
         cube = end.position("cube")
         center = start.position("bin") + np.array([0.0, 0.0, BIN_CENTER[2]])
         offset = np.abs(cube - center)
-        inside = (offset < np.array([BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2])).all(axis=-1)
-        way = progress(offset.sum(axis=-1), np.abs(start.position("cube") - center).sum(axis=-1))
-        near = np.minimum(way + 0.2 * (cube[..., 2] < start.position("shelf")[..., 2] + OFF_THE_SHELF), 1.0)
+        inside = (
+            offset
+            < np.array(
+                [BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2]
+            )
+        ).all(axis=-1)
+        way = progress(
+            offset.sum(axis=-1), np.abs(start.position("cube") - center).sum(axis=-1)
+        )
+        near = np.minimum(
+            way
+            + 0.2 * (cube[..., 2] < start.position("shelf")[..., 2] + OFF_THE_SHELF),
+            1.0,
+        )
         return np.where(inside, 1.0, near)

@@ -25,14 +25,24 @@ def cardboard_box(pose: Pose, mass: float) -> Body:
     """A bottom, four walls and four flaps, all boards. The four sides are equal, rotated about z."""
     inside = WIDTH - 2 * WALL
     middle = HEIGHT / 2 - CENTER[2]
-    boards = [board((inside, inside, WALL), (0.0, 0.0, WALL / 2 - CENTER[2]), CARDBOARD)]
+    boards = [
+        board((inside, inside, WALL), (0.0, 0.0, WALL / 2 - CENTER[2]), CARDBOARD)
+    ]
     for quarter in range(4):
         turn = turned(quarter * np.pi / 2)
         wall = Pose(np.array([(WIDTH - WALL) / 2, 0.0, middle]))
-        flap = Pose.xyz_rpy((WIDTH / 2 - WALL, 0.0, HEIGHT - CENTER[2] - WALL), (0.0, -SLANT, 0.0))
+        flap = Pose.xyz_rpy(
+            (WIDTH / 2 - WALL, 0.0, HEIGHT - CENTER[2] - WALL), (0.0, -SLANT, 0.0)
+        )
         lengthwise = WIDTH if quarter % 2 else inside
         boards.append(Geom(Box((WALL, lengthwise, HEIGHT)), turn @ wall, CARDBOARD))
-        boards.append(Geom(Box((FLAP, inside, WALL)), turn @ flap @ Pose(np.array([FLAP / 2, 0.0, 0.0])), FLAP_COLOR))
+        boards.append(
+            Geom(
+                Box((FLAP, inside, WALL)),
+                turn @ flap @ Pose(np.array([FLAP / 2, 0.0, 0.0])),
+                FLAP_COLOR,
+            )
+        )
     return Body("box", pose, mass, tuple(boards), tuple(boards))
 
 
@@ -58,16 +68,30 @@ class LiftBox(Task):
         "its four flaps slant outward and upward from the edges of the walls. It is light. Lift it straight up by 0.13 "
         "m without tilting it, and hold it there."
     )
-    goals = (Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),)
+    goals = (
+        Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),
+    )
     variations = {
         "near": around("box", CENTER, 0.03, 0.3),
-        "wide": within("box", x=(0.58, 0.72), y=(-0.2, 0.2), yaw=(-np.pi / 4, np.pi / 4), mass=(0.2, 0.45)),
+        "wide": within(
+            "box",
+            x=(0.58, 0.72),
+            y=(-0.2, 0.2),
+            yaw=(-np.pi / 4, np.pi / 4),
+            mass=(0.2, 0.45),
+        ),
     }
     camera = Camera(position=(1.3, -0.95, 0.9), target=(0.48, 0.0, 0.28))
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        return Scene((floor(), table(), cardboard_box(draw.pose("box", CENTER), draw("box.mass", MASS))))
+        return Scene(
+            (
+                floor(),
+                table(),
+                cardboard_box(draw.pose("box", CENTER), draw("box.mass", MASS)),
+            )
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the way straight up to the wanted height (sum of absolute differences): 1 at the goal."""

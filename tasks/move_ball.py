@@ -9,7 +9,9 @@ from tasks.rewards import share, speed
 RADIUS = 0.08
 START = (0.6, 0.3, RADIUS)
 TARGET = (0.6, -0.3, RADIUS)
-ROLLING_FRICTION = 0.003  # metres; a soft ball on wood: from 0.5 m/s it comes to rest within 3 s
+ROLLING_FRICTION = (
+    0.003  # metres; a soft ball on wood: from 0.5 m/s it comes to rest within 3 s
+)
 
 
 class MoveBall(Task):

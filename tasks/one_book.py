@@ -39,7 +39,11 @@ def book(number: int, row: Pose, height: float, density: float) -> Body:
         Geom(side, Pose.xyz_rpy((0.0, -edge, 0.0)), cover),
         Geom(side, Pose.xyz_rpy((0.0, edge, 0.0)), cover),
         board((thin, THICKNESS, height), ((thin - LENGTH) / 2, 0.0, 0.0), cover),
-        board((LENGTH - inset, THICKNESS - 2 * thin, height - 2 * inset), (-inset / 2, 0.0, 0.0), PAGES),
+        board(
+            (LENGTH - inset, THICKNESS - 2 * thin, height - 2 * inset),
+            (-inset / 2, 0.0, 0.0),
+            PAGES,
+        ),
     )
     whole = Box((LENGTH, THICKNESS, height))
     mass = density * whole.volume
@@ -52,7 +56,13 @@ def holder(name: str, row: Pose, side: float) -> Body:
     metal = (0.30, 0.32, 0.35, 1.0)
     plate = board((0.20, 0.008, 0.15), (0.0, 0.0, 0.075), metal)
     foot = board((0.20, 0.08, 0.004), (0.0, side * 0.04, 0.002), metal)
-    return Body(name, row @ Pose.xyz_rpy((0.0, side * 0.105, 0.0)), 0.0, (plate, foot), (plate, foot))
+    return Body(
+        name,
+        row @ Pose.xyz_rpy((0.0, side * 0.105, 0.0)),
+        0.0,
+        (plate, foot),
+        (plate, foot),
+    )
 
 
 class OneBook(Task):
@@ -90,9 +100,22 @@ class OneBook(Task):
         draw = self.draw(seed)
         row = draw.pose("row", (CENTER_X, 0.0, 0.0))
         density = draw("books.density", DENSITY)
-        heights = [draw(f"book_{i}.height", height) for i, height in enumerate(HEIGHTS, start=1)]
-        books = tuple(book(i, row, height, density) for i, height in enumerate(heights, start=1))
-        return Scene((floor(), table(), *books, holder("holder_right", row, -1.0), holder("holder_left", row, 1.0)))
+        heights = [
+            draw(f"book_{i}.height", height)
+            for i, height in enumerate(HEIGHTS, start=1)
+        ]
+        books = tuple(
+            book(i, row, height, density) for i, height in enumerate(heights, start=1)
+        )
+        return Scene(
+            (
+                floor(),
+                table(),
+                *books,
+                holder("holder_right", row, -1.0),
+                holder("holder_left", row, 1.0),
+            )
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """1 if the third book is out and the others have not moved; less for a shorter way or for moved neighbours."""

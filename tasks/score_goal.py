@@ -6,7 +6,18 @@ import trimesh
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, State, floor
+from core.scene import (
+    Body,
+    Camera,
+    Color,
+    Cylinder,
+    Geom,
+    Goal,
+    Mesh,
+    Scene,
+    State,
+    floor,
+)
 from core.values.layouts import around, within
 from tasks.assets import board
 from tasks.rewards import share, split
@@ -39,7 +50,11 @@ def bar(start: tuple[float, float, float], end: tuple[float, float, float]) -> G
     """A round bar from one point to another, in the goal's frame."""
     along = np.subtract(end, start)
     length = float(np.linalg.norm(along))
-    turn = (0.0, float(np.arccos(along[2] / length)), float(np.arctan2(along[1], along[0])))
+    turn = (
+        0.0,
+        float(np.arccos(along[2] / length)),
+        float(np.arctan2(along[1], along[0])),
+    )
     return Geom(Cylinder(BAR, length), Pose.xyz_rpy(np.add(start, end) / 2, turn), RED)
 
 
@@ -52,7 +67,9 @@ def strings(net: Geom) -> Geom:
         across = 3 - thin - along
         if along == thin:
             continue
-        for at in np.linspace(-size[across] / 2, size[across] / 2, round(size[across] / 0.045) + 1)[1:-1]:
+        for at in np.linspace(
+            -size[across] / 2, size[across] / 2, round(size[across] / 0.045) + 1
+        )[1:-1]:
             piece = np.full(3, THREAD)
             center = np.zeros(3)
             piece[along] = size[along]
@@ -70,7 +87,10 @@ def hockey_goal() -> Body:
     back = DEPTH / 2 + BAR
     side = WIDTH / 2 + BAR
     top = HEIGHT + BAR
-    posts = (bar((front, -side, 0.0), (front, -side, top + BAR)), bar((front, side, 0.0), (front, side, top + BAR)))
+    posts = (
+        bar((front, -side, 0.0), (front, -side, top + BAR)),
+        bar((front, side, 0.0), (front, side, top + BAR)),
+    )
     bars = (
         *posts,
         bar((front, -side, top), (front, side, top)),
@@ -87,7 +107,13 @@ def hockey_goal() -> Body:
         board((length, NET, top), (middle, side, top / 2), CLEAR),
     )
     collisions = (*bars, *net)
-    return Body("goal", Pose.xyz_rpy((CENTER_X, CENTER_Y, 0.0)), 0.0, (*collisions, *map(strings, net)), collisions)
+    return Body(
+        "goal",
+        Pose.xyz_rpy((CENTER_X, CENTER_Y, 0.0)),
+        0.0,
+        (*collisions, *map(strings, net)),
+        collisions,
+    )
 
 
 class ScoreGoal(Task):
@@ -111,9 +137,14 @@ class ScoreGoal(Task):
         "and to its left. A red hockey goal stands far out of reach, its mouth toward the robot. The puck slides well "
         "on the ice. Get it into the goal."
     )
-    goals = (Goal(bodies=("puck",), place=(0.0, 0.0, None), tolerance=DEPTH / 2, at="goal"),)
+    goals = (
+        Goal(bodies=("puck",), place=(0.0, 0.0, None), tolerance=DEPTH / 2, at="goal"),
+    )
     variations = {
-        "near": {**around("puck", START, 0.03), **around("goal", (CENTER_X, CENTER_Y), 0.03)},
+        "near": {
+            **around("puck", START, 0.03),
+            **around("goal", (CENTER_X, CENTER_Y), 0.03),
+        },
         "wide": {
             **within("puck", x=(0.7, 0.85), y=(0.45, 0.65), mass=(0.12, 0.22)),
             **within("goal", x=(1.8, 2.1), y=(-0.3, 0.3)),
@@ -137,7 +168,9 @@ class ScoreGoal(Task):
     def reward(self, start: State, end: State) -> Array:
         """1 if the puck's centre is inside the goal, otherwise the fraction of its way to the goal's middle."""
         x, y, z = split(end.position("puck") - start.position("goal"))
-        inside = (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
+        inside = (
+            (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
+        )
         began = start.position("puck") - start.position("goal")
         nearer = 1 - np.hypot(x, y) / np.hypot(began[..., 0], began[..., 1])
         return np.where(inside, 1.0, share(nearer))

@@ -5,7 +5,19 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    Sphere,
+    State,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import disc, revolved, round_wall
 from tasks.rewards import share
@@ -25,7 +37,10 @@ MOUTH = 0.25
 COOKIES = 12
 RADIUS = 0.04
 THICKNESS = 0.014
-COLUMN_X = (-0.0445, 0.0445)  # of the two columns, from the jar's middle; six cookies in each
+COLUMN_X = (
+    -0.0445,
+    0.0445,
+)  # of the two columns, from the jar's middle; six cookies in each
 OUT_Z = 0.3  # a cookie whose centre is above this is out
 
 GLASS = (0.62, 0.80, 0.86, 0.3)
@@ -43,13 +58,27 @@ def jar() -> Body:
         piece
         for i in range(3)
         for piece in round_wall(
-            (inside[i], inside[i + 1]), (inside[i] + WALL, inside[i + 1] + WALL), heights[i], heights[i + 1], GLASS, 20
+            (inside[i], inside[i + 1]),
+            (inside[i] + WALL, inside[i + 1] + WALL),
+            heights[i],
+            heights[i + 1],
+            GLASS,
+            20,
         )
     )
-    outer = [(0.0, 0.0)] + [(r + WALL, h) for r, h in zip(inside, (0.0, *heights[1:]), strict=True)]
-    inner = [(r, h) for r, h in zip(reversed(inside), reversed(heights), strict=True)] + [(0.0, BOTTOM)]
+    outer = [(0.0, 0.0)] + [
+        (r + WALL, h) for r, h in zip(inside, (0.0, *heights[1:]), strict=True)
+    ]
+    inner = [
+        (r, h) for r, h in zip(reversed(inside), reversed(heights), strict=True)
+    ] + [(0.0, BOTTOM)]
     return Body(
-        "jar", Pose.xyz_rpy((*JAR, 0.0)), 0.0, (revolved(outer + inner, GLASS),), (bottom, *walls), friction=0.3
+        "jar",
+        Pose.xyz_rpy((*JAR, 0.0)),
+        0.0,
+        (revolved(outer + inner, GLASS),),
+        (bottom, *walls),
+        friction=0.3,
     )
 
 
@@ -59,12 +88,30 @@ def look() -> tuple[Geom, ...]:
     edge = RADIUS - 0.002
     half = THICKNESS / 2
     disc = revolved(
-        [(0, -half), (edge, -half), (RADIUS, 0.002 - half), (RADIUS, half - 0.002), (edge, half), (0, half)], DOUGH
+        [
+            (0, -half),
+            (edge, -half),
+            (RADIUS, 0.002 - half),
+            (RADIUS, half - 0.002),
+            (edge, half),
+            (0, half),
+        ],
+        DOUGH,
     )
-    spots = [(radius, angle) for radius, count in ((0.013, 3), (0.028, 6)) for angle in np.arange(count) * 6.3 / count]
+    spots = [
+        (radius, angle)
+        for radius, count in ((0.013, 3), (0.028, 6))
+        for angle in np.arange(count) * 6.3 / count
+    ]
     on_top = [(r * np.cos(a + r), r * np.sin(a + r), half - 0.0025) for r, a in spots]
-    on_edge = [((RADIUS - 0.0025) * np.cos(a), (RADIUS - 0.0025) * np.sin(a), 0.001) for a in np.arange(7) * 0.9]
-    return disc, *(Geom(Sphere(0.0035), Pose(np.array(spot)), CHOCOLATE) for spot in on_top + on_edge)
+    on_edge = [
+        ((RADIUS - 0.0025) * np.cos(a), (RADIUS - 0.0025) * np.sin(a), 0.001)
+        for a in np.arange(7) * 0.9
+    ]
+    return disc, *(
+        Geom(Sphere(0.0035), Pose(np.array(spot)), CHOCOLATE)
+        for spot in on_top + on_edge
+    )
 
 
 def cookie(number: int, pose: Pose, mass: float) -> Body:
@@ -94,11 +141,18 @@ class SnatchCookie(Task):
         "farther. Take one cookie out of the jar and hold it higher than z = 0.3."
     )
     goals = (
-        Goal(bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)), place=(None, None, OUT_Z + 0.02), any=True),
+        Goal(
+            bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)),
+            place=(None, None, OUT_Z + 0.02),
+            any=True,
+        ),
     )
     variations = {
         "near": around("jar", JAR, 0.03, 0.3),
-        "wide": {**within("jar", x=(0.5, 0.65), y=(-0.2, 0.2), yaw=(-0.6, 0.6)), "cookie.mass": (0.012, 0.03)},
+        "wide": {
+            **within("jar", x=(0.5, 0.65), y=(-0.2, 0.2), yaw=(-0.6, 0.6)),
+            "cookie.mass": (0.012, 0.03),
+        },
     }
     camera = Camera(position=(1.15, -0.62, 0.68), target=(0.42, 0.0, 0.3))
 
@@ -113,10 +167,16 @@ class SnatchCookie(Task):
         for column, x in enumerate(COLUMN_X):
             shift = random.uniform(-0.001, 0.001, 2)
             for layer in range(COOKIES // 2):
-                place = np.array([JAR[0] + x, JAR[1]]) + shift + random.uniform(-0.001, 0.001, 2)
+                place = (
+                    np.array([JAR[0] + x, JAR[1]])
+                    + shift
+                    + random.uniform(-0.001, 0.001, 2)
+                )
                 height = BOTTOM + (layer + 0.5) * THICKNESS + (layer + 1) * 0.0001
                 number = column * (COOKIES // 2) + layer + 1
-                lies = Pose.xyz_rpy((*place, height), (0.0, 0.0, random.uniform(-np.pi, np.pi)))
+                lies = Pose.xyz_rpy(
+                    (*place, height), (0.0, 0.0, random.uniform(-np.pi, np.pi))
+                )
                 cookies.append(cookie(number, move @ lies, mass))
         return Scene((floor(), table(), replace(jar(), pose=pose), *cookies))
 

@@ -5,7 +5,19 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    Sphere,
+    State,
+    floor,
+    table,
+)
 from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board, disc, hull, open_box, revolved, round_wall
@@ -18,7 +30,12 @@ POT_WALL = 0.004
 OUTSIDE = POT_RADIUS + POT_WALL
 AROUND = np.tile(np.arange(24) * np.pi / 12, 2)
 POT_EDGES = np.stack(  # points around its foot and its mouth
-    [OUTSIDE * np.cos(AROUND), OUTSIDE * np.sin(AROUND), np.repeat((0.0, POT_HEIGHT), 24)], axis=-1
+    [
+        OUTSIDE * np.cos(AROUND),
+        OUTSIDE * np.sin(AROUND),
+        np.repeat((0.0, POT_HEIGHT), 24),
+    ],
+    axis=-1,
 )
 # Of the handles' bars, which run along x on the pot's left and right.
 HANDLE_Z = 0.07
@@ -32,7 +49,16 @@ BOX_HEIGHT = 0.105
 BOX_WALL = 0.006
 
 LEGS = tuple(f"leg_{i}" for i in range(1, 6))
-MEAT_X = (-0.059, -0.055, -0.048, -0.038, -0.008, 0.004, 0.013, 0.02)  # along the leg; MEAT_RADIUS is its radius there
+MEAT_X = (
+    -0.059,
+    -0.055,
+    -0.048,
+    -0.038,
+    -0.008,
+    0.004,
+    0.013,
+    0.02,
+)  # along the leg; MEAT_RADIUS is its radius there
 MEAT_RADIUS = (0.004, 0.011, 0.018, 0.022, 0.022, 0.0185, 0.013, 0.006)
 BONE_RADIUS = 0.006
 BONE_LENGTH = 0.04
@@ -53,7 +79,9 @@ BONE = (0.93, 0.90, 0.82, 1.0)
 def pot() -> Body:
     """A round pot, open on top, with a handle on both sides; its frame is below, in the middle of the bottom."""
     bottom = disc(OUTSIDE, POT_WALL, POT_WALL / 2, METAL)
-    wall = round_wall((POT_RADIUS, POT_RADIUS), (OUTSIDE, OUTSIDE), POT_WALL, POT_HEIGHT, METAL, 20)
+    wall = round_wall(
+        (POT_RADIUS, POT_RADIUS), (OUTSIDE, OUTSIDE), POT_WALL, POT_HEIGHT, METAL, 20
+    )
     shell = revolved(
         [
             (0.0, 0.0),
@@ -74,7 +102,14 @@ def pot() -> Body:
             board((0.01, 0.036, 0.008), (0.035, side * 0.133, HANDLE_Z), STEEL),
         )
     )
-    return Body("pot", Pose.xyz_rpy((*POT, 0.0)), 1.0, (shell, *handles), (bottom, *wall, *handles), friction=0.5)
+    return Body(
+        "pot",
+        Pose.xyz_rpy((*POT, 0.0)),
+        1.0,
+        (shell, *handles),
+        (bottom, *wall, *handles),
+        friction=0.5,
+    )
 
 
 def chefs_box() -> Body:
@@ -84,8 +119,14 @@ def chefs_box() -> Body:
     y = BOX_WIDTH / 2 + 0.006
     z = BOX_HEIGHT - 0.002
     lip = (
-        *(board((0.012, BOX_WIDTH + 0.024, 0.004), (side * x, 0.0, z), STEEL) for side in (-1, 1)),
-        *(board((BOX_LENGTH, 0.012, 0.004), (0.0, side * y, z), STEEL) for side in (-1, 1)),
+        *(
+            board((0.012, BOX_WIDTH + 0.024, 0.004), (side * x, 0.0, z), STEEL)
+            for side in (-1, 1)
+        ),
+        *(
+            board((BOX_LENGTH, 0.012, 0.004), (0.0, side * y, z), STEEL)
+            for side in (-1, 1)
+        ),
     )
     return Body("box", Pose.xyz_rpy((*BOX, 0.0)), 0.0, (*walls, *lip), (*walls, *lip))
 
@@ -93,15 +134,38 @@ def chefs_box() -> Body:
 def leg(name: str, pose: Pose, mass: float) -> Body:
     """Meat around a bone along x, 0.12 m long, with a knob at +x. The meat's collision shape has flat sides."""
     along_x = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
-    outline = [(0.0, MEAT_X[0]), *zip(MEAT_RADIUS, MEAT_X, strict=True), (0.0, MEAT_X[-1])]
+    outline = [
+        (0.0, MEAT_X[0]),
+        *zip(MEAT_RADIUS, MEAT_X, strict=True),
+        (0.0, MEAT_X[-1]),
+    ]
     visual = Geom(revolved(outline, ROAST).shape, along_x, ROAST)
     angles = (np.arange(FACETS) + 0.5) * 2 * np.pi / FACETS - np.pi / 2
-    rings = [(x, r * np.cos(a), r * np.sin(a)) for r, x in zip(MEAT_RADIUS, MEAT_X, strict=True) for a in angles]
+    rings = [
+        (x, r * np.cos(a), r * np.sin(a))
+        for r, x in zip(MEAT_RADIUS, MEAT_X, strict=True)
+        for a in angles
+    ]
     collision = Geom(hull(rings))
-    bone = Geom(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
+    bone = Geom(
+        Cylinder(BONE_RADIUS, BONE_LENGTH),
+        Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy),
+        BONE,
+    )
     knob = Geom(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
-    knobs = tuple(Geom(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
-    return Body(name, pose, mass, (visual, bone, *knobs), (collision, bone, knob), friction=0.2, rolling_friction=0.002)
+    knobs = tuple(
+        Geom(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE)
+        for y in (-0.003, 0.003)
+    )
+    return Body(
+        name,
+        pose,
+        mass,
+        (visual, bone, *knobs),
+        (collision, bone, knob),
+        friction=0.2,
+        rolling_friction=0.002,
+    )
 
 
 class TurkeyLegs(Task):
@@ -163,7 +227,9 @@ class TurkeyLegs(Task):
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the legs that is inside the box, times 0.7 if any of the pot's edges is inside too."""
         box = start.position("box")
-        legs = sum(inside_box(end.position(name) - box).astype(np.float64) for name in LEGS) / len(LEGS)
+        legs = sum(
+            inside_box(end.position(name) - box).astype(np.float64) for name in LEGS
+        ) / len(LEGS)
         edges = rotate(end.quaternion("pot")[..., None, :], POT_EDGES)
         pot = inside_box((end.position("pot") - box)[..., None, :] + edges).any(axis=-1)
         return legs * np.where(pot, 0.7, 1.0)
@@ -172,5 +238,7 @@ class TurkeyLegs(Task):
 def inside_box(position: Array) -> Array:
     """Report whether points (..., 3), relative to the box, are between its walls and below its edge."""
     offset = np.abs(position - np.array([0.0, 0.0, BOX_HEIGHT / 2]))
-    room = np.array([BOX_LENGTH / 2 - BOX_WALL, BOX_WIDTH / 2 - BOX_WALL, BOX_HEIGHT / 2])
+    room = np.array(
+        [BOX_LENGTH / 2 - BOX_WALL, BOX_WIDTH / 2 - BOX_WALL, BOX_HEIGHT / 2]
+    )
     return (offset < room).all(axis=-1)

@@ -39,20 +39,29 @@ def warm_python(words, folder, environment, timeout=240):
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         warm, pipe = _warm()
         files = [f"/proc/{os.getpid()}/fd/{file.fileno()}" for file in (out, err)]
-        order = {"words": words, "folder": str(folder), "environment": dict(environment), "files": files}
+        order = {
+            "words": words,
+            "folder": str(folder),
+            "environment": dict(environment),
+            "files": files,
+        }
         warm.stdin.write(json.dumps({**order, "timeout": timeout}) + "\n")
         warm.stdin.flush()
         status = json.loads(pipe.readline())
         out.seek(0)
         err.seek(0)
-        return subprocess.CompletedProcess([sys.executable, *words], status, out.read(), err.read())
+        return subprocess.CompletedProcess(
+            [sys.executable, *words], status, out.read(), err.read()
+        )
 
 
 @cache
 def _warm():
     reading, writing = os.pipe()
     command = [sys.executable, "-m", "tests.commands", str(writing)]
-    warm = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, text=True, pass_fds=[writing])
+    warm = subprocess.Popen(
+        command, cwd=ROOT, stdin=subprocess.PIPE, text=True, pass_fds=[writing]
+    )
     os.close(writing)
     atexit.register(warm.wait)
     atexit.register(warm.stdin.close)  # before the line above, in the reverse order
@@ -67,7 +76,13 @@ def main(answers: int) -> None:
     for kind, name in installed().offers:
         with contextlib.suppress(ImportError, UserError):
             installed().factory(kind, name)
-    for module in ("core.search.orchestration", "core.config.compose", "hydra", "core.simulation.play", "rerun"):
+    for module in (
+        "core.search.orchestration",
+        "core.config.compose",
+        "hydra",
+        "core.simulation.play",
+        "rerun",
+    ):
         importlib.import_module(module)
     installed.cache_clear()
     local._spawn = multiprocessing.get_context("fork")  # workers are warm too
@@ -92,12 +107,18 @@ def begin(words, folder, environment, files, timeout) -> int:
     os.environ.clear()
     os.environ.update(environment)
     nowhere = os.open(os.devnull, os.O_RDONLY)
-    for number, file in enumerate([nowhere, *(os.open(name, os.O_WRONLY | os.O_APPEND) for name in files)]):
+    for number, file in enumerate(
+        [nowhere, *(os.open(name, os.O_WRONLY | os.O_APPEND) for name in files)]
+    ):
         os.dup2(file, number)
-    sys.stdin, sys.stdout, sys.stderr = (os.fdopen(number, "rw"[number > 0], closefd=False) for number in range(3))
+    sys.stdin, sys.stdout, sys.stderr = (
+        os.fdopen(number, "rw"[number > 0], closefd=False) for number in range(3)
+    )
     sys.__stdin__, sys.__stdout__, sys.__stderr__ = sys.stdin, sys.stdout, sys.stderr
     sys.path[0] = "" if words[0] == "-c" else folder
-    sys.path[1:1] = [path for path in environment.get("PYTHONPATH", "").split(":") if path]
+    sys.path[1:1] = [
+        path for path in environment.get("PYTHONPATH", "").split(":") if path
+    ]
     kind, target, *sys.argv[1:] = words
     try:
         if kind == "-c":

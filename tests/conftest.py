@@ -19,13 +19,17 @@ from tests.processes import undisturbed  # noqa: F401  # a fixture
 # In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "patient")
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or (
+    "ci" if os.environ.get("CI") else "patient"
+)
 for name, examples in {"patient": 30, "ci": 100, "nightly": 100}.items():
     settings.register_profile(name, deadline=None, max_examples=examples)
 settings.load_profile(PROFILE)
 
 PYBULLET = importlib.util.find_spec("pybullet") is not None
-FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(PROFILE, 150)  # of tools, and as many of replies
+FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(
+    PROFILE, 150
+)  # of tools, and as many of replies
 POPULATION = 60 if PROFILE == "patient" else 200  # one in ten of which breaks
 
 
@@ -34,8 +38,12 @@ def lacks_pybullet(error: BaseException) -> bool:
     refusal = "sim=pybullet needs PyBullet: "
     if isinstance(error, UserError):
         return str(error).startswith(refusal)
-    message, asserted, _ = str(error).partition("\nassert ")  # what stands after `assert done.returncode == 0,`
-    return bool(asserted) and any(line.strip().startswith(f"error: {refusal}") for line in message.splitlines())
+    message, asserted, _ = str(error).partition(
+        "\nassert "
+    )  # what stands after `assert done.returncode == 0,`
+    return bool(asserted) and any(
+        line.strip().startswith(f"error: {refusal}") for line in message.splitlines()
+    )
 
 
 def pytest_collection_modifyitems(config, items):
@@ -51,5 +59,8 @@ def pytest_runtest_makereport(item, call):
     """Skip tests that need PyBullet where it is not installed: there are no wheels for Python 3.12 and newer."""
     report = yield
     if report.failed and not PYBULLET and lacks_pybullet(call.excinfo.value):
-        report.outcome, report.longrepr = "skipped", (str(item.path), item.location[1] or 0, "needs PyBullet")
+        report.outcome, report.longrepr = (
+            "skipped",
+            (str(item.path), item.location[1] or 0, "needs PyBullet"),
+        )
     return report

@@ -14,7 +14,12 @@ SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien", "mujoco": "mujoco"}
 every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
 mujoco_first = pytest.mark.parametrize(  # the others are thorough
     "engine",
-    [engine if engine == "mujoco" else pytest.param(engine, marks=pytest.mark.thorough) for engine in SIMULATORS],
+    [
+        engine
+        if engine == "mujoco"
+        else pytest.param(engine, marks=pytest.mark.thorough)
+        for engine in SIMULATORS
+    ],
 )
 
 

@@ -35,4 +35,8 @@ class Inline(Executor):
 @pytest.fixture
 def inline(monkeypatch):
     """Let ``executor=local`` evaluate in this process, which starts none."""
-    monkeypatch.setattr(LocalExecutor, "map", lambda self, function, chunks: Inline().map(function, chunks))
+    monkeypatch.setattr(
+        LocalExecutor,
+        "map",
+        lambda self, function, chunks: Inline().map(function, chunks),
+    )

@@ -28,11 +28,19 @@ class Slide(Task):
     home = Pose(np.array([0.5, 0.0, 0.4]))
 
     def scene(self, seed):
-        block = Body.of("block", Box((0.1, 0.1, 0.1)), (0.5, 0, 0.05), mass=1.0, color=(0.5, 0.5, 0.5, 1.0))
+        block = Body.of(
+            "block",
+            Box((0.1, 0.1, 0.1)),
+            (0.5, 0, 0.05),
+            mass=1.0,
+            color=(0.5, 0.5, 0.5, 1.0),
+        )
         return Scene((block,))
 
     def reward(self, start, end):
-        return np.clip(end.position("block")[..., 0] - start.position("block")[..., 0], 0, 1)
+        return np.clip(
+            end.position("block")[..., 0] - start.position("block")[..., 0], 0, 1
+        )
 
 
 class Crowded(Slide):
@@ -55,10 +63,14 @@ class Faulty(Simulator):
         fault = round(rod.mass * 1000) - 100
         if fault > 0:
             self.break_down(FAULTS[fault - 1])
-        shift = np.array([rod.shape.size[2] * abs(np.sin(job.trajectory.arm[-1].sum())), 0, 0])
+        shift = np.array(
+            [rod.shape.size[2] * abs(np.sin(job.trajectory.arm[-1].sum())), 0, 0]
+        )
         if fault > 0:
             shift[0] = np.nan
-        end = State(start.names, start.positions + shift, *[np.zeros((1, n)) for n in (4, 3, 3)])
+        end = State(
+            start.names, start.positions + shift, *[np.zeros((1, n)) for n in (4, 3, 3)]
+        )
         return Outcome(start, end, tracking_error_rad=0.0)
 
     def break_down(self, fault):
@@ -86,10 +98,14 @@ def candidate(number: int, fault: str | None = None) -> Candidate:
     mass = 0.1 + (0 if fault is None else FAULTS.index(fault) + 1) / 1000
     length = 0.1 + (number // 2) / 1000
     down = Pose(np.array([0.0, 0.0, -length / 2]))  # clear of the arm
-    tool = Tool((Component("rod", "tool_mount", down, Box((0.02, 0.02, length)), mass),))
+    tool = Tool(
+        (Component("rod", "tool_mount", down, Box((0.02, 0.02, length)), mass),)
+    )
     plan = np.array([[0.5, 0.001 * (number % 50), 0.42, 0, 0, 0]])
     return Candidate(tool, plan, 0, 0, number // 2, number % 2)
 
 
-SLIDE = playing.condition(Slide(), Faulty(), settings=RolloutSettings(settle_s=0, hold_s=0))
+SLIDE = playing.condition(
+    Slide(), Faulty(), settings=RolloutSettings(settle_s=0, hold_s=0)
+)
 """Where such candidates are tried."""

@@ -24,7 +24,13 @@ ROD = """\
 def sound(**changes: Any) -> dict[str, Any]:
     """Return a strategy that keeps the rules, except for the ``changes``."""
     plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0], [0.45, 0.1, 0.4, 0.0, 0.0, 0.5]]
-    return {"strategy_name": "poke", "gripper": False, "tool_urdf": ROD, "action_sets": [plan], **changes}
+    return {
+        "strategy_name": "poke",
+        "gripper": False,
+        "tool_urdf": ROD,
+        "action_sets": [plan],
+        **changes,
+    }
 
 
 def reply_of(*strategies: Any) -> str:
@@ -76,7 +82,10 @@ def boxes(count: int, step: float = 0.01) -> str:
     """One link of many boxes, each as visual and as collision shape, in opposite order."""
     shapes = [
         f'<{tag}><origin xyz="0 {i * step:g} 0"/><geometry><box size=".01 .01 .03"/></geometry></{tag}>'
-        for tag, order in (("collision", range(count)), ("visual", reversed(range(count))))
+        for tag, order in (
+            ("collision", range(count)),
+            ("visual", reversed(range(count))),
+        )
         for i in order
     ]
     return f'<link name="b">{"".join(shapes)}</link>{hung("b", "panda_virtual")}'
@@ -90,7 +99,9 @@ def hung(child: str, parent: str, at: str = "0 0 0") -> str:
 def frames(count: int, at: str) -> str:
     """A chain of links without shapes, which begins at a link."""
     chain = [at, *(f"f{i}" for i in range(count))]
-    return "".join(f'<link name="{b}"/>{hung(b, a)}' for a, b in itertools.pairwise(chain))
+    return "".join(
+        f'<link name="{b}"/>{hung(b, a)}' for a, b in itertools.pairwise(chain)
+    )
 
 
 def bomb() -> str:
@@ -99,7 +110,9 @@ def bomb() -> str:
 
 
 def quadratic() -> str:
-    return f'<!DOCTYPE r [<!ENTITY a "{"x" * 100_000}">]><link name="{"&a;" * 10_000}"/>'
+    return (
+        f'<!DOCTYPE r [<!ENTITY a "{"x" * 100_000}">]><link name="{"&a;" * 10_000}"/>'
+    )
 
 
 # Large ones are made when they are needed.
@@ -110,11 +123,16 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "entity in UTF-16": f'<?xml version="1.0" encoding="UTF-16"?><!DOCTYPE r [<!ENTITY x "y">]>{ROD}',
     "mesh that climbs": mesh("../../../../etc/shadow"),
     "mesh of the web": mesh("http://127.0.0.1:9/a.stl"),
-    "texture": ROD.replace("</visual>", '<material name="m"><texture filename="/etc/passwd"/></material></visual>'),
-    "XInclude": '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="/etc/passwd"/>' + ROD,
+    "texture": ROD.replace(
+        "</visual>",
+        '<material name="m"><texture filename="/etc/passwd"/></material></visual>',
+    ),
+    "XInclude": '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="/etc/passwd"/>'
+    + ROD,
     "stylesheet": f'<?xml-stylesheet href="http://127.0.0.1:9/x.xsl"?>{ROD}',
     "xacro": '<xacro:property xmlns:xacro="x" name="a" value="${__import__(\'os\').system(\'id\')}"/>',
-    "plugin of Gazebo": '<gazebo><plugin filename="libc.so.6" name="x"/></gazebo>' + ROD,
+    "plugin of Gazebo": '<gazebo><plugin filename="libc.so.6" name="x"/></gazebo>'
+    + ROD,
     "name is Python": named("__import__('os').system('id')"),
     "name has NUL": named("a\x00b"),
     "name is an escape sequence": named("\x1b[2J\x1b]0;owned\x07"),
@@ -136,10 +154,14 @@ TOOLS: dict[str, str | Callable[[], str]] = {
         + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -1.8")
         for i in range(100)
     ),
-    "angle of 1e300": ROD.replace('xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"'),
+    "angle of 1e300": ROD.replace(
+        'xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"'
+    ),
     "nested without end": "<link>" * 100_000,
     "nested and closed": "<a>" * 50_000 + "</a>" * 50_000,
-    "attributes without end": "<link " + " ".join(f'a{i}="1"' for i in range(60_000)) + "/>",
+    "attributes without end": "<link "
+    + " ".join(f'a{i}="1"' for i in range(60_000))
+    + "/>",
     "one attribute twice": '<link name="a" name="b"/>',
     "CDATA": f"<![CDATA[{ROD}]]>",
     "comment without end": "<!--" + "-" * 500_000,
@@ -167,11 +189,19 @@ REPLIES: dict[str, str | Callable[[], str]] = {
     "nothing": "",
     "a refusal": "I can't help with that.",
     "million waypoints": lambda: planned([_WAYPOINT] * 100_000),
-    "million plans": lambda: raw("[" + ",".join(["[[0.5,0,0.4,0,0,0]]"] * 200_000) + "]"),
-    "million strategies": lambda: '{"strategies": [' + ",".join(["{}"] * 1_000_000) + "]}",
-    "waypoint of a million numbers": lambda: raw("[[[" + ",".join(["0"] * 1_000_000) + "]]]"),
+    "million plans": lambda: raw(
+        "[" + ",".join(["[[0.5,0,0.4,0,0,0]]"] * 200_000) + "]"
+    ),
+    "million strategies": lambda: (
+        '{"strategies": [' + ",".join(["{}"] * 1_000_000) + "]}"
+    ),
+    "waypoint of a million numbers": lambda: raw(
+        "[[[" + ",".join(["0"] * 1_000_000) + "]]]"
+    ),
     "waypoint of 1e300": planned([[1e300, 0, 0.4, 0, 0, 0]]),
-    "waypoint of a million digits": raw("[[[" + "9" * 1_000_000 + ", 0, 0.4, 0, 0, 0]]]"),
+    "waypoint of a million digits": raw(
+        "[[[" + "9" * 1_000_000 + ", 0, 0.4, 0, 0, 0]]]"
+    ),
     "waypoint of Python": planned([["__import__('os').system('id')", 0, 0.4, 0, 0, 0]]),
     "angle of 1e6": planned([[0.5, 0, 0.4, 1e6, 0, 0]]),
     "nested without end": "[" * 2_000_000,
@@ -181,14 +211,25 @@ REPLIES: dict[str, str | Callable[[], str]] = {
     "quotes without end": '{"strategies": [{"strategy_name": "' + '\\"' * 1_000_000,
     "braces without end": "{" * 3_000_000,
     "keys of one name": '{"strategies": [], ' * 1000 + '"strategies": 3' + "}" * 1000,
-    "prototype": reply_of({"__proto__": {"x": 1}, "__class__": "os.system", "constructor": "x"}),
+    "prototype": reply_of(
+        {"__proto__": {"x": 1}, "__class__": "os.system", "constructor": "x"}
+    ),
     "lone surrogates": '{"strategies": [{"strategy_name": "\\ud800", "tool_urdf": "\\udfff", "action_sets": [[]]}]}',
     "NULs": "\x00" * 1_000_000 + "{",
     "byte order mark": "\ufeff" + "{" * 10,
-    "name is an escape sequence": reply_of(sound(strategy_name="\x1b]8;;http://x\x07\x1b[2J", action_sets=[])),
-    "name of ten million": lambda: reply_of(sound(strategy_name="x" * 10_000_000, action_sets=[])),
-    "strategies inside each other": '{"strategies":[' + '{"parents":0,"a":[' * 90 + "[]," * 1_600_000 + "x",
+    "name is an escape sequence": reply_of(
+        sound(strategy_name="\x1b]8;;http://x\x07\x1b[2J", action_sets=[])
+    ),
+    "name of ten million": lambda: reply_of(
+        sound(strategy_name="x" * 10_000_000, action_sets=[])
+    ),
+    "strategies inside each other": '{"strategies":['
+    + '{"parents":0,"a":[' * 90
+    + "[]," * 1_600_000
+    + "x",
     "a hundred megabytes of text": lambda: "x" * 100_000_000,
     "a hundred megabytes of braces": lambda: "{ " * 50_000_000,
-    "a hundred megabytes of plan": lambda: '{"strategies": [{"action_sets": [' + "[0,0,0,0,0,0]," * 7_000_000,
+    "a hundred megabytes of plan": lambda: (
+        '{"strategies": [{"action_sets": [' + "[0,0,0,0,0,0]," * 7_000_000
+    ),
 }

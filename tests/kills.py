@@ -47,7 +47,9 @@ class Moments:
         return connection
 
     def audit(self, event, arguments):
-        if event in ("open", "os.rename", "os.mkdir", "os.remove") and str(arguments[0]).startswith(self.folder):
+        if event in ("open", "os.rename", "os.mkdir", "os.remove") and str(
+            arguments[0]
+        ).startswith(self.folder):
             writes = event != "open" or arguments[2] & (os.O_WRONLY | os.O_RDWR)
             if writes:
                 self.begin()
@@ -68,7 +70,9 @@ def run_at_once(function, ended, name):
         ended(None)
 
 
-def session(folder: Path, words: Sequence[str], *, resumed: bool, last: int | None) -> int:
+def session(
+    folder: Path, words: Sequence[str], *, resumed: bool, last: int | None
+) -> int:
     """Run or resume in a forked process; return the number of moments, or 0 if it was killed."""
     Notes(str(folder / "notes")).add("session")
     count = folder / "moments"
@@ -77,7 +81,10 @@ def session(folder: Path, words: Sequence[str], *, resumed: bool, last: int | No
         code = 1
         try:
             moments = Moments(folder, last)
-            with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+            with (
+                Path(os.devnull).open("w") as nowhere,
+                contextlib.redirect_stdout(nowhere),
+            ):
                 if resumed:
                     resume(folder / "run")
                 else:
@@ -99,9 +106,13 @@ def session(folder: Path, words: Sequence[str], *, resumed: bool, last: int | No
 
 def main(folder: Path, points: int, words: Sequence[str]) -> None:
     offer(installed())
-    time.process_time = lambda: 0.0  # what trials took, and others saved, is stored, and differs from run to run
+    time.process_time = lambda: (
+        0.0
+    )  # what trials took, and others saved, is stored, and differs from run to run
     warm = folder / "warm"
-    run(several(warm / "notes", *words), warm / "run")  # what it leaves in caches, each child inherits
+    run(
+        several(warm / "notes", *words), warm / "run"
+    )  # what it leaves in caches, each child inherits
     (folder / "whole").mkdir()
     moments = session(folder / "whole", words, resumed=False, last=None)
     for point in range(points):

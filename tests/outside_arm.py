@@ -42,7 +42,9 @@ def write_arm(folder: Path) -> Path:
     package = folder / "outside_arm"
     (package / "meshes").mkdir(parents=True)
     (package / "urdf").mkdir()
-    (package / "package.xml").write_text("<package><name>outside_arm</name></package>\n")
+    (package / "package.xml").write_text(
+        "<package><name>outside_arm</name></package>\n"
+    )
     for link, (name, units, color) in MESHES.items():
         _write(solid(link), package / "meshes" / name.rpartition("/")[2], units, color)
     file = package / "urdf/arm.urdf"
@@ -68,7 +70,12 @@ def text() -> str:
     grey = '<material name="grey"><color rgba="0.35 0.37 0.4 1"/></material>'
     lines = [grey, *links, f'<link name="{FLANGE}"/>', *joints]
     return "\n".join(
-        ['<?xml version="1.0"?>', '<robot name="outside arm">', *(f"  {line}" for line in lines), "</robot>\n"]
+        [
+            '<?xml version="1.0"?>',
+            '<robot name="outside arm">',
+            *(f"  {line}" for line in lines),
+            "</robot>\n",
+        ]
     )
 
 
@@ -81,7 +88,10 @@ def solid(link: str) -> trimesh.Trimesh:
     axle = {"upper_arm": 0.065, "forearm": 0.055, "wrist_pitch": 0.042}.get(link)
     parts = [rod(axle, (0, -0.06, 0), (0, 0.06, 0))] if axle else []
     parts += {
-        "base_link": [rod(0.09, (0, 0, 0), (0, 0, 0.03)), rod(0.07, (0, 0, 0), (0, 0, 0.115))],
+        "base_link": [
+            rod(0.09, (0, 0, 0), (0, 0, 0.03)),
+            rod(0.07, (0, 0, 0), (0, 0, 0.115)),
+        ],
         "turret": [rod(0.07, (0, 0, 0), (0, 0, 0.15))],
         "upper_arm": [rod(0.05, (0, 0, 0), (0, 0, 0.36))],
         "forearm": [rod(0.045, (0, 0, 0), (0, 0, 0.21))],
@@ -94,13 +104,26 @@ def solid(link: str) -> trimesh.Trimesh:
 
 def _link(name: str) -> str:
     file, units, _ = MESHES[name]
-    scale = f' scale="{1 / units:g} {1 / units:g} {1 / units:g}"' if file.endswith("stl") and units != 1 else ""
+    scale = (
+        f' scale="{1 / units:g} {1 / units:g} {1 / units:g}"'
+        if file.endswith("stl") and units != 1
+        else ""
+    )
     mesh = f'<geometry><mesh filename="{file}"{scale}/></geometry>'
     hull = solid(name).convex_hull
     hull.density = ALUMINIUM
     x, y, z = hull.center_mass
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    inertia = " ".join(f'{key}="{hull.moment_inertia[at]:.6g}"' for key, at in names.items())
+    names = {
+        "ixx": (0, 0),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyy": (1, 1),
+        "iyz": (1, 2),
+        "izz": (2, 2),
+    }
+    inertia = " ".join(
+        f'{key}="{hull.moment_inertia[at]:.6g}"' for key, at in names.items()
+    )
     return (
         f'<link name="{name}"><inertial><origin xyz="{x:.4f} {y:.4f} {z:.4f}"/><mass value="{hull.mass:.3f}"/>'
         f'<inertia {inertia}/></inertial><visual>{mesh}<material name="grey"/></visual>'
@@ -108,20 +131,30 @@ def _link(name: str) -> str:
     )
 
 
-def _write(mesh: trimesh.Trimesh, file: Path, units: int, color: tuple[int, int, int] | None) -> None:
+def _write(
+    mesh: trimesh.Trimesh, file: Path, units: int, color: tuple[int, int, int] | None
+) -> None:
     mesh = mesh.copy().apply_scale(units)
     if color is not None:
-        material = trimesh.visual.material.PBRMaterial(name="paint", baseColorFactor=[*color, 255])
-        mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=material)
+        material = trimesh.visual.material.PBRMaterial(
+            name="paint", baseColorFactor=[*color, 255]
+        )
+        mesh.visual = trimesh.visual.TextureVisuals(
+            uv=np.zeros((len(mesh.vertices), 2)), material=material
+        )
     if file.suffix == ".obj":
         red, green, blue = np.array(color) / 255
-        file.with_suffix(".mtl").write_text(f"newmtl paint\nKd {red:.3f} {green:.3f} {blue:.3f}\n")
+        file.with_suffix(".mtl").write_text(
+            f"newmtl paint\nKd {red:.3f} {green:.3f} {blue:.3f}\n"
+        )
         plain = trimesh.Trimesh(mesh.vertices, mesh.faces).export(file_type="obj")
         file.write_text(f"mtllib {file.stem}.mtl\nusemtl paint\n{plain}")
         return
     data = mesh.export(file_type=file.suffix[1:])
     if file.suffix == ".dae" and units != 1:
-        data = data.replace(b"<up_axis>", f'<unit name="own" meter="{1 / units:g}"/><up_axis>'.encode())
+        data = data.replace(
+            b"<up_axis>", f'<unit name="own" meter="{1 / units:g}"/><up_axis>'.encode()
+        )
     file.write_bytes(data)
 
 

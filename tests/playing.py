@@ -7,7 +7,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from core.design import Candidate
-from core.interfaces import Condition, Executor, Fitness, RolloutSettings, Score, Simulator, Task, Trial
+from core.interfaces import (
+    Condition,
+    Executor,
+    Fitness,
+    RolloutSettings,
+    Score,
+    Simulator,
+    Task,
+    Trial,
+)
 from core.search.trials import Trials
 from core.simulation.play import play
 from core.trial import Evaluation
@@ -50,24 +59,42 @@ class Scripted:
 
     evaluate: Callable[[list[Candidate]], list[Evaluation]]
 
-    def __call__(self, condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
-        return [replace(e.trials[0], where=condition.where) for e in self.evaluate(list(candidates))]
+    def __call__(
+        self, condition: Condition, candidates: Sequence[Candidate]
+    ) -> list[Trial]:
+        return [
+            replace(e.trials[0], where=condition.where)
+            for e in self.evaluate(list(candidates))
+        ]
 
 
 def scripted(
-    evaluate: Callable[[list[Candidate]], list[Evaluation]], executor: Executor, **settings: Any
+    evaluate: Callable[[list[Candidate]], list[Evaluation]],
+    executor: Executor,
+    **settings: Any,
 ) -> tuple[Trials, Fitness]:
     """Make trials in which candidates earn what ``evaluate`` says, and the fitness of one condition."""
     sim = Named(batch=getattr(evaluate, "batch", 1))
-    return Trials(executor, play=Scripted(evaluate), **settings), Nominal(Condition(Named(), sim))
+    return Trials(executor, play=Scripted(evaluate), **settings), Nominal(
+        Condition(Named(), sim)
+    )
 
 
-def condition(task: Task, simulator: Simulator, seed: int = 0, settings: RolloutSettings | None = None) -> Condition:
+def condition(
+    task: Task,
+    simulator: Simulator,
+    seed: int = 0,
+    settings: RolloutSettings | None = None,
+) -> Condition:
     return Condition(Made(task), Made(simulator), seed, settings or RolloutSettings())
 
 
 def evaluate_batch(
-    task: Task, simulator: Simulator, candidates: Sequence[Candidate], seed: int, settings: RolloutSettings
+    task: Task,
+    simulator: Simulator,
+    candidates: Sequence[Candidate],
+    seed: int,
+    settings: RolloutSettings,
 ) -> list[Evaluation]:
     """Try candidates in one layout; the evaluation of each has one trial."""
     trials = play(condition(task, simulator, seed, settings), candidates)
@@ -77,6 +104,8 @@ def evaluate_batch(
     ]
 
 
-def evaluate_all(candidates: Iterable[Candidate], where: Condition, executor: Executor) -> Iterator[Evaluation]:
+def evaluate_all(
+    candidates: Iterable[Candidate], where: Condition, executor: Executor
+) -> Iterator[Evaluation]:
     """Try candidates in one condition, in an executor's workers."""
     return Trials(executor).evaluate(candidates, Nominal(where))

@@ -9,7 +9,13 @@ from contextlib import closing
 
 import pytest
 
-SMALL = ["task=BringCube", "budget.n_agent=1", "budget.n_tool=2", "budget.n_action=3", "budget.n_iteration=1"]
+SMALL = [
+    "task=BringCube",
+    "budget.n_agent=1",
+    "budget.n_tool=2",
+    "budget.n_action=3",
+    "budget.n_iteration=1",
+]
 SMALL += ["film=false", "seed=5", "prompt.picture=false", "listener=[progress]"]
 PATIENCE_S = 180
 
@@ -18,7 +24,9 @@ def start(folder, command, *words, **settings):
     """Start ``python -m core.COMMAND words...`` in its own process group."""
     words = [sys.executable, "-m", f"core.{command}", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
-    return subprocess.Popen(words, cwd=folder, text=True, start_new_session=True, **pipes)
+    return subprocess.Popen(
+        words, cwd=folder, text=True, start_new_session=True, **pipes
+    )
 
 
 def temporary_in(folder):
@@ -38,8 +46,12 @@ def left_in(folder):
 def stored(folder, which=""):
     """Return the number of stored candidates; ``which``: a WHERE clause."""
     try:
-        with closing(sqlite3.connect(f"file:{folder / 'run.sqlite'}?mode=ro", uri=True)) as database:
-            return database.execute(f"SELECT count(*) FROM evaluations {which}").fetchone()[0]
+        with closing(
+            sqlite3.connect(f"file:{folder / 'run.sqlite'}?mode=ro", uri=True)
+        ) as database:
+            return database.execute(
+                f"SELECT count(*) FROM evaluations {which}"
+            ).fetchone()[0]
     except sqlite3.Error:
         return 0
 
@@ -54,7 +66,12 @@ def wait_until(what, process):
 
 def living():
     """Return the parent of every process that is no zombie."""
-    done = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,stat="], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["ps", "-A", "-o", "pid=,ppid=,stat="],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     rows = [line.split() for line in done.stdout.splitlines()]
     return {int(own): int(parent) for own, parent, state in rows if state[0] != "Z"}
 

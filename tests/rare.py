@@ -8,4 +8,7 @@ import pytest
 
 def rare(values: Iterable[Any], *kept: Any) -> list[Any]:
     """Mark all values but those ``kept`` as thorough."""
-    return [value if value in kept else pytest.param(value, marks=pytest.mark.thorough) for value in values]
+    return [
+        value if value in kept else pytest.param(value, marks=pytest.mark.thorough)
+        for value in values
+    ]

@@ -10,7 +10,9 @@ from core.geometry import Compound, Mesh
 
 def prism(sides, radius, length):
     """A prism along z of so many sides."""
-    return Mesh.from_trimesh(trimesh.creation.cylinder(radius=radius, height=length, sections=sides))
+    return Mesh.from_trimesh(
+        trimesh.creation.cylinder(radius=radius, height=length, sections=sides)
+    )
 
 
 def bowl(radius, wall, rings=3, sides=16):
@@ -21,10 +23,19 @@ def bowl(radius, wall, rings=3, sides=16):
     parts = []
     for ring, side in np.ndindex(rings, sides):
         edge = arc[ring : ring + 2]
-        wedge = [_turn(edge * size, (side + end) * step) for size in (radius, radius + wall) for end in (0, 1)]
-        parts.append(Mesh.from_trimesh(trimesh.PointCloud(np.concatenate(wedge)).convex_hull))
+        wedge = [
+            _turn(edge * size, (side + end) * step)
+            for size in (radius, radius + wall)
+            for end in (0, 1)
+        ]
+        parts.append(
+            Mesh.from_trimesh(trimesh.PointCloud(np.concatenate(wedge)).convex_hull)
+        )
     outline = np.concatenate([arc * (radius + wall), arc[::-1] * radius])
-    return Compound(Mesh.from_trimesh(trimesh.creation.revolve(outline, sections=sides)), tuple(parts))
+    return Compound(
+        Mesh.from_trimesh(trimesh.creation.revolve(outline, sections=sides)),
+        tuple(parts),
+    )
 
 
 def _turn(line, angle):

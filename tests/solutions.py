@@ -15,7 +15,9 @@ from core.plugins import installed
 
 TASKS = Path(__file__).parent / "tasks"
 PLACES = ("anchored", "hardtoolbench", "softtoolbench")
-FILES = {file.stem: file for place in PLACES for file in (TASKS / place).glob("[A-Z]*.json")}
+FILES = {
+    file.stem: file for place in PLACES for file in (TASKS / place).glob("[A-Z]*.json")
+}
 
 
 def anchored(name: str, material: str = "paper") -> Candidate:
@@ -33,13 +35,24 @@ def literal(name: str) -> Candidate:
 def representation(file: Path, material: str = "paper") -> ToolRepresentation:
     """Return the representation that a designs file was written for, by its fields; with joints, if it has any."""
     written = load_designs(file)["strategies"][0]
-    items = [item for key in ("tool_components", "tool_solids") for item in written.get(key, ())]
+    items = [
+        item
+        for key in ("tool_components", "tool_solids")
+        for item in written.get(key, ())
+    ]
     joints = any("joint" in item for item in items)
-    return next(tool for tool in _representations(material, joints) if {*tool.schema()} <= {*written})
+    return next(
+        tool
+        for tool in _representations(material, joints)
+        if {*tool.schema()} <= {*written}
+    )
 
 
 @cache
 def _representations(material: str, joints: bool) -> list[ToolRepresentation]:
     names = ("urdf", "boxes", "solids")
-    words = [[f"tool={name}", f"material={material}", f"tool.joints={joints}"] for name in names]
+    words = [
+        [f"tool={name}", f"material={material}", f"tool.joints={joints}"]
+        for name in names
+    ]
     return [tool_part(load("evaluate", of)).create() for of in words]

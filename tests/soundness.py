@@ -25,7 +25,11 @@ MAX_TEXT = 5000
 def check_candidate(candidate: Candidate) -> None:
     """Check that texts can be shown anywhere and a problem is readable; without one, tool and plan keep the rules."""
     tool = candidate.tool
-    texts = [candidate.strategy_name, candidate.strategy_description, candidate.action_description]
+    texts = [
+        candidate.strategy_name,
+        candidate.strategy_description,
+        candidate.action_description,
+    ]
     names = [] if tool is None else [component.name for component in tool.components]
     texts += [] if tool is None else [tool.name, tool.description]
     for text in (*texts, *names, candidate.problem or ""):

@@ -16,17 +16,26 @@ from docs.diagrams import FLOORS, PARTS
 from plugins.commands import commands
 
 ROOT = Path(__file__).parents[1]
-LEVEL = {name: height for height, name in enumerate(name for names in FLOORS.values() for name in names)}
+LEVEL = {
+    name: height
+    for height, name in enumerate(name for names in FLOORS.values() for name in names)
+}
 LONGEST_FUNCTION, MOST_PARAMETERS = 60, 8  # lines, without self
 KERNELS = "plugins.simulators.mujoco.batched.kernels"  # in Warp's language, which has no objects
 ROBOTS = re.compile(  # names of arms and of their makers
     r"panda|franka|xarm|ufactory|kinova|jaco(?!bian)|unitree|universal.robots|(?<![a-z0-9])(ur\d+e?|z1|fr3)(?![a-z0-9])",
     re.IGNORECASE,
 )
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
+    "project"
+]
 NAME = PROJECT["name"]
-OFFERED = set(PROJECT["entry-points"]["vlmgineer"].values())  # modules and packages, each of which is a plugin
-COMMANDS = {".".join(re.split("[.:]", str(command.main))[:2]) for command in commands().values()}
+OFFERED = set(
+    PROJECT["entry-points"]["vlmgineer"].values()
+)  # modules and packages, each of which is a plugin
+COMMANDS = {
+    ".".join(re.split("[.:]", str(command.main))[:2]) for command in commands().values()
+}
 
 
 @cache
@@ -38,8 +47,16 @@ def modules(folder):
 
 def imported(tree, runtime_only=False):
     """Full names of the modules that a file imports, inside functions too."""
-    guards = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)]
-    skipped = [inner for guard in guards for node in guard.body for inner in ast.walk(node)] if runtime_only else []
+    guards = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+    ]
+    skipped = (
+        [inner for guard in guards for node in guard.body for inner in ast.walk(node)]
+        if runtime_only
+        else []
+    )
     for node in ast.walk(tree):
         if node in skipped:
             continue
@@ -48,11 +65,15 @@ def imported(tree, runtime_only=False):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)  # some of them are modules too
+            yield from (
+                f"{node.module}.{alias.name}" for alias in node.names
+            )  # some of them are modules too
 
 
 def dotted(file):
-    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(
+        ".__init__"
+    )
 
 
 def floor(module):
@@ -67,13 +88,24 @@ def test_every_file_of_core_is_on_the_floor_plan():
 
 def imports_from_above(module, tree):
     """Return what a module of ``core/`` imports from rooms on higher floors."""
-    names = [name for name in imported(tree) if name.startswith("core.") and floor(name) in LEVEL]
-    return [name for name in names if LEVEL[floor(name)] >= LEVEL[floor(module)] and floor(name) != floor(module)]
+    names = [
+        name
+        for name in imported(tree)
+        if name.startswith("core.") and floor(name) in LEVEL
+    ]
+    return [
+        name
+        for name in names
+        if LEVEL[floor(name)] >= LEVEL[floor(module)] and floor(name) != floor(module)
+    ]
 
 
 def test_imports_go_down_only():
     """The order of rooms is the order of floors; no module is exempt."""
-    found = {dotted(file): imports_from_above(dotted(file), tree) for file, tree in modules("core")}
+    found = {
+        dotted(file): imports_from_above(dotted(file), tree)
+        for file, tree in modules("core")
+    }
     assert {module: names for module, names in found.items() if names} == {}
 
 
@@ -90,8 +122,13 @@ def test_an_import_that_goes_up_is_found():
 @pytest.mark.parametrize("folder", ["core", "plugins", "tasks"])
 def test_modules_import_each_other_without_circles(folder):
     trees = {dotted(file): tree for file, tree in modules(folder)}
-    graph = {module: {*imported(tree, runtime_only=True)} & {*trees} - {module} for module, tree in trees.items()}
-    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(trees)  # raises where there is a circle
+    graph = {
+        module: {*imported(tree, runtime_only=True)} & {*trees} - {module}
+        for module, tree in trees.items()
+    }
+    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(
+        trees
+    )  # raises where there is a circle
 
 
 def test_the_core_knows_no_plugin_no_engine_and_no_model():
@@ -109,48 +146,89 @@ def test_the_core_knows_no_plugin_no_engine_and_no_model():
             "newton",
             "sapien",
         ),
-        *("openai", "anthropic", "google", "litellm", "llm", "requests", "httpx", "torch"),
+        *(
+            "openai",
+            "anthropic",
+            "google",
+            "litellm",
+            "llm",
+            "requests",
+            "httpx",
+            "torch",
+        ),
     }
     for file, tree in modules("core"):
         for name in imported(tree):
             assert name.partition(".")[0] not in forbidden, f"{file} imports {name}"
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                assert not node.value.startswith(("plugins.", "tasks.")), f"{file} names {node.value}"
+                assert not node.value.startswith(("plugins.", "tasks.")), (
+                    f"{file} names {node.value}"
+                )
 
 
 def test_the_core_and_the_prompts_name_no_robot():
     for folder in ("core", "prompts"):
-        files = [file for file in (ROOT / folder).rglob("*") if file.is_file() and file.suffix != ".pyc"]
+        files = [
+            file
+            for file in (ROOT / folder).rglob("*")
+            if file.is_file() and file.suffix != ".pyc"
+        ]
         assert len(files) > 20, folder
         for file in files:
-            for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+            for number, line in enumerate(
+                file.read_text(encoding="utf-8").splitlines(), 1
+            ):
                 assert not ROBOTS.search(line), f"{file}:{number} names a robot: {line}"
             assert not ROBOTS.search(file.name), file
 
 
-@pytest.mark.parametrize("line", ["panda_link7", "a `Franka`", "UR5's", "ur10e.urdf", "xArm7", "JACO 2", "z1", "fr3_"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "panda_link7",
+        "a `Franka`",
+        "UR5's",
+        "ur10e.urdf",
+        "xArm7",
+        "JACO 2",
+        "z1",
+        "fr3_",
+    ],
+)
 def test_a_robots_name_is_found(line):
     assert ROBOTS.search(line)
 
 
-@pytest.mark.parametrize("line", ["jacobian = J(q)", "urdf", "cur5", "z10", "expand a link"])
+@pytest.mark.parametrize(
+    "line", ["jacobian = J(q)", "urdf", "cur5", "z10", "expand a link"]
+)
 def test_other_words_are_no_robots_names(line):
     assert not ROBOTS.search(line)
 
 
 def test_every_robot_that_is_offered_has_a_name_that_is_looked_for():
-    own = [offer.name for offer in installed().offers.values() if (offer.kind, offer.distribution) == ("robot", NAME)]
-    assert [name for name in own if not ROBOTS.search(name)] == ["urdf"]  # one's own, from a file
+    own = [
+        offer.name
+        for offer in installed().offers.values()
+        if (offer.kind, offer.distribution) == ("robot", NAME)
+    ]
+    assert [name for name in own if not ROBOTS.search(name)] == [
+        "urdf"
+    ]  # one's own, from a file
 
 
 def test_plugins_do_not_know_each_other():
     for file, tree in modules("plugins"):
         parts = file.relative_to(ROOT).with_suffix("").parts
-        own = ".".join(parts[:2] if ".".join(parts[:2]) in OFFERED | COMMANDS else parts[:3])
+        own = ".".join(
+            parts[:2] if ".".join(parts[:2]) in OFFERED | COMMANDS else parts[:3]
+        )
         for name in imported(tree):
             if name.split(".")[0] in ("plugins", "tasks"):
-                assert name == own or name.startswith(f"{own}."), f"{file} imports {name}"
+                assert name == own or name.startswith(f"{own}."), (
+                    f"{file} imports {name}"
+                )
 
 
 def test_tasks_are_scenes_and_numpy():
@@ -175,10 +253,19 @@ def test_no_function_is_too_long_or_takes_too_much(folder):
     """A part's ``__init__`` may have more parameters: they are the settings that a user types."""
     wrong = []
     for file, tree in modules(folder):
-        for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)):
+        for function in (
+            node
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        ):
             given = function.args
-            names = [argument.arg for argument in [*given.posonlyargs, *given.args, *given.kwonlyargs]]
-            free = dotted(file) == KERNELS or (folder == "plugins" and function.name == "__init__")
+            names = [
+                argument.arg
+                for argument in [*given.posonlyargs, *given.args, *given.kwonlyargs]
+            ]
+            free = dotted(file) == KERNELS or (
+                folder == "plugins" and function.name == "__init__"
+            )
             many = len({*names} - {"self", "cls"}) > MOST_PARAMETERS and not free
             if many or function.end_lineno - function.lineno >= LONGEST_FUNCTION:
                 wrong.append(f"{dotted(file)}.{function.name}")
@@ -187,16 +274,31 @@ def test_no_function_is_too_long_or_takes_too_much(folder):
 
 def test_every_module_of_core_has_its_tests():
     """At the same place in ``tests/core``, or in the files that the table in CONTRIBUTING.md names."""
-    table = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Tests of another name")[2]
-    rows = (re.findall(r"`([^`]+)`", line) for line in table.splitlines() if line.startswith("| `"))
+    table = (
+        (ROOT / "CONTRIBUTING.md")
+        .read_text(encoding="utf-8")
+        .partition("## Tests of another name")[2]
+    )
+    rows = (
+        re.findall(r"`([^`]+)`", line)
+        for line in table.splitlines()
+        if line.startswith("| `")
+    )
     named = {module: tests for module, *tests in rows}
     for module, tests in named.items():
-        assert all((ROOT / name).is_file() for name in (module, *(f"tests/{test}" for test in tests))), module
+        assert all(
+            (ROOT / name).is_file()
+            for name in (module, *(f"tests/{test}" for test in tests))
+        ), module
     missing = []
     for file, tree in modules("core"):
         if file.name == "__init__.py" and len(tree.body) <= 1:
             continue
-        own = ROOT / "tests" / file.relative_to(ROOT).with_name(f"test_{file.stem.strip('_')}.py")
+        own = (
+            ROOT
+            / "tests"
+            / file.relative_to(ROOT).with_name(f"test_{file.stem.strip('_')}.py")
+        )
         if not own.is_file() and file.relative_to(ROOT).as_posix() not in named:
             missing.append(dotted(file))
     assert missing == []
@@ -204,7 +306,16 @@ def test_every_module_of_core_has_its_tests():
 
 def test_text_goes_to_the_terminal_one_way():
     """By `core.support.cli.say` and `core.support.cli.print_table`, which escape what is not printable."""
-    for file, tree in (item for folder in ("core", "plugins", "tasks") for item in modules(folder)):
+    for file, tree in (
+        item for folder in ("core", "plugins", "tasks") for item in modules(folder)
+    ):
         if dotted(file) != "core.support.cli":
-            called = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-            assert not {"print", "sys.stdout.write", "sys.stderr.write", "warnings.warn"} & called, file
+            called = {
+                ast.unparse(node.func)
+                for node in ast.walk(tree)
+                if isinstance(node, ast.Call)
+            }
+            assert (
+                not {"print", "sys.stdout.write", "sys.stderr.write", "warnings.warn"}
+                & called
+            ), file

@@ -26,16 +26,26 @@ RULE, NO_RULE = "core.designs.rules.check_joints", lambda *_: None
 STOPPED_BY = {
     "AroundCorner": (RULE, NO_RULE, [1.0]),
     "LeverStone": (RULE, NO_RULE, [1.0]),
-    "HangRing": ("tasks.hardtoolbench.hang_ring.SINKS", 0.011, [1.0, 0.6]),  # 51 mm, as it was, for a ring of 40 mm
+    "HangRing": (
+        "tasks.hardtoolbench.hang_ring.SINKS",
+        0.011,
+        [1.0, 0.6],
+    ),  # 51 mm, as it was, for a ring of 40 mm
     "SweepCards": ("tasks.hardtoolbench.sweep_cards.PRESS_N", math.inf, [6 / 13]),
 }
 
 
 def candidates(name):
     """Read an attack as a model's answer, and make its task."""
-    document, task = json.loads((FOLDER / f"{name}.json").read_text()), installed().create("task", name)
+    document, task = (
+        json.loads((FOLDER / f"{name}.json").read_text()),
+        installed().create("task", name),
+    )
     assert document["task"] == name
-    tools, plans = installed().create("tool", "boxes", {"joints": True}), installed().create("action", "anchored")
+    tools, plans = (
+        installed().create("tool", "boxes", {"joints": True}),
+        installed().create("action", "anchored"),
+    )
     return task, read_designs(document, tools, task, actions=plans)
 
 
@@ -48,7 +58,11 @@ def played(name, engine="mujoco", **settings):
 
 
 def test_every_recorded_attack_is_played():
-    assert {file.stem for file in FOLDER.glob("*.json")} == {*STOPPED_BY, "StopCart", "TwoStations"}
+    assert {file.stem for file in FOLDER.glob("*.json")} == {
+        *STOPPED_BY,
+        "StopCart",
+        "TwoStations",
+    }
 
 
 @pytest.mark.parametrize(
@@ -67,7 +81,9 @@ def test_what_breaks_a_rule_is_refused(name, reason):
 @mujoco_first
 def test_a_ring_on_top_of_the_peg_earns_its_way_there_alone(engine):
     evaluations, _ = played("HangRing", engine)
-    assert [evaluation.reward for evaluation in evaluations] == pytest.approx([0.116, 0.116], abs=0.002)
+    assert [evaluation.reward for evaluation in evaluations] == pytest.approx(
+        [0.116, 0.116], abs=0.002
+    )
 
 
 @pytest.mark.slow
@@ -77,7 +93,14 @@ def test_cards_that_are_pressed_press_the_board(engine):
     assert evaluation.reward == 0
     if engine == "mujoco":  # its plate is made for this engine's contacts
         assert ("tool", "board") not in recording.forces
-        assert max(float(np.max(force)) for pair, force in recording.forces.items() if pair[0] == "board") > 15
+        assert (
+            max(
+                float(np.max(force))
+                for pair, force in recording.forces.items()
+                if pair[0] == "board"
+            )
+            > 15
+        )
 
 
 @pytest.mark.slow
@@ -105,13 +128,17 @@ def test_without_what_stops_it_an_attack_pays(name, monkeypatch):
     target, instead, rewards = STOPPED_BY[name]
     monkeypatch.setattr(target, instead)
     evaluations, _ = played(name)
-    assert [evaluation.reward for evaluation in evaluations] == pytest.approx(rewards, abs=0.01)
+    assert [evaluation.reward for evaluation in evaluations] == pytest.approx(
+        rewards, abs=0.01
+    )
 
 
 @pytest.mark.slow
 def test_a_joint_that_is_not_held_fires_before_the_motion(monkeypatch):
     pytest.importorskip("mujoco")
-    monkeypatch.setattr("plugins.simulators.mujoco.world.Joints.hold", lambda *_, held: None)
+    monkeypatch.setattr(
+        "plugins.simulators.mujoco.world.Joints.hold", lambda *_, held: None
+    )
     _, (recording,) = played("StopCart")
     carts = recording.states.position("cart")[recording.times <= 0]
     assert np.linalg.norm(carts[-1] - carts[0]) > 0.1

@@ -46,15 +46,22 @@ CASES = """
 
 
 @pytest.mark.parametrize(
-    ("pybullet", "skipped"), [(False, {"test_engine_in_setup", "test_engine", "test_command"}), (True, set())]
+    ("pybullet", "skipped"),
+    [(False, {"test_engine_in_setup", "test_engine", "test_command"}), (True, set())],
 )
 def test_only_the_missing_engine_is_skipped(pytester, monkeypatch, pybullet, skipped):
     monkeypatch.setattr("tests.conftest.PYBULLET", pybullet)
     pytester.makeconftest(CONFTEST)
     pytester.makepyfile(CASES)
-    reports = pytester.inline_run("-p", "no:cacheprovider").getreports("pytest_runtest_logreport")
+    reports = pytester.inline_run("-p", "no:cacheprovider").getreports(
+        "pytest_runtest_logreport"
+    )
     by_outcome = {
-        outcome: {report.nodeid.partition("::")[2] for report in reports if report.outcome == outcome}
+        outcome: {
+            report.nodeid.partition("::")[2]
+            for report in reports
+            if report.outcome == outcome
+        }
         for outcome in ("skipped", "failed")
     }
     assert by_outcome["skipped"] == skipped

@@ -36,7 +36,13 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 NOTEBOOK = ROOT / "docs/example.ipynb"
-SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "film=false"]
+SMALL = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=2",
+    "budget.n_iteration=0",
+    "film=false",
+]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -47,7 +53,12 @@ STARTS = ("python -m ", "vlmgineer ")
 
 
 def commands() -> list[str]:
-    lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
+    lines = [
+        line
+        for page in PAGES
+        for block in blocks(page, "sh")
+        for line in block.splitlines()
+    ]
     return sorted({line for line in lines if line.startswith(STARTS)})
 
 
@@ -86,7 +97,9 @@ def test_the_commands_that_are_run_are_in_the_docs():
 @pytest.mark.parametrize(
     "line",
     [
-        line if line.removeprefix("python -m ") in RUN else pytest.param(line, marks=pytest.mark.thorough)
+        line
+        if line.removeprefix("python -m ") in RUN
+        else pytest.param(line, marks=pytest.mark.thorough)
         for line in commands()
     ],
 )
@@ -109,23 +122,38 @@ def test_command(line: str, tmp_path: Path):
 def compose(line: str) -> None:
     """Compose what a command is given; of a sweep, the first job's."""
     words = after_python(line)[1:]
-    program, words = words[0], [word for word in words[1:] if word != "-m" and not word.startswith("hydra")]
+    program, words = (
+        words[0],
+        [word for word in words[1:] if word != "-m" and not word.startswith("hydra")],
+    )
     if program == "core":
         program = f"core.{words.pop(0)}"
-    config = {"core.run": "config", "core.prompt": "prompt", "core.evaluate": "evaluate"}.get(program)
-    if config and "--help" not in words and not any(word.startswith("resume=") for word in words):
+    config = {
+        "core.run": "config",
+        "core.prompt": "prompt",
+        "core.evaluate": "evaluate",
+    }.get(program)
+    if (
+        config
+        and "--help" not in words
+        and not any(word.startswith("resume=") for word in words)
+    ):
         load(config, [word if "[" in word else word.split(",")[0] for word in words])
 
 
 def console(page: Path) -> list[tuple[str, str]]:
     """Find the blocks of commands that are not run here, each after the comment that says why."""
-    return re.findall(r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```", page.read_text(), re.S)
+    return re.findall(
+        r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```", page.read_text(), re.S
+    )
 
 
 def typed(block: str) -> list[str]:
     """Read the commands of a console block, with or without a prompt."""
     return [
-        line.removeprefix("$ ") for line in block.splitlines() if re.match(r"(\$ )?(python -m core|vlmgineer)", line)
+        line.removeprefix("$ ")
+        for line in block.splitlines()
+        if re.match(r"(\$ )?(python -m core|vlmgineer)", line)
     ]
 
 
@@ -139,7 +167,9 @@ def test_what_is_not_run_says_why():
 
 @pytest.mark.thorough
 def test_settings_of_every_command_are_there():
-    lines = [line for page in PAGES for _, block in console(page) for line in typed(block)]
+    lines = [
+        line for page in PAGES for _, block in console(page) for line in typed(block)
+    ]
     assert len(lines) > 10
     for line in [*lines, *commands()]:
         compose(line)
@@ -147,9 +177,15 @@ def test_settings_of_every_command_are_there():
 
 def test_each_kind_of_block_is_looked_at():
     """Fail on a page with a block of code that no test here knows."""
-    languages = {page.name: Counter(re.findall(r"^```(\w+)", page.read_text(), re.M)) for page in PAGES}
+    languages = {
+        page.name: Counter(re.findall(r"^```(\w+)", page.read_text(), re.M))
+        for page in PAGES
+    }
     known = {"sh", "console"}
-    rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
+    rest = {
+        name: {k: n for k, n in found.items() if k not in known}
+        for name, found in languages.items()
+    }
     assert {name: found for name, found in rest.items() if found} == {
         "designs.md": {"json": 4},
         "paper.md": {"bibtex": 2},
@@ -170,12 +206,18 @@ def test_the_notebook_shows_what_it_does(tmp_path):
     """Run it again: it shows outputs of the same kinds, and the rewards that its text names."""
     shown = nbformat.read(NOTEBOOK, as_version=4)
     again = nbformat.from_dict(shown)
-    again = nbclient.NotebookClient(again, timeout=240, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    assert [kinds(cell) for cell in again.cells] == [kinds(cell) for cell in shown.cells]
+    again = nbclient.NotebookClient(
+        again, timeout=240, resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    assert [kinds(cell) for cell in again.cells] == [
+        kinds(cell) for cell in shown.cells
+    ]
     assert NOTEBOOK.stat().st_size < 500_000
     for notebook in (shown, again):
         code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-        assert all(cell.execution_count == number for number, cell in enumerate(code, 1))
+        assert all(
+            cell.execution_count == number for number, cell in enumerate(code, 1)
+        )
         first, last = (text(code[0]), text(code[-1]).splitlines())
         best = re.fullmatch(r"16 tried, best reward (0\.9\d\d)\n", first)[1]
         assert last[0] == "0.000  flange"
@@ -185,7 +227,10 @@ def test_the_notebook_shows_what_it_does(tmp_path):
 def kinds(cell) -> list[str]:
     """List the kinds of output of a cell, without Pillow's JPEG beside its PNG, which is not kept."""
     outputs = cell.get("outputs", [])
-    return [",".join(sorted(set(out.get("data", {"text": ""})) - {"image/jpeg"})) for out in outputs]
+    return [
+        ",".join(sorted(set(out.get("data", {"text": ""})) - {"image/jpeg"}))
+        for out in outputs
+    ]
 
 
 def text(cell) -> str:
@@ -199,19 +244,29 @@ def test_relative_links_lead_somewhere():
 
 
 def test_pages_are_short():
-    words = {page: len(page.read_text().split()) for page in (ROOT / "docs").rglob("*.md")}
+    words = {
+        page: len(page.read_text().split()) for page in (ROOT / "docs").rglob("*.md")
+    }
     assert {page.name: count for page, count in words.items() if count > 2400} == {}
-    assert {page.name: count for page, count in words.items() if page.parent.name == "decisions" and count > 300} == {}
+    assert {
+        page.name: count
+        for page, count in words.items()
+        if page.parent.name == "decisions" and count > 300
+    } == {}
     assert sum(words.values()) <= 45_000
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawings_are_up_to_date(name):
-    assert (ROOT / f"docs/images/{name}.svg").read_text() == DRAWINGS[name](), "python docs/build.py diagrams"
+    assert (ROOT / f"docs/images/{name}.svg").read_text() == DRAWINGS[name](), (
+        "python docs/build.py diagrams"
+    )
 
 
 def test_example_plugin_works(tmp_path, monkeypatch, capsys):
-    (tmp_path / "my_plugin.py").write_text(blocks(ROOT / "docs/plugins.md", "python")[0])
+    (tmp_path / "my_plugin.py").write_text(
+        blocks(ROOT / "docs/plugins.md", "python")[0]
+    )
     monkeypatch.syspath_prepend(tmp_path)
     import my_plugin
 
@@ -240,14 +295,22 @@ def test_python_as_the_page_has_it(number, tmp_path):
     assert len(blocks(ROOT / "docs/python.md", "python")) == 2
     if number == 0:
         reward, folder = done.stdout.splitlines()[-1].split()
-        assert json.loads((tmp_path / folder / "result.json").read_text())["best"]["reward"] == float(reward)
+        assert json.loads((tmp_path / folder / "result.json").read_text())["best"][
+            "reward"
+        ] == float(reward)
 
 
 def test_a_store_is_read_as_the_page_has_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    write_run(Path("runs/BringCube/2026-01-31_12-00-00"), rewards=((0.2, None), (0.5, 0.7)))
+    write_run(
+        Path("runs/BringCube/2026-01-31_12-00-00"), rewards=((0.2, None), (0.5, 0.7))
+    )
     exec(blocks(ROOT / "docs/store.md", "python")[0], {})
-    assert [line.split("  ")[1] for line in capsys.readouterr().out.splitlines()] == ["0.700", "0.500", "0.200"]
+    assert [line.split("  ")[1] for line in capsys.readouterr().out.splitlines()] == [
+        "0.700",
+        "0.500",
+        "0.200",
+    ]
 
 
 def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
@@ -260,7 +323,9 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
     plugins = Plugins()
     plugins.register(my_task, "my_task", "this process")
     assert plugins.configs["this process"] == ["pkg://my_task.conf"]
-    assert not [failure for failure in plugins.failures if failure.entry_point == "my_task"]
+    assert not [
+        failure for failure in plugins.failures if failure.entry_point == "my_task"
+    ]
     assert "PullBlock" in plugins.names("task")
 
 
@@ -277,24 +342,46 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     package = tmp_path / "tournament"
     assert (package / "tournament/search.py").is_file()
     (package / "tournament/search.py").write_text(blocks(page, "python")[0])
-    (package / "tournament/conf/evolution/Tournament.yaml").write_text(blocks(page, "yaml")[0])
+    (package / "tournament/conf/evolution/Tournament.yaml").write_text(
+        blocks(page, "yaml")[0]
+    )
     installed = package / "tournament-0.1.0.dist-info"
     installed.mkdir()
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: tournament\nVersion: 0.1.0\n")
-    (installed / "entry_points.txt").write_text("[vlmgineer]\ntournament = tournament\n")
+    (installed / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: tournament\nVersion: 0.1.0\n"
+    )
+    (installed / "entry_points.txt").write_text(
+        "[vlmgineer]\ntournament = tournament\n"
+    )
     assert "ok" in run("core", "conformance", "evolution=Tournament")
-    run("core.run", "evolution=Tournament", "sim=mujoco", *SMALL, "budget.n_iteration=1", "listener=[]")
+    run(
+        "core.run",
+        "evolution=Tournament",
+        "sim=mujoco",
+        *SMALL,
+        "budget.n_iteration=1",
+        "listener=[]",
+    )
 
     numbers = blocks(page, "python")[1].replace("NumbersStrategy", "TournamentStrategy")
     (package / "tournament/search.py").write_text(numbers)
     (package / "tournament/conf/evolution/Tournament.yaml").unlink()
-    said = run("core.run", "evolution=Tournament", "sim=mujoco", *SMALL, "budget.n_iteration=3", "listener=[]")
+    said = run(
+        "core.run",
+        "evolution=Tournament",
+        "sim=mujoco",
+        *SMALL,
+        "budget.n_iteration=3",
+        "listener=[]",
+    )
     assert "best reward" in said
 
 
 def test_the_entry_point_of_the_example_is_toml():
     (text,) = blocks(ROOT / "docs/plugins.md", "toml")
-    assert tomllib.loads(text)["project"]["entry-points"]["vlmgineer"] == {"my_plugin": "my_plugin"}
+    assert tomllib.loads(text)["project"]["entry-points"]["vlmgineer"] == {
+        "my_plugin": "my_plugin"
+    }
 
 
 def test_what_is_to_be_cited_is_the_same_everywhere():
@@ -309,19 +396,42 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
 
 
 def test_example_designs_are_read():
-    design, boxes, joint, solid = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
+    design, boxes, joint, solid = map(
+        json.loads, blocks(ROOT / "docs/designs.md", "json")
+    )
     plan, guarded, finding = map(json.loads, blocks(ROOT / "docs/plans.md", "json"))
     assert design["strategies"][0]["action_sets"]
-    seen = Seen({"cube": Pose(np.array([0.6, 0.0, 0.0])), "goal": Pose(np.array([0.6, -0.2, 0.0]))})
-    waypoints = installed().create("action", "anchored").parse(plan, gripper=False).resolve(seen)
+    seen = Seen(
+        {
+            "cube": Pose(np.array([0.6, 0.0, 0.0])),
+            "goal": Pose(np.array([0.6, -0.2, 0.0])),
+        }
+    )
+    waypoints = (
+        installed()
+        .create("action", "anchored")
+        .parse(plan, gripper=False)
+        .resolve(seen)
+    )
     np.testing.assert_allclose(waypoints.poses[1, :3], [0.6, 0.06, 0.12])
     for steps in (guarded, finding):
-        assert installed().create("action", "anchored").parse(steps, gripper=False).steps[1].until == "touch"
+        assert (
+            installed()
+            .create("action", "anchored")
+            .parse(steps, gripper=False)
+            .steps[1]
+            .until
+            == "touch"
+        )
     assert finding[1]["corrects"] == ["box"]
     boxes["tool_components"][1] |= joint
     component = {"name": "shell", "solid": solid, "position": [0, 0, -0.2]}
     for name, data in (("boxes", boxes), ("solids", {"tool_solids": [component]})):
-        tool = installed().create("tool", name, {"joints": True}).parse(data, gripper=False)
+        tool = (
+            installed()
+            .create("tool", name, {"joints": True})
+            .parse(data, gripper=False)
+        )
         assert len(tool.bearers) == (name == "boxes")
     assert len(tool.components[0].shape.convex_parts()) > 1
 
@@ -350,15 +460,25 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
     build.page_module(tmp_path)
     (tmp_path / "pull_tray.py").replace(module)
     site = install(folder, tmp_path / "site")
-    for words in (["core", "conformance", "task=PullTray"], ["core.run", "task=PullTray", *SMALL]):
+    for words in (
+        ["core", "conformance", "task=PullTray"],
+        ["core.run", "task=PullTray", *SMALL],
+    ):
         done = python_m(tmp_path, *words, PYTHONPATH=str(site))
         assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_scene_files_of_the_page_are_tasks(tmp_path):
-    whole, joints, _, imports, photographs = blocks(ROOT / "docs/scene_files.md", "yaml")
+    whole, joints, _, imports, photographs = blocks(
+        ROOT / "docs/scene_files.md", "yaml"
+    )
     (tmp_path / "whole.yaml").write_text(whole)
-    verdicts = [*examine("task", installed().create("task", "file", file=str(tmp_path / "whole.yaml")))]
+    verdicts = [
+        *examine(
+            "task",
+            installed().create("task", "file", file=str(tmp_path / "whole.yaml")),
+        )
+    ]
     assert verdicts
     assert [verdict.problem for verdict in verdicts if verdict.problem] == []
     bodies = "".join(
@@ -381,7 +501,10 @@ def test_the_scene_files_of_the_page_are_tasks(tmp_path):
     assert "cupboard_box" in [body.name for body in scene.bodies]
 
 
-@pytest.mark.parametrize("of", [Body, Box, Camera, Cylinder, Geom, Goal, Joint, Mesh, Pose, Scene, Sphere, State])
+@pytest.mark.parametrize(
+    "of",
+    [Body, Box, Camera, Cylinder, Geom, Goal, Joint, Mesh, Pose, Scene, Sphere, State],
+)
 def test_the_tables_have_every_field_and_its_default(of):
     text = (ROOT / "docs/scene_types.md").read_text()
     if f"## {of.__name__}\n" in text:
@@ -395,7 +518,9 @@ def test_the_tables_have_every_field_and_its_default(of):
                 assert rows[field.name] == "needed", field.name
     else:
         (row,) = re.findall(rf"^\| `{of.__name__}` \| (.*?) \|", text, re.M)
-        assert re.findall(r"`(\w+)`", row) == [field.name for field in dataclasses.fields(of)]
+        assert re.findall(r"`(\w+)`", row) == [
+            field.name for field in dataclasses.fields(of)
+        ]
 
 
 @pytest.mark.thorough
@@ -403,8 +528,13 @@ def test_pictures_of_the_page_are_drawn(tmp_path):
     """Each is one that the page shows, of the size that it has there, and not blank."""
     build.scene(tmp_path)
     shown = re.findall(r"\]\((images/scene/\w+\.png)\)", SCENE_PAGE.read_text())
-    assert sorted(Path(name).name for name in shown) == sorted(file.name for file in tmp_path.iterdir())
+    assert sorted(Path(name).name for name in shown) == sorted(
+        file.name for file in tmp_path.iterdir()
+    )
     for name in shown:
-        drawn, kept = (Image.open(file) for file in (tmp_path / Path(name).name, ROOT / "docs" / name))
+        drawn, kept = (
+            Image.open(file)
+            for file in (tmp_path / Path(name).name, ROOT / "docs" / name)
+        )
         assert drawn.size == kept.size
         assert len(np.unique(np.asarray(drawn))) > 50

@@ -14,7 +14,13 @@ from tests.packages import install
 pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
-SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
+SMALL = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=2",
+    "budget.n_iteration=1",
+    "film=false",
+]
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +35,25 @@ def python_m(site, folder, *words):
 
 def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
     parts = ["sim=toy", "task=PushButton", "tool=numbers", "evolution=restarts"]
-    parts += ["vlm=echo", "executor=here", "fitness=thrifty", "listener=[csv]", "listener.csv.delimiter=';'"]
+    parts += [
+        "vlm=echo",
+        "executor=here",
+        "fitness=thrifty",
+        "listener=[csv]",
+        "listener.csv.delimiter=';'",
+    ]
     done = python_m(site, tmp_path, "core.run", *parts, *SMALL, "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("best reward 0.")
     rows = list(csv.DictReader((tmp_path / "run/candidates.csv").open(), delimiter=";"))
-    assert [row["candidate"] for row in rows] == [f"g{g}-a0-s0-p{p}" for g in (0, 1) for p in (0, 1)]
+    assert [row["candidate"] for row in rows] == [
+        f"g{g}-a0-s0-p{p}" for g in (0, 1) for p in (0, 1)
+    ]
     assert {row["status"] for row in rows} == {"ok"}
     assert float(rows[0]["reward"]) < float(rows[1]["reward"])
-    assert json.loads((tmp_path / "run/best/design.json").read_text())["strategies"][0]["boxes"]
+    assert json.loads((tmp_path / "run/best/design.json").read_text())["strategies"][0][
+        "boxes"
+    ]
 
 
 @pytest.mark.thorough
@@ -58,7 +74,9 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
         "executor=here",
         "listener=[csv]",
     ]
-    done = python_m(site, tmp_path, "core.run", "-m", *sweep, *fixed, "hydra.sweep.dir=sweep")
+    done = python_m(
+        site, tmp_path, "core.run", "-m", *sweep, *fixed, "hydra.sweep.dir=sweep"
+    )
     assert done.returncode == 0, done.stderr
     tables = list((tmp_path / "sweep").glob("*/candidates.csv"))
     assert len(tables) == len(list(product(*choices.values())))
@@ -70,23 +88,51 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    "part", ["sim=toy", "vlm=echo", "task=PushButton tool=numbers", "evolution=restarts", "fitness=thrifty"]
+    "part",
+    [
+        "sim=toy",
+        "vlm=echo",
+        "task=PushButton tool=numbers",
+        "evolution=restarts",
+        "fitness=thrifty",
+    ],
 )
 def test_its_parts_travel_to_our_workers(site, tmp_path, part):
     run = ["executor.workers=1", "listener=[csv,progress]", "hydra.run.dir=run"]
     done = python_m(site, tmp_path, "core.run", *part.split(), *run, *SMALL)
     assert done.returncode == 0, done.stderr
-    assert "ok" in {row["status"] for row in csv.DictReader((tmp_path / "run/candidates.csv").open())}
+    assert "ok" in {
+        row["status"]
+        for row in csv.DictReader((tmp_path / "run/candidates.csv").open())
+    }
 
 
 @pytest.mark.thorough
 def test_runs_side_by_side(site, tmp_path):
     """In joblib's processes, with workers of their own."""
-    sweep = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=sweep", "seed=0,1"]
-    parts = ["sim=toy", "task=PushButton", "tool=numbers", "vlm=echo", "executor.workers=1", "listener=[csv]"]
-    done = python_m(site, tmp_path, "core.run", *sweep, *parts, *SMALL, "budget.n_iteration=0")
+    sweep = [
+        "-m",
+        "hydra/launcher=joblib",
+        "hydra.launcher.n_jobs=2",
+        "hydra.sweep.dir=sweep",
+        "seed=0,1",
+    ]
+    parts = [
+        "sim=toy",
+        "task=PushButton",
+        "tool=numbers",
+        "vlm=echo",
+        "executor.workers=1",
+        "listener=[csv]",
+    ]
+    done = python_m(
+        site, tmp_path, "core.run", *sweep, *parts, *SMALL, "budget.n_iteration=0"
+    )
     assert done.returncode == 0, done.stderr
-    results = [json.loads(file.read_text()) for file in (tmp_path / "sweep").glob("*/result.json")]
+    results = [
+        json.loads(file.read_text())
+        for file in (tmp_path / "sweep").glob("*/result.json")
+    ]
     assert sorted(result["seed"] for result in results) == [0, 1]
     assert all(result["best"]["reward"] > 0 for result in results)
 
@@ -101,7 +147,11 @@ def test_its_parts_conform(site, tmp_path, part):
 
 def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
     out = python_m(site, tmp_path, "core.plugins").stdout
-    offered = {line.split()[0]: line.split()[1] for line in out.splitlines() if "toybench" in line}
+    offered = {
+        line.split()[0]: line.split()[1]
+        for line in out.splitlines()
+        if "toybench" in line
+    }
     assert offered == {
         "task": "PushButton",
         "sim": "toy",
@@ -119,7 +169,10 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
 def test_a_mistake_in_its_settings_is_one_line(site, tmp_path):
     done = python_m(site, tmp_path, "core.run", "sim=toy", "sim.radios=1")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "error: no key 'radios' in sim (did you mean 'radius'?); possible: name, radius, time_step\n"
+    assert (
+        done.stderr
+        == "error: no key 'radios' in sim (did you mean 'radius'?); possible: name, radius, time_step\n"
+    )
 
 
 def test_no_built_in_module_imports_it():

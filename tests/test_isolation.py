@@ -19,8 +19,12 @@ def population():
     """Two candidates of a tool each; one in ten breaks, in one way or another, never both of a tool."""
     chosen = np.random.default_rng(7).choice(COUNT // 2, BAD, replace=False)
     kinds = [kind for kind in FAULTS if kind != "hang"]
-    faults_of = dict(zip(2 * chosen, ["hang", *(kinds[i % 5] for i in range(BAD - 1))], strict=True))
-    return [candidate(number, faults_of.get(number)) for number in range(COUNT)], faults_of
+    faults_of = dict(
+        zip(2 * chosen, ["hang", *(kinds[i % 5] for i in range(BAD - 1))], strict=True)
+    )
+    return [
+        candidate(number, faults_of.get(number)) for number in range(COUNT)
+    ], faults_of
 
 
 @pytest.mark.thorough
@@ -35,7 +39,11 @@ def test_where_one_in_ten_breaks_the_sound_ones_earn_what_they_earn_alone():
     for one in sound:
         (alone,) = play(SLIDE, [one])
         there = found[one.key]
-        assert (there.status, there.reward, there.distance_m) == ("ok", alone.reward, alone.distance_m)
+        assert (there.status, there.reward, there.distance_m) == (
+            "ok",
+            alone.reward,
+            alone.distance_m,
+        )
         assert there.reward > 0
     why = {
         "abort": "exit code -6",
@@ -69,12 +77,20 @@ def condition(monkeypatch, name, task=Slide, sim=Faulty):
 
 def test_a_simulator_that_raises_is_named(monkeypatch):
     monkeypatch.setattr(faults.Slide, "__module__", "elsewhere")
-    with pytest.raises(PluginError, match="sim 'tired' of their-distribution raised ArithmeticError: the solver"):
+    with pytest.raises(
+        PluginError,
+        match="sim 'tired' of their-distribution raised ArithmeticError: the solver",
+    ):
         play(condition(monkeypatch, "tired"), [candidate(0, "raise")])
 
 
 def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch, tmp_path):
     here = toys.Here(str(tmp_path / "notes"))
-    (failed,) = evaluate_all([candidate(0)], condition(monkeypatch, "clumsy", task=Clumsy), here)
+    (failed,) = evaluate_all(
+        [candidate(0)], condition(monkeypatch, "clumsy", task=Clumsy), here
+    )
     assert failed.status == "failed"
-    assert failed.reason == "task 'clumsy' of their-distribution raised IndexError: list index out of range"
+    assert (
+        failed.reason
+        == "task 'clumsy' of their-distribution raised IndexError: list index out of range"
+    )

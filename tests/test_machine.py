@@ -7,7 +7,15 @@ import time
 import pytest
 
 from tests.disks import mount
-from tests.processes import SMALL, finished, go_on, start, stored, temporary_in, wait_until
+from tests.processes import (
+    SMALL,
+    finished,
+    go_on,
+    start,
+    stored,
+    temporary_in,
+    wait_until,
+)
 from tests.test_resume import assert_same_run
 
 pytestmark = pytest.mark.slow
@@ -41,4 +49,7 @@ def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(undisturbed, disk):
 
 def statuses(folder):
     file = folder / "run.sqlite"
-    return [status for (status,) in sqlite3.connect(file).execute("SELECT status FROM evaluations")]
+    return [
+        status
+        for (status,) in sqlite3.connect(file).execute("SELECT status FROM evaluations")
+    ]

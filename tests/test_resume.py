@@ -33,10 +33,23 @@ KILLED = {  # settings of the runs that are killed
     "islands": ["evolution=islands"],
     "refined": ["evolution.refine=12"],
     "several": ["task=several", "task.of=[BringCube,ElevatePlate]"],
-    "layouts": ["task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0", "fitness.final=0"],
+    "layouts": [
+        "task.variation=near",
+        "fitness=layouts",
+        "fitness.layouts=3",
+        "fitness.unseen=0",
+        "fitness.final=0",
+    ],
 }
 TIMES = ("wall_time_s", "rollouts_per_s")
-LOCAL = ("notes", "members", "limit", "down", "fails_at", "workers")  # settings that may differ between sessions
+LOCAL = (
+    "notes",
+    "members",
+    "limit",
+    "down",
+    "fails_at",
+    "workers",
+)  # settings that may differ between sessions
 
 
 @pytest.fixture
@@ -59,7 +72,11 @@ def whole(tmp_path_factory):
 
 
 def result_of(folder):
-    return {k: v for k, v in json.loads((folder / "result.json").read_text()).items() if k not in TIMES}
+    return {
+        k: v
+        for k, v in json.loads((folder / "result.json").read_text()).items()
+        if k not in TIMES
+    }
 
 
 def rows(file, query):
@@ -69,16 +86,30 @@ def rows(file, query):
 
 def tables(folder):
     """All that is stored, but for times."""
-    names = [name for (name,) in rows(folder / FILE, "SELECT name FROM sqlite_master WHERE type = 'table'")]
+    names = [
+        name
+        for (name,) in rows(
+            folder / FILE, "SELECT name FROM sqlite_master WHERE type = 'table'"
+        )
+    ]
     assert len(names) > 6
-    found = {name: sorted(rows(folder / FILE, f"SELECT * FROM {name}"), key=repr) for name in names}
+    found = {
+        name: sorted(rows(folder / FILE, f"SELECT * FROM {name}"), key=repr)
+        for name in names
+    }
     assert found.pop("sessions")
     _name_trials(found)
     ((version, config, result),) = found.pop("run")
     config = json.loads(config)
     for kind in ("vlm", "executor"):
-        config[kind] = {key: value for key, value in config[kind].items() if key not in LOCAL}
-    found["run"] = version, config, {key: value for key, value in json.loads(result).items() if key not in TIMES}
+        config[kind] = {
+            key: value for key, value in config[kind].items() if key not in LOCAL
+        }
+    found["run"] = (
+        version,
+        config,
+        {key: value for key, value in json.loads(result).items() if key not in TIMES},
+    )
     return found
 
 
@@ -92,16 +123,27 @@ def _name_trials(found):
     evaluations = []
     for *columns, details in found["evaluations"]:
         known = json.loads(details)
-        known |= {key: [names[number] for number in known[key]] for key in ("trials", "finals")}
+        known |= {
+            key: [names[number] for number in known[key]]
+            for key in ("trials", "finals")
+        }
         evaluations.append((*columns, known))
     found["evaluations"] = evaluations
 
 
 def plain_files(folder):
     """By name; without what has times or locks in it."""
-    files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
+    files = {
+        str(path.relative_to(folder)): path
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
     left_out = ("run.", "result.json", ".hydra", "recording")
-    return {name: path.read_bytes() for name, path in files.items() if not name.startswith(left_out)}
+    return {
+        name: path.read_bytes()
+        for name, path in files.items()
+        if not name.startswith(left_out)
+    }
 
 
 def assert_same_run(one, other):
@@ -119,14 +161,23 @@ def assert_same_run(one, other):
     [
         pytest.param(4, KILLED["vlmgineer"], id="few"),
         *(
-            pytest.param(25 if name == "vlmgineer" else 12, words, id=name, marks=pytest.mark.thorough)
+            pytest.param(
+                25 if name == "vlmgineer" else 12,
+                words,
+                id=name,
+                marks=pytest.mark.thorough,
+            )
             for name, words in KILLED.items()
         ),
     ],
 )
-def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(points, words, tmp_path):
+def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(
+    points, words, tmp_path
+):
     command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points), *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1200)
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=1200
+    )
     assert done.returncode == 0, done.stderr
     assert result_of(tmp_path / "whole" / "run")["best"]["generation"] >= 1
     noted = set((tmp_path / "whole" / "notes").read_text().split("\n"))
@@ -135,21 +186,29 @@ def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(po
     for point in range(points):
         at = tmp_path / str(point)
         assert_same_run(at / "run", tmp_path / "whole" / "run")
-        first, *later = (at / "notes").read_text().removeprefix("session\n").split("session\n")
+        first, *later = (
+            (at / "notes").read_text().removeprefix("session\n").split("session\n")
+        )
         known = what_is_stored(at / "killed")
         assert known <= set(first.split("\n"))
         assert not known & set("".join(later).split("\n"))
         stored.append(len(known))
     assert stored == sorted(stored)
-    assert len(set(stored)) > min(points, 25) / 3  # the moments are spread over the run's life
+    assert (
+        len(set(stored)) > min(points, 25) / 3
+    )  # the moments are spread over the run's life
 
 
 def what_is_stored(folder):
     """As lines of the toys' notes."""
-    if not (folder / FILE).exists() or not rows(folder / FILE, "SELECT name FROM sqlite_master"):
+    if not (folder / FILE).exists() or not rows(
+        folder / FILE, "SELECT name FROM sqlite_master"
+    ):
         return set()
     replies = rows(folder / FILE, "SELECT request_id FROM replies")
-    trials = rows(folder / FILE, "SELECT content, task, engine, layout, change FROM trials")
+    trials = rows(
+        folder / FILE, "SELECT content, task, engine, layout, change FROM trials"
+    )
     tried = {f"tried {content} {Where(*where)}" for content, *where in trials}
     return {f"asked {request}" for (request,) in replies} | tried
 
@@ -166,13 +225,18 @@ def begin(toy, folder, **settings):
     return run(cfg, folder)
 
 
-def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, whole, tmp_path, capsys):
+def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(
+    toy, whole, tmp_path, capsys
+):
     folder = tmp_path / "run"
     result = begin(toy, folder, vlm_limit=6)
     assert result.stopped == "6 replies are all there may be; 2 are left without"
     outcome = result_of(folder)
     assert outcome["stopped"] == result.stopped
-    assert [generation["n_candidates"] for generation in outcome["generations"]] == [14, 7]
+    assert [generation["n_candidates"] for generation in outcome["generations"]] == [
+        14,
+        7,
+    ]
     assert (folder / "best" / "design.json").exists()
     assert rows(folder / FILE, "SELECT number FROM generations") == [(0,)]
     asked = len(toy.lines("asked"))
@@ -188,13 +252,19 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, who
     ]
 
     resume(folder, ["vlm.limit=100"])
-    assert sorted(toy.lines("asked")) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
+    assert sorted(toy.lines("asked")) == [
+        f"g{g}-a{a}" for g in range(2) for a in range(4)
+    ]
     assert len(toy.lines("tried")) == len(set(toy.lines("tried"))) == 10
     assert_same_run(folder, whole)
 
 
-@pytest.mark.parametrize("down", rare(["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"], "g0-a3|g1-.*"))
-def test_what_a_service_did_not_answer_is_asked_again(toy, whole, tmp_path, capsys, down):
+@pytest.mark.parametrize(
+    "down", rare(["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"], "g0-a3|g1-.*")
+)
+def test_what_a_service_did_not_answer_is_asked_again(
+    toy, whole, tmp_path, capsys, down
+):
     """A refusal beside it, of agent 2, stays; so does each answer."""
     folder = tmp_path / "run"
     if down == "g1-a[23]":  # answers come, the last one when the service is back
@@ -216,10 +286,14 @@ def test_what_a_service_did_not_answer_is_asked_again(toy, whole, tmp_path, caps
     assert_same_run(folder, whole)
 
 
-def test_what_a_service_did_not_answer_stays_once_the_next_generation_builds_on_it(toy, tmp_path):
+def test_what_a_service_did_not_answer_stays_once_the_next_generation_builds_on_it(
+    toy, tmp_path
+):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_down="g0-a3", vlm_limit=6)
-    assert rows(folder / FILE, "SELECT request_id FROM replies WHERE unanswered") == [("g0-a3",)]
+    assert rows(folder / FILE, "SELECT request_id FROM replies WHERE unanswered") == [
+        ("g0-a3",)
+    ]
     before = result_of(folder)["generations"][0]
     resume(folder, ["vlm.down=''", "vlm.limit=null"])
     assert "g0-a3" not in toy.lines("asked")
@@ -252,7 +326,9 @@ def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
     assert_same_run(folder, whole)
 
 
-def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(toy, tmp_path):
+def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(
+    toy, tmp_path
+):
     whole, folder = tmp_path / "whole", tmp_path / "run"
     cfg = toys.config(toy.file, "prompt.feedback=numbers")
     run(cfg, whole)
@@ -268,7 +344,9 @@ def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(toy
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
-def test_what_breaks_a_run_in_its_last_seconds_says_how_to_go_on(toy, whole, tmp_path, monkeypatch, error):
+def test_what_breaks_a_run_in_its_last_seconds_says_how_to_go_on(
+    toy, whole, tmp_path, monkeypatch, error
+):
     folder = tmp_path / "run"
 
     def broken(*_):
@@ -312,18 +390,27 @@ def test_more_generations_can_be_asked_for(toy, tmp_path):
     assert len(toy.lines("asked")) == 12
     assert_same_run(folder, whole)
     notes = rows(folder / FILE, "SELECT overrides FROM sessions ORDER BY number")
-    assert [json.loads(overrides) for (overrides,) in notes] == [[], ["budget.n_iteration=2"]]
-    with pytest.raises(UsageError, match=r"budget\.n_iteration .* can only be raised; it is 2"):
+    assert [json.loads(overrides) for (overrides,) in notes] == [
+        [],
+        ["budget.n_iteration=2"],
+    ]
+    with pytest.raises(
+        UsageError, match=r"budget\.n_iteration .* can only be raised; it is 2"
+    ):
         resume(folder, ["budget.n_iteration=1"])
 
 
-def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(toy, tmp_path, monkeypatch):
+def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(
+    toy, tmp_path, monkeypatch
+):
     """A resume of ShinkaEvolve (#98) believed itself finished."""
     whole, folder = tmp_path / "whole", tmp_path / "run"
     run(toys.config(tmp_path / "other notes", "budget.n_iteration=2"), whole)
     begin(toy, folder)
     with monkeypatch.context() as patched:
-        patched.setattr("core.search.best.save_design", lambda *_: 1 / 0)  # nothing after this is written
+        patched.setattr(
+            "core.search.best.save_design", lambda *_: 1 / 0
+        )  # nothing after this is written
         with pytest.raises(ZeroDivisionError):
             resume(folder, ["budget.n_iteration=2"])
     resume(folder)
@@ -339,7 +426,9 @@ def test_a_changed_prompt_is_reported_and_the_replies_are_kept(toy, tmp_path, ca
         resume(folder, ["vlm.limit=100"])
     said = [message for message in caplog.messages if "composed differently" in message]
     assert len(said) == 6  # the two without a reply are simply asked as they are now
-    assert sorted(toy.lines("asked")) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
+    assert sorted(toy.lines("asked")) == [
+        f"g{g}-a{a}" for g in range(2) for a in range(4)
+    ]
 
 
 def test_changed_versions_are_reported(toy, tmp_path, caplog):
@@ -354,11 +443,19 @@ def test_changed_versions_are_reported(toy, tmp_path, caplog):
     assert "abacus 1.0 -> None, numpy 0.9 -> " in said
 
 
-def test_a_candidate_that_reads_differently_now_is_not_given_another_ones_reward(toy, tmp_path):
+def test_a_candidate_that_reads_differently_now_is_not_given_another_ones_reward(
+    toy, tmp_path
+):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
-    edit(folder, "UPDATE evaluations SET content = 'other' WHERE candidate = 'g0-a0-s0-p1'")
-    with pytest.raises(UserError, match=f"g0-a0-s0-p1 reads differently now .* vlm=replay vlm.run={folder}"):
+    edit(
+        folder,
+        "UPDATE evaluations SET content = 'other' WHERE candidate = 'g0-a0-s0-p1'",
+    )
+    with pytest.raises(
+        UserError,
+        match=f"g0-a0-s0-p1 reads differently now .* vlm=replay vlm.run={folder}",
+    ):
         resume(folder, ["vlm.limit=100"])
 
 
@@ -369,7 +466,9 @@ def test_folders_without_a_run(toy, tmp_path):
     with pytest.raises(UserError, match=r"nowhere holds no run$"):
         resume(tmp_path / "nowhere")
     begin(toy, tmp_path / "sweep" / "0_seed=5")
-    with pytest.raises(UserError, match=r"sweep holds no run; there is one in .*sweep/0_seed=5$"):
+    with pytest.raises(
+        UserError, match=r"sweep holds no run; there is one in .*sweep/0_seed=5$"
+    ):
         resume(tmp_path / "sweep")
     assert not (tmp_path / "sweep" / LOCK).exists()
 
@@ -395,9 +494,13 @@ def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path)
     code += "s = RunStore.open(Path(sys.argv[1]))"
     hold = f"{code}; print('held', flush=True); sys.stdin.read()"
     command = [sys.executable, "-c", hold, str(folder)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
         assert other.stdout.readline() == "held\n"
-        with pytest.raises(UserError, match=f"another process is at work on the run in {folder}"):
+        with pytest.raises(
+            UserError, match=f"another process is at work on the run in {folder}"
+        ):
             resume(folder)
         other.kill()  # its lock dies with it
         other.wait()
@@ -411,7 +514,10 @@ def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path)
 def assert_full(toy, folder, whole, error):
     assert "\n" not in str(error.value)
     assert f"{folder} can't be written: " in str(error.value)
-    assert f"what is in it is kept; to go on: python -m core.run resume={folder}" in str(error.value)
+    assert (
+        f"what is in it is kept; to go on: python -m core.run resume={folder}"
+        in str(error.value)
+    )
     stored = what_is_stored(folder)
     toy.add("session")
     resume(folder)
@@ -422,7 +528,9 @@ def assert_full(toy, folder, whole, error):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("size", [80_000, 150_000, 250_000])
-def test_a_disk_that_refuses_ends_the_run_and_later_it_goes_on(toy, whole, tmp_path, size):
+def test_a_disk_that_refuses_ends_the_run_and_later_it_goes_on(
+    toy, whole, tmp_path, size
+):
     """As a quota does: at first the store's log can't grow, or the database itself, or a file."""
     folder = tmp_path / "run"
     with small_files(size), pytest.raises(UserError) as error:
@@ -436,16 +544,26 @@ def test_a_disk_that_is_full_ends_the_run_and_later_it_goes_on(toy, whole, disk,
     folder = disk / "run"
     with pytest.raises(UserError) as error:
         begin(toy, folder)
-    assert "No space left on device" in str(error.value) or "disk is full" in str(error.value)
+    assert "No space left on device" in str(error.value) or "disk is full" in str(
+        error.value
+    )
     mount("-o", "remount,size=50m", str(disk))
     assert_full(toy, folder, whole, error)
 
 
 def test_a_disk_with_room_for_nothing(disk):
     mount("-t", "tmpfs", "-o", "size=8k", "toys", str(disk))
-    done = python_m(disk, "core.run", "task=BringCube", "vlm=offline", f"hydra.run.dir={disk / 'run'}")
+    done = python_m(
+        disk,
+        "core.run",
+        "task=BringCube",
+        "vlm=offline",
+        f"hydra.run.dir={disk / 'run'}",
+    )
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "error: can't write the run's folder: No space left on device\n"
+    assert (
+        done.stderr == "error: can't write the run's folder: No space left on device\n"
+    )
 
 
 @pytest.mark.parametrize("begun", [False, True])
@@ -454,5 +572,8 @@ def test_a_folder_that_cannot_be_written(toy, disk, begun):
     if begun:
         begin(toy, disk / "run", vlm_limit=3)
     mount("-o", "remount,ro", str(disk))
-    with pytest.raises(UserError, match=r"can't be written: Read-only file system; what is in it is kept$"):
+    with pytest.raises(
+        UserError,
+        match=r"can't be written: Read-only file system; what is in it is kept$",
+    ):
         resume(disk / "run") if begun else begin(toy, disk / "run")

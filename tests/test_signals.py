@@ -41,8 +41,16 @@ class Terminal:
     def __init__(self, folder, *words):
         self.ours, theirs = pty.openpty()
         command = [sys.executable, "-m", "core.run", *words]
-        environment = temporary_in(folder / "temporary") | {"TERM": "xterm", "COLUMNS": "200"}
-        self.run = subprocess.Popen(command, cwd=folder, env=environment, preexec_fn=lambda: os.login_tty(theirs))
+        environment = temporary_in(folder / "temporary") | {
+            "TERM": "xterm",
+            "COLUMNS": "200",
+        }
+        self.run = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            preexec_fn=lambda: os.login_tty(theirs),
+        )
         os.close(theirs)
         self.said = b""
         self.reader = threading.Thread(target=self.read, daemon=True)
@@ -78,7 +86,9 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_p
     assert all_gone(processes)
     assert not left_in(temporary)
     assert "Traceback" not in said
-    assert "generation 0" in said  # the bar; it is wiped out, and the cursor is given back
+    assert (
+        "generation 0" in said
+    )  # the bar; it is wiped out, and the cursor is given back
     assert said.rindex("\x1b[?25h") > said.rindex("\x1b[?25l")
     *_, last, empty = re.split(r"[\r\n]+", said)
     assert last == f"interrupted; to go on: python -m core.run resume='{folder}'"
@@ -88,7 +98,9 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_p
 
     command = shlex.split(last.partition("python -m ")[2])
     assert command == ["core.run", f"resume={folder}"]
-    run = start(tmp_path, "run", *command[1:], "executor.workers=1", env=temporary_in(temporary))
+    run = start(
+        tmp_path, "run", *command[1:], "executor.workers=1", env=temporary_in(temporary)
+    )
     kill(run, folder, stored(folder))
     assert go_on(folder).splitlines()[-1] == str(folder / "best")
     assert_same_run(folder, undisturbed)
@@ -114,7 +126,15 @@ def test_a_sweep_that_is_terminated(tmp_path):
     """As a scheduler does, which signals every process of the group."""
     folder = tmp_path / "sweep"
     words = [word for word in SMALL if not word.startswith("seed=")]
-    run = start(tmp_path, "run", "-m", *words, "seed=5,6", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=${seed}")
+    run = start(
+        tmp_path,
+        "run",
+        "-m",
+        *words,
+        "seed=5,6",
+        f"hydra.sweep.dir={folder}",
+        "hydra.sweep.subdir=${seed}",
+    )
     wait_until(lambda: stored(folder / "5") > 0, run)
     processes = family(run.pid)
     os.killpg(run.pid, signal.SIGTERM)
@@ -122,13 +142,18 @@ def test_a_sweep_that_is_terminated(tmp_path):
     assert code == 130
     assert all_gone(processes)
     assert "best" not in out
-    assert err.splitlines()[-1] == f"interrupted; to go on: python -m core.run resume={folder / '5'}"
+    assert (
+        err.splitlines()[-1]
+        == f"interrupted; to go on: python -m core.run resume={folder / '5'}"
+    )
     assert not (folder / "6").exists()
 
 
 @pytest.mark.thorough
 def test_an_evaluation_that_is_terminated(tmp_path):
-    document = json.loads((ROOT / "tests" / "tasks" / "solutions" / "BringCube.json").read_text())
+    document = json.loads(
+        (ROOT / "tests" / "tasks" / "solutions" / "BringCube.json").read_text()
+    )
     (plan,) = document["strategies"][0]["action_sets"]
     plans = [[[x + 1e-4 * i, *others] for x, *others in plan] for i in range(400)]
     document["strategies"][0]["action_sets"] = plans

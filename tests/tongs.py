@@ -12,8 +12,16 @@ def tongs(lower=0.0):
     components = [box("bar", (0.04, 0.06, 0.016), (0.0, 0.0, -0.012), mass=0.03)]
     for name, side in (("left", 1.0), ("right", -1.0)):
         at = (0.0, side * (GAP + THICK) / 2, -0.008 - JAW / 2)
-        joint = ToolJoint("hinge", (side, 0, 0), lower, 1.0, (0, 0, JAW / 2), 0.01, 0.0, 0.5, -0.4)
-        components.append(box(name, (0.03, THICK, JAW), at, "bar", mass=0.03, joint=joint))
-        bent = Pose.xyz_rpy((0.0, side * 0.006, -JAW / 2 - 0.005), (side * 0.8, 0.0, 0.0))
-        components.append(Component(f"{name}_end", name, bent, Box((0.03, 0.003, 0.02)), 0.005))
+        joint = ToolJoint(
+            "hinge", (side, 0, 0), lower, 1.0, (0, 0, JAW / 2), 0.01, 0.0, 0.5, -0.4
+        )
+        components.append(
+            box(name, (0.03, THICK, JAW), at, "bar", mass=0.03, joint=joint)
+        )
+        bent = Pose.xyz_rpy(
+            (0.0, side * 0.006, -JAW / 2 - 0.005), (side * 0.8, 0.0, 0.0)
+        )
+        components.append(
+            Component(f"{name}_end", name, bent, Box((0.03, 0.003, 0.02)), 0.005)
+        )
     return Tool(tuple(components))

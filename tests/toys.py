@@ -41,7 +41,11 @@ class Notes:
     def lines(self, kind: str) -> list[str]:
         """Return the lines that begin with ``kind``, without it."""
         lines = self.file.read_text().splitlines() if self.file.exists() else []
-        return [line.removeprefix(f"{kind} ") for line in lines if line.startswith(f"{kind} ")]
+        return [
+            line.removeprefix(f"{kind} ")
+            for line in lines
+            if line.startswith(f"{kind} ")
+        ]
 
 
 class ToyModel(VLM):
@@ -52,7 +56,13 @@ class ToyModel(VLM):
 
     model = "a toy"
 
-    def __init__(self, notes: str, limit: int | None = None, only_agent: int | None = None, down: str = "") -> None:
+    def __init__(
+        self,
+        notes: str,
+        limit: int | None = None,
+        only_agent: int | None = None,
+        down: str = "",
+    ) -> None:
         self.notes = Notes(notes)
         self.limit = limit
         self.only_agent = only_agent  # all agents are like this one
@@ -66,24 +76,55 @@ class ToyModel(VLM):
     def complete(self, requests):
         for i, request in enumerate(requests):
             if self.limit is not None and len(self.answered) >= self.limit:
-                raise LimitReached(f"{self.limit} replies are all there may be; {len(requests) - i} are left without")
+                raise LimitReached(
+                    f"{self.limit} replies are all there may be; {len(requests) - i} are left without"
+                )
             if self.down and re.fullmatch(self.down, request.id):
-                yield Reply(request.id, "", self.model, "service is down", unanswered=True)
+                yield Reply(
+                    request.id, "", self.model, "service is down", unanswered=True
+                )
                 continue
             self.notes.add(f"asked {request.id}")
-            agent = (request.brief.agent if self.only_agent is None else self.only_agent) % 4
-            text = "" if agent == 2 else "I would rather not." if agent == 1 else answer(request.brief)
-            yield Reply(request.id, text, self.model, "out of order" if agent == 2 else None, 1000, 500, 0.01)
+            agent = (
+                request.brief.agent if self.only_agent is None else self.only_agent
+            ) % 4
+            text = (
+                ""
+                if agent == 2
+                else "I would rather not."
+                if agent == 1
+                else answer(request.brief)
+            )
+            yield Reply(
+                request.id,
+                text,
+                self.model,
+                "out of order" if agent == 2 else None,
+                1000,
+                500,
+                0.01,
+            )
 
 
 def answer(brief) -> str:
-    rng = np.random.default_rng([brief.scene_seed, brief.generation, brief.agent % 3, len(brief.elites)])
+    rng = np.random.default_rng(
+        [brief.scene_seed, brief.generation, brief.agent % 3, len(brief.elites)]
+    )
     strategies = []
     for number in range(brief.n_tool):
         rod = Box((0.02, 0.02, round(float(rng.uniform(0.1, 0.3)), 3)))
         pose = Pose(np.array([0.0, 0.0, -rod.size[2] / 2]))
         plans = [
-            [[round(float(rng.uniform(0.4, 0.6)), 3), round(float(rng.uniform(-0.2, 0.2)), 3), 0.5, 0, 0, 0]]
+            [
+                [
+                    round(float(rng.uniform(0.4, 0.6)), 3),
+                    round(float(rng.uniform(-0.2, 0.2)), 3),
+                    0.5,
+                    0,
+                    0,
+                    0,
+                ]
+            ]
             for _ in range(brief.n_action)
         ]
         if number == 1 and plans:
@@ -92,7 +133,9 @@ def answer(brief) -> str:
             {
                 "strategy_name": f"rod {number}",
                 "gripper": False,
-                **brief.representation.dump(Tool((Component("rod", "tool_mount", pose, rod),))),
+                **brief.representation.dump(
+                    Tool((Component("rod", "tool_mount", pose, rod),))
+                ),
                 "action_sets": plans,
                 "parents": [elite.candidate.id for elite in brief.elites[:2]],
             }
@@ -112,8 +155,17 @@ class ToyEngine(Simulator):
         number = float(np.abs(job.trajectory.arm[-1]).sum()) * length
         if number % 0.07 < 0.01:
             return Outcome(None, None, error="the rod broke")
-        end = State(start.names, start.positions - np.array([number % 0.4, 0.0, 0.0]), *vars_of(start))
-        return Outcome(start, end, tracking_error_rad=number / 3, warnings=("it bent",) if length > 0.25 else ())
+        end = State(
+            start.names,
+            start.positions - np.array([number % 0.4, 0.0, 0.0]),
+            *vars_of(start),
+        )
+        return Outcome(
+            start,
+            end,
+            tracking_error_rad=number / 3,
+            warnings=("it bent",) if length > 0.25 else (),
+        )
 
     def render(self, task, *, width=64, height=48, **_):
         return np.full((height, width, 3), 128, dtype=np.uint8)
@@ -144,12 +196,19 @@ class Here(Inline):
             yield chunk
 
 
-OFFERED = {("vlm", "toy"): ToyModel, ("sim", "toy"): ToyEngine, ("executor", "here"): Here}
+OFFERED = {
+    ("vlm", "toy"): ToyModel,
+    ("sim", "toy"): ToyEngine,
+    ("executor", "here"): Here,
+}
 
 
 def offered() -> dict[tuple[str, str], Offer]:
     """Return the toys as a plugin offers them."""
-    return {(kind, name): Offer(kind, name, "toys", "tests", factory) for (kind, name), factory in OFFERED.items()}
+    return {
+        (kind, name): Offer(kind, name, "toys", "tests", factory)
+        for (kind, name), factory in OFFERED.items()
+    }
 
 
 def offer(plugins: Plugins) -> None:
@@ -164,20 +223,39 @@ def config(notes: Path, *overrides: str) -> DictConfig:
     cfg = composed(overrides).copy()
     OmegaConf.update(cfg, "vlm", {"name": "toy", "notes": str(notes)}, merge=False)
     OmegaConf.update(cfg, "sim", {"name": "toy"}, merge=False)
-    OmegaConf.update(cfg, "executor", {"name": "here", "notes": str(notes)}, merge=False)
+    OmegaConf.update(
+        cfg, "executor", {"name": "here", "notes": str(notes)}, merge=False
+    )
     return cfg
 
 
 def several(notes: Path, *overrides: str) -> DictConfig:
     """Return the configuration of a run with two toys as models, one of which criticises."""
     cfg = config(notes, "prompt.critic=2", *overrides)
-    members = [{"name": "toy", "notes": str(notes)}, {"name": "toy", "notes": str(notes), "only_agent": 0}]
-    OmegaConf.update(cfg, "vlm", {"name": "ensemble", "members": members, "seed": 5}, merge=False)
+    members = [
+        {"name": "toy", "notes": str(notes)},
+        {"name": "toy", "notes": str(notes), "only_agent": 0},
+    ]
+    OmegaConf.update(
+        cfg, "vlm", {"name": "ensemble", "members": members, "seed": 5}, merge=False
+    )
     return cfg
 
 
 @lru_cache
 def composed(overrides: tuple[str, ...]) -> DictConfig:
-    sizes = ["budget.n_agent=4", "budget.n_tool=2", "budget.n_action=3", "budget.n_iteration=1", "budget.k_top=3"]
-    fixed = ["task=BringCube", "budget.reward_save=0.0", "seed=5", "film=false", "listener=[]"]
+    sizes = [
+        "budget.n_agent=4",
+        "budget.n_tool=2",
+        "budget.n_action=3",
+        "budget.n_iteration=1",
+        "budget.k_top=3",
+    ]
+    fixed = [
+        "task=BringCube",
+        "budget.reward_save=0.0",
+        "seed=5",
+        "film=false",
+        "listener=[]",
+    ]
     return load("config", [*sizes, *fixed, *overrides])

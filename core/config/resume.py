@@ -48,12 +48,18 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     """
     refuse_key_words(overrides)
     try:
-        before = cast(DictConfig, OmegaConf.merge(OmegaConf.structured(RunConfig), config))
+        before = cast(
+            DictConfig, OmegaConf.merge(OmegaConf.structured(RunConfig), config)
+        )
         lacks = sorted(OmegaConf.missing_keys(before))
     except OmegaConfBaseException as error:
-        raise UserError(f"the run's configuration can't be used by this version: {first_line(error)}") from error
+        raise UserError(
+            f"the run's configuration can't be used by this version: {first_line(error)}"
+        ) from error
     if lacks:
-        raise UserError(f"the run's configuration can't be used: it lacks {', '.join(lacks[:3])}")
+        raise UserError(
+            f"the run's configuration can't be used: it lacks {', '.join(lacks[:3])}"
+        )
     after = before.copy()
     try:
         for override in OverridesParser.create().parse_overrides(list(overrides)):
@@ -65,9 +71,13 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         raise UsageError(f"{what}; it is {before.budget.n_iteration}")
     refined = before.evolution.get("refine", 0)
     if refined and after.evolution.refine < refined:
-        raise UsageError(f"evolution.refine of a run that goes on can only be raised; it is {refined}")
+        raise UsageError(
+            f"evolution.refine of a run that goes on can only be raised; it is {refined}"
+        )
     if refined and after.budget.n_iteration != before.budget.n_iteration:
-        raise UsageError("budget.n_iteration of a run with evolution.refine can't change: refinement comes last")
+        raise UsageError(
+            "budget.n_iteration of a run with evolution.refine can't change: refinement comes last"
+        )
     return after
 
 
@@ -77,11 +87,17 @@ def _apply(config: DictConfig, override: Override) -> None:
         raise UsageError(f"{line}: one run goes on, with one value for each setting")
     if key in GROUPS and not override.is_delete():
         config[key] = load("config", [line])[key]
-    elif (key in KEYS or key.startswith(PARTS)) and key != "vlm.name" and not override.is_delete():
+    elif (
+        (key in KEYS or key.startswith(PARTS))
+        and key != "vlm.name"
+        and not override.is_delete()
+    ):
         OmegaConf.update(config, key, override.value(), force_add=True)
     else:
         possible = ", ".join([*GROUPS, "vlm.*", *KEYS])
-        raise UsageError(f"{line}: a run goes on as it began; what may change: {possible}")
+        raise UsageError(
+            f"{line}: a run goes on as it began; what may change: {possible}"
+        )
 
 
 def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> None:
@@ -99,7 +115,11 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
     for kind in ("vlm", "executor", "listener"):
         for path, value in texts(config.get(kind), kind):
             name = path.rpartition(".")[2]
-            leads = "://" in value or _ADDRESS.search(name) or (name == "model" and value != usual)
+            leads = (
+                "://" in value
+                or _ADDRESS.search(name)
+                or (name == "model" and value != usual)
+            )
             if leads and not any(f"{path}.".startswith(f"{key}.") for key in given):
                 found[path] = clean(value, 300)
     if found:

@@ -17,9 +17,26 @@ _RULES = ("tool_rules", *_PLANS, "spawn_rules", *_REPLY)
 LAST = "last_generation"  # the part that is left out with the feedback "paper"
 CRITIQUES = "critiques"  # the part that is left out without a critic
 INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
-EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolution_rules", *_RULES)
+EVOLUTION = (
+    "mission_evolve",
+    "elites",
+    LAST,
+    CRITIQUES,
+    "procedure",
+    "evolution_rules",
+    *_RULES,
+)
 GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
-_OF_TOOLS = ("tasks", "elites", LAST, CRITIQUES, "evolution_rules", "tool_rules", "spawn_rules", *_REPLY[:3])
+_OF_TOOLS = (
+    "tasks",
+    "elites",
+    LAST,
+    CRITIQUES,
+    "evolution_rules",
+    "tool_rules",
+    "spawn_rules",
+    *_REPLY[:3],
+)
 TOOLS = ("mission_tools", *_OF_TOOLS)
 FEEDBACK = ("paper", "numbers", "full")
 PHOTOGRAPHS = ("beside", "alone", "none")
@@ -97,7 +114,9 @@ class SceneConfig:
     """
 
     task: dict[str, Any] = MISSING
-    robot: dict[str, Any] = field(default_factory=dict)  # empty: the default robot, as in runs of earlier versions
+    robot: dict[str, Any] = field(
+        default_factory=dict
+    )  # empty: the default robot, as in runs of earlier versions
     sim: dict[str, Any] = MISSING
     material: Material = field(default_factory=Material)
     seed: int = 0

@@ -9,7 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
-from hydra._internal.core_plugins.importlib_resources_config_source import ImportlibResourcesConfigSource
+from hydra._internal.core_plugins.importlib_resources_config_source import (
+    ImportlibResourcesConfigSource,
+)
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins as HydraPlugins
@@ -46,25 +48,38 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
 
     def is_config(self, config_path: str) -> bool:
         kind, _ = part = _part(config_path)
-        return kind in KINDS and (part in installed().offers or _file(config_path) is not None)
+        return kind in KINDS and (
+            part in installed().offers or _file(config_path) is not None
+        )
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         group = config_path.strip("/")
         if group == "":
             return sorted(KINDS) if results_filter in (None, ObjectType.GROUP) else []
-        return installed().names(group) if results_filter in (None, ObjectType.CONFIG) else []
+        return (
+            installed().names(group)
+            if results_filter in (None, ObjectType.CONFIG)
+            else []
+        )
 
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = _part(config_path)
         base = OmegaConf.create({"name": name, **defaults(kind, name)})
         file = _file(config_path)
         if file is None:
-            return ConfigResult(self.provider, f"{self.scheme()}://", _placed(kind, name, base), {"package": None})
+            return ConfigResult(
+                self.provider,
+                f"{self.scheme()}://",
+                _placed(kind, name, base),
+                {"package": None},
+            )
 
         result = file.load_config(config_path)
         if "defaults" not in result.config:  # else the defaults of its base hold
             own = result.config[name] if kind == "listener" else result.config
-            result.config = _placed(kind, name, cast(DictConfig, OmegaConf.merge(base, own)))
+            result.config = _placed(
+                kind, name, cast(DictConfig, OmegaConf.merge(base, own))
+            )
         return result
 
 
@@ -72,7 +87,9 @@ def _placed(kind: str, name: str, node: DictConfig) -> DictConfig:
     """Put a part's settings where its group has them: there are several listeners at once, each under its name."""
     if kind != "listener":
         return node
-    settings = {key: value for key, value in node.items_ex(resolve=False) if key != "name"}
+    settings = {
+        key: value for key, value in node.items_ex(resolve=False) if key != "name"
+    }
     return OmegaConf.create({name: settings})
 
 
@@ -83,7 +100,10 @@ def _part(config_path: str) -> tuple[str, str]:
 
 def _file(config_path: str) -> ConfigSource | None:
     """The package that holds the YAML file of a part, if one does."""
-    for path in ("pkg://conf", *(path for paths in installed().configs.values() for path in paths)):
+    for path in (
+        "pkg://conf",
+        *(path for paths in installed().configs.values() for path in paths),
+    ):
         source = ImportlibResourcesConfigSource("parts", path)
         if source.is_config(config_path):
             return source
@@ -101,12 +121,21 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
     except (UserError, TypeError, ValueError):
         return {}
     settings = {
-        parameter.name: MISSING if parameter.default is parameter.empty else parameter.default
+        parameter.name: MISSING
+        if parameter.default is parameter.empty
+        else parameter.default
         for parameter in parameters
         if parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
     }
-    plain = {key: value for key, value in settings.items() if _is_plain(value) and key not in KINDS[kind].provided}
-    return plain | {key: _own_default(factory, key, value) for key, value in KINDS[kind].defaults.items()}
+    plain = {
+        key: value
+        for key, value in settings.items()
+        if _is_plain(value) and key not in KINDS[kind].provided
+    }
+    return plain | {
+        key: _own_default(factory, key, value)
+        for key, value in KINDS[kind].defaults.items()
+    }
 
 
 def _own_default(factory: object, key: str, default: Any) -> Any:
@@ -119,7 +148,9 @@ def _is_plain(value: object) -> bool:
     if isinstance(value, list | tuple):
         return all(map(_is_plain, value))
     if isinstance(value, dict):
-        return all(isinstance(key, str) and _is_plain(item) for key, item in value.items())
+        return all(
+            isinstance(key, str) and _is_plain(item) for key, item in value.items()
+        )
     return value is None or isinstance(value, bool | int | float | str)
 
 
@@ -160,7 +191,9 @@ def run_folder(name: str) -> str:
 def task_folder(task: DictConfig) -> str:
     """Name a task in the names of folders: one that stands in a file by the file's name."""
     file = task.get("file")
-    return (Path(file).stem.strip(".") if isinstance(file, str) else "") or str(task.name)
+    return (Path(file).stem.strip(".") if isinstance(file, str) else "") or str(
+        task.name
+    )
 
 
 OmegaConf.register_new_resolver("new_folder", run_folder, replace=True)

@@ -18,7 +18,9 @@ from core.support.secrets import holds_secret, is_secret_name
 from core.support.text import clean
 
 MAX_BYTES = 100_000  # of a stored configuration
-_NAMED = re.compile(r"(?:[{,?&]|\.env:)\s*['\"]?([\w-]+)")  # in a mapping or an address's query, or of a variable
+_NAMED = re.compile(
+    r"(?:[{,?&]|\.env:)\s*['\"]?([\w-]+)"
+)  # in a mapping or an address's query, or of a variable
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
 
 
@@ -58,13 +60,17 @@ def refuse_keys(config: DictConfig) -> None:
     """
     for path, value in texts(OmegaConf.to_container(config)):
         if not path.startswith("hydra.") and value != "???" and _leaks(path, value):
-            raise UserError(f"{path} of the configuration is a key or holds one: {_HINT}")
+            raise UserError(
+                f"{path} of the configuration is a key or holds one: {_HINT}"
+            )
 
 
 def _leaks(path: str, value: str) -> bool:
     """Say if the setting at ``path`` is a key by its name, or holds one; only the name ``key`` itself tells nothing."""
     names = [name for name in path.split(".") if name.lower() != "key"]
-    return any(map(is_secret_name, [*names, *_NAMED.findall(value)])) or holds_secret(f"{path}={value}")
+    return any(map(is_secret_name, [*names, *_NAMED.findall(value)])) or holds_secret(
+        f"{path}={value}"
+    )
 
 
 def texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
@@ -109,10 +115,18 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
     """
     try:
         text = read_untrusted(file, MAX_BYTES).decode()
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.CSafeLoader)):
+        if any(
+            isinstance(event, yaml.AliasEvent)
+            for event in yaml.parse(text, Loader=yaml.CSafeLoader)
+        ):
             raise UserError(f"{file} can't be used: it has aliases")
         config = OmegaConf.to_container(OmegaConf.create(text))
-    except (OmegaConfBaseException, yaml.YAMLError, ValueError, RecursionError) as error:
+    except (
+        OmegaConfBaseException,
+        yaml.YAMLError,
+        ValueError,
+        RecursionError,
+    ) as error:
         raise UserError(f"{file} can't be used: {clean(str(error), 200)}") from error
     if not isinstance(config, dict):
         raise UserError(f"{file} can't be used: it is no configuration")

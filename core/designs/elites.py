@@ -32,17 +32,31 @@ def elites_text(
     """
     entries = [_entry(elite, representation, task, numbers, sight) for elite in elites]
     text = json.dumps(entries, indent=1, ensure_ascii=False)
-    text = re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
-    return re.sub(r"\{\n([^{}]*)\n *\}", lambda found: "{" + re.sub(r"\n *", " ", found[1].strip()) + "}", text)
+    text = re.sub(
+        r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text
+    )
+    return re.sub(
+        r"\{\n([^{}]*)\n *\}",
+        lambda found: "{" + re.sub(r"\n *", " ", found[1].strip()) + "}",
+        text,
+    )
 
 
 def _entry(
-    elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool, sight: Sight
+    elite: Evaluation,
+    representation: ToolRepresentation,
+    task: Task,
+    numbers: bool,
+    sight: Sight,
 ) -> dict[str, Any]:
     candidate = elite.candidate
     design = dump_design(elite.candidate, representation)
     assert candidate.tool is not None
-    left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
+    left_out = {
+        "action_description",
+        "action_sets",
+        *representation.dump(candidate.tool),
+    }
     data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
     data |= {
         key: clean(value, _LONGEST) if key.endswith("description") else value
@@ -54,15 +68,26 @@ def _entry(
         data["details"] = _figures(figures)
     if not numbers:
         return data
-    data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
+    data |= {
+        "action_plan": _figures(candidate.plan.dump()),
+        "distance_m": _rounded(elite.distance_m),
+    }
     warnings = [sight.text(warning) for warning in elite.warnings]
     shown = elite.shown
     if shown is None:
         return data | {"warnings": warnings}
     if shown.observation is not None:
         several = len(elite.tasks) > 1
-        return data | elite_feedback(shown, shown.observation, sight, several) | {"warnings": warnings}
-    errors = {"missed_m": shown.ik_error_m, "missed_rad": shown.ik_error_rad, "lag_rad": shown.tracking_error_rad}
+        return (
+            data
+            | elite_feedback(shown, shown.observation, sight, several)
+            | {"warnings": warnings}
+        )
+    errors = {
+        "missed_m": shown.ik_error_m,
+        "missed_rad": shown.ik_error_rad,
+        "lag_rad": shown.tracking_error_rad,
+    }
     moved = {"moved_m": shown.moved_m} if sight.numbers else {}
     data |= _figures({**moved, **errors})
     return data | {"warnings": warnings}
@@ -70,7 +95,11 @@ def _entry(
 
 def _figures(value: Any) -> Any:
     """Round the numbers of a JSON value; nan, which JSON has not, becomes null."""
-    return json.loads(json.dumps(value), parse_float=lambda text: _rounded(float(text)), parse_constant=lambda _: None)
+    return json.loads(
+        json.dumps(value),
+        parse_float=lambda text: _rounded(float(text)),
+        parse_constant=lambda _: None,
+    )
 
 
 def _rounded(number: float) -> float | None:

@@ -17,7 +17,13 @@ from core.support.text import by_reason, clean, short_numbers
 from core.trial import Evaluation, Trial, best_first
 from core.values.observations import Sight
 
-_MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
+_MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = (
+    0.001,
+    0.01,
+    0.01,
+    0.001,
+    0.001,
+)  # what is less is not worth its words
 _CONTACTS, _BODIES, _LAYOUTS, _OUTCOMES = 8, 4, 3, 6  # of an elite, at most
 _IN_A_LINE = 2  # bodies, and touches
 _REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
@@ -29,7 +35,12 @@ def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
     """Return the evaluations of the last generation among those that were tried, in the order of `Candidate.key`."""
     tried = list(tried)
     last = max((e.candidate.generation for e in tried), default=0)
-    return tuple(sorted((e for e in tried if e.candidate.generation == last), key=lambda e: e.candidate.key))
+    return tuple(
+        sorted(
+            (e for e in tried if e.candidate.generation == last),
+            key=lambda e: e.candidate.key,
+        )
+    )
 
 
 def outcome_of(evaluation: Evaluation) -> str:
@@ -50,7 +61,9 @@ def most_instructive(evaluations: Iterable[Evaluation]) -> Evaluation | None:
     return next(iter(_failures(evaluations)), None)
 
 
-def most_telling(elites: Sequence[Evaluation], evaluations: Iterable[Evaluation]) -> Iterator[Evaluation]:
+def most_telling(
+    elites: Sequence[Evaluation], evaluations: Iterable[Evaluation]
+) -> Iterator[Evaluation]:
     """Yield candidates from which most is learnt: the best elite, the most instructive failure, the next of each..."""
     names = {elite.candidate.id for elite in elites}
     failures = _failures(e for e in evaluations if e.candidate.id not in names)
@@ -64,8 +77,19 @@ def critiques_text(brief: Brief) -> str:
     entries = []
     for name, text in brief.critiques.items():
         tool = known[name].candidate.tool
-        named = {"tool_name": clean(tool.name, _NAME)} if tool is not None and tool.name else {}
-        entries.append({"id": name, "reward": round(known[name].reward, 4), **named, "critique": text})
+        named = (
+            {"tool_name": clean(tool.name, _NAME)}
+            if tool is not None and tool.name
+            else {}
+        )
+        entries.append(
+            {
+                "id": name,
+                "reward": round(known[name].reward, 4),
+                **named,
+                "critique": text,
+            }
+        )
     return json.dumps(entries, indent=1, ensure_ascii=False) if entries else ""
 
 
@@ -75,19 +99,26 @@ def _failures(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     for evaluation in best_first(evaluations):
         if (what := outcome_of(evaluation)) not in ("solved", "placed"):
             groups.setdefault(what, []).append(evaluation)
-    ordered = sorted(groups.values(), key=lambda group: (len(group), group[0].reward), reverse=True)
+    ordered = sorted(
+        groups.values(), key=lambda group: (len(group), group[0].reward), reverse=True
+    )
     return [group[0] for group in ordered]
 
 
 @lru_cache(maxsize=2)
-def generation_lines(evaluations: tuple[Evaluation, ...], budget: int, sight: Sight = ALL) -> str:
+def generation_lines(
+    evaluations: tuple[Evaluation, ...], budget: int, sight: Sight = ALL
+) -> str:
     """Write a line for each candidate, in about ``budget`` characters.
 
     Candidates with equal lines share one. Where they would be too long, each kind keeps as many of its best as the
     others, and the last line counts what is left out.
     """
     groups: dict[str, list[Evaluation]] = {}
-    others = sorted((e for e in evaluations if e.status != "ok"), key=lambda e: (e.status, e.candidate.key))
+    others = sorted(
+        (e for e in evaluations if e.status != "ok"),
+        key=lambda e: (e.status, e.candidate.key),
+    )
     for evaluation in (*best_first(evaluations, tie=0.0), *others):
         groups.setdefault(describe(evaluation, sight), []).append(evaluation)
 
@@ -96,58 +127,108 @@ def generation_lines(evaluations: tuple[Evaluation, ...], budget: int, sight: Si
         kinds.setdefault(outcome_of(group[0]), []).append(text)
     lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
     shown: set[str] = set()
-    for text in (text for rank in zip_longest(*kinds.values()) for text in rank if text is not None):
+    for text in (
+        text
+        for rank in zip_longest(*kinds.values())
+        for text in rank
+        if text is not None
+    ):
         budget -= len(lines[text]) + 1
         if budget < 0 and shown:
             break
         shown.add(text)
 
-    rest = [evaluation for text, group in groups.items() if text not in shown for evaluation in group]
+    rest = [
+        evaluation
+        for text, group in groups.items()
+        if text not in shown
+        for evaluation in group
+    ]
     written = [line for text, line in lines.items() if text in shown]
     if rest:
-        counts = ", ".join(f"{count} {name}" for name, count in Counter(map(outcome_of, rest)).most_common())
+        counts = ", ".join(
+            f"{count} {name}"
+            for name, count in Counter(map(outcome_of, rest)).most_common()
+        )
         reasons = by_reason((e.candidate.id, e.reason) for e in rest)[:_REASONS]
         why = (sight.text(clean(reason, _OUTCOME)) for reason in reasons)
-        written.append(f"- Left out: {'; '.join([f'{len(rest)} candidates: {counts}', *why])}.")
+        written.append(
+            f"- Left out: {'; '.join([f'{len(rest)} candidates: {counts}', *why])}."
+        )
     return "\n".join(written)
 
 
-def combined_figures(evaluation: Evaluation, task: Task, sight: Sight = ALL) -> dict[str, Any]:
+def combined_figures(
+    evaluation: Evaluation, task: Task, sight: Sight = ALL
+) -> dict[str, Any]:
     """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took."""
     figures: dict[str, Any] = {}
     if evaluation.combined:
         figures["trials"] = trial_lines(evaluation, sight)
-        figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
-        figures["poor_layouts"] = poor_layouts(evaluation, task) if sight.numbers else []
-    return {name: figure for name, figure in figures.items() if figure} | dict(evaluation.figures)
+        figures["engines"] = {
+            engine: statistics(rewards)
+            for engine, rewards in evaluation.by_engine.items()
+        }
+        figures["poor_layouts"] = (
+            poor_layouts(evaluation, task) if sight.numbers else []
+        )
+    return {name: figure for name, figure in figures.items() if figure} | dict(
+        evaluation.figures
+    )
 
 
 def statistics(rewards: Sequence[float]) -> dict[str, Any]:
     """Summarise rewards: their mean, standard deviation, and the rewards."""
-    return {"mean": float(np.mean(rewards)), "std": float(np.std(rewards)), "rewards": list(rewards)}
+    return {
+        "mean": float(np.mean(rewards)),
+        "std": float(np.std(rewards)),
+        "rewards": list(rewards),
+    }
 
 
 def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     """List the layouts in which a plan failed, the worst first, each with the numbers that were drawn for it."""
     if evaluation.status == "rejected" or len(task.parts) > 1:
         return []
-    poor = [t for t in evaluation.trials if t.change is None and t.reward < task.success_reward]
+    poor = [
+        t
+        for t in evaluation.trials
+        if t.change is None and t.reward < task.success_reward
+    ]
     listed: list[dict[str, Any]] = []
     for trial in sorted(poor, key=lambda trial: trial.reward)[:_LAYOUTS]:
         draw = task.draw(trial.layout)
         drawn = {name: round(draw(name, math.nan), 3) for name in draw.ranges}
-        listed.append({"layout": trial.layout, "engine": trial.engine, "reward": round(trial.reward, 3), **drawn})
+        listed.append(
+            {
+                "layout": trial.layout,
+                "engine": trial.engine,
+                "reward": round(trial.reward, 3),
+                **drawn,
+            }
+        )
     return listed
 
 
-def elite_feedback(trial: Trial, seen: Observation, sight: Sight = ALL, several: bool = False) -> dict[str, Any]:
+def elite_feedback(
+    trial: Trial, seen: Observation, sight: Sight = ALL, several: bool = False
+) -> dict[str, Any]:
     """Describe what was observed of an elite's trial, as JSON."""
-    robots = [contact for contact in seen.contacts if contact.kind == "tool" and contact.other in seen.errors]
-    contacts = [*robots, *(contact for contact in seen.contacts if contact not in robots)]
+    robots = [
+        contact
+        for contact in seen.contacts
+        if contact.kind == "tool" and contact.other in seen.errors
+    ]
+    contacts = [
+        *robots,
+        *(contact for contact in seen.contacts if contact not in robots),
+    ]
     described: dict[str, Any] = {
         "trial": _where(trial, several),
         "result": sight.text(_result(seen)),
-        "goals": {name: f"{math.floor(100 * share)} %" for name, share in trial.goals},  # 100 % is whole
+        "goals": {
+            name: f"{math.floor(100 * share)} %" for name, share in trial.goals
+        },  # 100 % is whole
         "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
         "moved": _moves(seen, sight),
         "arrivals_s": list(seen.arrivals),
@@ -157,10 +238,19 @@ def elite_feedback(trial: Trial, seen: Observation, sight: Sight = ALL, several:
         "lag": _lag(seen),
     }
     if sight.numbers:
-        wrong = [(name, list(offset)) for name, offset in seen.errors.items() if any(p is not None for p in offset)]
+        wrong = [
+            (name, list(offset))
+            for name, offset in seen.errors.items()
+            if any(p is not None for p in offset)
+        ]
         nearest = sorted(seen.clearances.items(), key=lambda item: item[1])
-        described["error_m"] = dict(sorted(wrong, key=lambda item: item[0] not in seen.left)[:_BODIES])
-        described["path_m"] = {name: " ".join(_point(point) for point in path) for name, path in seen.paths.items()}
+        described["error_m"] = dict(
+            sorted(wrong, key=lambda item: item[0] not in seen.left)[:_BODIES]
+        )
+        described["path_m"] = {
+            name: " ".join(_point(point) for point in path)
+            for name, path in seen.paths.items()
+        }
         described["times_s"] = list(seen.instants) if seen.paths else []
         described["clearance_m"] = dict(nearest[:_BODIES])
     return {key: value for key, value in described.items() if value}
@@ -181,17 +271,32 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
         moved_m = {} if trial is None else trial.moved_m
         ways = {name: way for name, way in moved_m.items() if way > _MOVED_M}
         farthest = sorted(ways, key=lambda name: -ways[name])[:_IN_A_LINE]
-        return "; ".join([" ".join(words), *(sight.text(f"{name} moved {ways[name]:.3f} m") for name in farthest)])
+        return "; ".join(
+            [
+                " ".join(words),
+                *(sight.text(f"{name} moved {ways[name]:.3f} m") for name in farthest),
+            ]
+        )
 
     found = elite_feedback(trial, seen, sight, several)
     if evaluation.combined:
-        least = "".join(f", least margin: {margin}" for margin in found.get("margins", ())[:1])
-        words.append(f"({'; '.join(trial_lines(evaluation, sight))}); in {found['trial']}{least}:")
+        least = "".join(
+            f", least margin: {margin}" for margin in found.get("margins", ())[:1]
+        )
+        words.append(
+            f"({'; '.join(trial_lines(evaluation, sight))}); in {found['trial']}{least}:"
+        )
     if not reason:
         words.append(found["result"])
-    goals = ", ".join(f"{name} {share}" for name, share in found.get("goals", {}).items())
+    goals = ", ".join(
+        f"{name} {share}" for name, share in found.get("goals", {}).items()
+    )
     moved = [f"{name} {way}" for name, way in found.get("moved", {}).items()]
-    touches = {contact.other: _touch(contact, sight) for contact in seen.contacts[::-1] if contact.kind != "body"}
+    touches = {
+        contact.other: _touch(contact, sight)
+        for contact in seen.contacts[::-1]
+        if contact.kind != "body"
+    }
     parts = [
         " ".join(words),
         goals and f"of the goals {goals}",
@@ -208,12 +313,22 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     several = len(evaluation.tasks) > 1
     groups: dict[tuple[float, str], list[Trial]] = {}
     for trial in evaluation.trials:
-        what = trial.outcome if trial.status == "ok" and not trial.reason else f"{trial.status}: {trial.reason}"
-        groups.setdefault((round(trial.reward, 3), sight.text(clean(what, _OUTCOME))), []).append(trial)
+        what = (
+            trial.outcome
+            if trial.status == "ok" and not trial.reason
+            else f"{trial.status}: {trial.reason}"
+        )
+        groups.setdefault(
+            (round(trial.reward, 3), sight.text(clean(what, _OUTCOME))), []
+        ).append(trial)
     lines = []
     for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0]):
         alike = len(trials) == len(evaluation.trials)
-        where = f"all {len(trials)} trials" if alike else ", ".join(_where(trial, several) for trial in trials)
+        where = (
+            f"all {len(trials)} trials"
+            if alike
+            else ", ".join(_where(trial, several) for trial in trials)
+        )
         lines.append(" ".join(filter(None, (f"{reward:.3f}", what, "in", where))))
     more = [f"{len(lines) - _OUTCOMES} others"] if len(lines) > _OUTCOMES else []
     return lines[:_OUTCOMES] + more
@@ -223,7 +338,9 @@ def _where(trial: Trial, several: bool) -> str:
     """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
     change = "" if trial.change is None else f"change {trial.change}"
     task = trial.task if several else ""
-    return " ".join(filter(None, (task, trial.engine, f"layout {trial.layout}", change)))
+    return " ".join(
+        filter(None, (task, trial.engine, f"layout {trial.layout}", change))
+    )
 
 
 def _result(seen: Observation) -> str:
@@ -234,17 +351,30 @@ def _result(seen: Observation) -> str:
     if seen.at_s is not None and seen.result != "unreachable":
         said += f" from {_when(seen, seen.at_s)}"
     count = len(seen.errors)
-    return f"{said}, {count - len(seen.left)} of {count} in place" if 0 < len(seen.left) < count else said
+    return (
+        f"{said}, {count - len(seen.left)} of {count} in place"
+        if 0 < len(seen.left) < count
+        else said
+    )
 
 
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
     """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
-    stirred = {name: m for name, m in seen.moved.items() if math.hypot(*m.by) > _MOVED_M or m.tilt_deg >= 1}
-    order = sorted(stirred, key=lambda name: (name not in seen.left, -math.hypot(*stirred[name].by)))
+    stirred = {
+        name: m
+        for name, m in seen.moved.items()
+        if math.hypot(*m.by) > _MOVED_M or m.tilt_deg >= 1
+    }
+    order = sorted(
+        stirred,
+        key=lambda name: (name not in seen.left, -math.hypot(*stirred[name].by)),
+    )
     described = {}
     for name in order[:_BODIES]:
         tilt_deg = stirred[name].tilt_deg
-        described[name] = sight.way(stirred[name]) + (f", tilted {tilt_deg:.0f} deg" if tilt_deg >= 1 else "")
+        described[name] = sight.way(stirred[name]) + (
+            f", tilted {tilt_deg:.0f} deg" if tilt_deg >= 1 else ""
+        )
     if len(order) > _BODIES:
         described[f"{len(order) - _BODIES} others"] = "moved too"
     return described
@@ -262,7 +392,9 @@ def _touch(contact: Contact, sight: Sight) -> str:
 
 def _nearest(seen: Observation, sight: Sight) -> str:
     """Say of a robot that touched nothing how near it came to a body of the goal."""
-    gaps = {name: seen.clearances[name] for name in seen.errors if name in seen.clearances}
+    gaps = {
+        name: seen.clearances[name] for name in seen.errors if name in seen.clearances
+    }
     if not gaps or not sight.numbers:
         return "no contact"
     nearest = min(gaps, key=lambda name: gaps[name])
@@ -273,17 +405,25 @@ def _miss(seen: Observation) -> str:
     number, metres, radians = seen.miss
     if metres < _MISS_M and radians < _MISS_RAD:
         return ""
-    return f"way to waypoint {number} missed by {1000 * metres:.0f} mm, {radians:.2f} rad"
+    return (
+        f"way to waypoint {number} missed by {1000 * metres:.0f} mm, {radians:.2f} rad"
+    )
 
 
 def _lag(seen: Observation) -> str:
-    return "" if seen.lag_rad < _LAG_RAD else f"lag {seen.lag_rad:.2f} rad at {_when(seen, seen.lag_s)}"
+    return (
+        ""
+        if seen.lag_rad < _LAG_RAD
+        else f"lag {seen.lag_rad:.2f} rad at {_when(seen, seen.lag_s)}"
+    )
 
 
 def _when(seen: Observation, instant: float) -> str:
     """An instant, with the number of the waypoint that the arm is on its way to."""
     number = 1 + sum(arrival < instant for arrival in seen.arrivals)
-    return f"{instant:.2f} s (" + (f"to waypoint {number})" if number <= len(seen.arrivals) else "after the last)")
+    return f"{instant:.2f} s (" + (
+        f"to waypoint {number})" if number <= len(seen.arrivals) else "after the last)"
+    )
 
 
 def _ids(group: Sequence[Evaluation]) -> str:

@@ -34,14 +34,27 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
     if isinstance(plan, np.ndarray):
         plan = plan.tolist()
     if not isinstance(plan, list | tuple):
-        raise DesignError(f"an action plan must be a list of waypoints, not {kind(plan)}")
+        raise DesignError(
+            f"an action plan must be a list of waypoints, not {kind(plan)}"
+        )
     if not 1 <= len(plan) <= MAX_WAYPOINTS:
-        raise DesignError(f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
+        raise DesignError(
+            f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
+        )
     names = WAYPOINT if gripper else WAYPOINT[:6]
-    checked = np.array([_check_waypoint(waypoint, f"waypoint {i}", names) for i, waypoint in enumerate(plan, start=1)])
+    checked = np.array(
+        [
+            _check_waypoint(waypoint, f"waypoint {i}", names)
+            for i, waypoint in enumerate(plan, start=1)
+        ]
+    )
     turns = Rotation.from_euler("xyz", checked[:, 3:6])
     ways = np.linalg.norm(np.diff(checked[:, :3], axis=0), axis=1)
-    angles = np.asarray((turns[:-1].inv() * turns[1:]).magnitude()) if len(checked) > 1 else ways
+    angles = (
+        np.asarray((turns[:-1].inv() * turns[1:]).magnitude())
+        if len(checked) > 1
+        else ways
+    )
     if np.ceil(np.maximum(ways / KNOT_M, angles / KNOT_RAD)).sum() > MAX_KNOTS:
         raise DesignError(
             f"the way through the waypoints is {ways.sum():.0f} m and {angles.sum():.0f} rad long; at most "
@@ -61,11 +74,17 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
         return
     for name, asked in (("speed", tempo.speeds), ("time", tempo.seconds)):
         for k in np.flatnonzero(asked < MIN_TEMPO)[:1]:
-            raise DesignError(f"waypoint {k + 1}: a {name} of {asked[k]:g} is too small; give {MIN_TEMPO:g} or more")
-    ways = np.linalg.norm(np.diff(np.vstack([home.position, plan.poses[:, :3]]), axis=0), axis=1)
+            raise DesignError(
+                f"waypoint {k + 1}: a {name} of {asked[k]:g} is too small; give {MIN_TEMPO:g} or more"
+            )
+    ways = np.linalg.norm(
+        np.diff(np.vstack([home.position, plan.poses[:, :3]]), axis=0), axis=1
+    )
     asked = np.where(np.isfinite(tempo.seconds), tempo.seconds, ways / tempo.speeds)
     if (seconds := float(np.nansum(asked) + tempo.waits.sum())) > most_s:
-        raise DesignError(f"the plan asks for {seconds:.4g} s; at most {most_s:g} s are allowed")
+        raise DesignError(
+            f"the plan asks for {seconds:.4g} s; at most {most_s:g} s are allowed"
+        )
 
 
 def check_work(tool: Tool, seconds: float, hz: float) -> None:
@@ -81,26 +100,40 @@ def check_work(tool: Tool, seconds: float, hz: float) -> None:
         )
 
 
-def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> list[float]:
+def _check_waypoint(
+    waypoint: object, where: str, names: tuple[str, ...]
+) -> list[float]:
     if not isinstance(waypoint, list | tuple):
-        raise DesignError(f"{where} must be a list of {len(names)} numbers, not {kind(waypoint)}")
+        raise DesignError(
+            f"{where} must be a list of {len(names)} numbers, not {kind(waypoint)}"
+        )
     if len(waypoint) != len(names):
-        raise DesignError(f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}")
+        raise DesignError(
+            f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}"
+        )
     for name, number in zip(names, waypoint, strict=True):
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise DesignError(f"{where}: {name} must be a number, not {kind(number)}")
         if isinstance(number, float) and not math.isfinite(number):
             raise DesignError(f"{where}: {name} is {number}, a finite number is needed")
         # Also refuses integers that are too large for a float.
-        limit, unit = (MAX_ANGLE_RAD, "radians") if name in WAYPOINT[3:6] else (MAX_REACH_M, "metres")
+        limit, unit = (
+            (MAX_ANGLE_RAD, "radians")
+            if name in WAYPOINT[3:6]
+            else (MAX_REACH_M, "metres")
+        )
         if name != "gripper" and abs(number) > limit:
             raise DesignError(f"{where}: {name} is beyond {limit:g} {unit}")
         if name == "gripper" and not 0 <= number <= 1:
-            raise DesignError(f"{where}: the gripper value must be between 0 (open) and 1 (closed)")
+            raise DesignError(
+                f"{where}: the gripper value must be between 0 (open) and 1 (closed)"
+            )
     numbers = [float(number) for number in waypoint]
     reach = math.hypot(*numbers[:3])
     if reach > MAX_REACH_M:
-        raise DesignError(f"{where} is {reach:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed")
+        raise DesignError(
+            f"{where} is {reach:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed"
+        )
     return numbers
 
 

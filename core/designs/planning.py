@@ -34,7 +34,15 @@ from core.values.plans import TaskPlans
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
 
 # Errors of the machine, in any representation: they say nothing about a design.
-_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
+_MACHINE = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.EIO,
+    errno.EROFS,
+}
 
 _NOISE, _HEIGHT = 7, 8  # keep these random numbers apart from others of the same seed
 
@@ -47,7 +55,9 @@ def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
     """
     name = strategy.get("action", Waypoints.action)
     if not isinstance(name, str):
-        raise DesignError(f"'action' is {kind(name)}; it must be the name of an action representation")
+        raise DesignError(
+            f"'action' is {kind(name)}; it must be the name of an action representation"
+        )
     try:
         return TaskActions() if name == TaskPlans.action else _actions(name)
     except UserError as error:
@@ -72,7 +82,9 @@ def guarded(part: object, doing: str) -> Iterator[None]:
     except RAISED as error:
         if getattr(error, "errno", None) in _MACHINE:
             raise
-        raise DesignError(f"{describe_part(part)}: {doing} raised {type(error).__name__}: {error}") from error
+        raise DesignError(
+            f"{describe_part(part)}: {doing} raised {type(error).__name__}: {error}"
+        ) from error
 
 
 def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> ActionPlan:
@@ -84,7 +96,9 @@ def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> Act
     with guarded(actions, "parse"):
         plan = actions.parse(raw, gripper=gripper)
     if not isinstance(plan, ActionPlan):
-        raise DesignError(f"{describe_part(actions)}: parse gave {shorten(repr(plan))}; expected an ActionPlan")
+        raise DesignError(
+            f"{describe_part(actions)}: parse gave {shorten(repr(plan))}; expected an ActionPlan"
+        )
     return plan
 
 
@@ -101,22 +115,36 @@ class TaskActions(ActionRepresentation):
         return {"type": "array"}
 
     def parse(self, data: object, *, gripper: bool) -> TaskPlans:
-        if not isinstance(data, list) or not all(isinstance(item, dict) for item in data):
-            raise DesignError("plans for several tasks must be a list of objects with 'task', 'action' and 'plan'")
+        if not isinstance(data, list) or not all(
+            isinstance(item, dict) for item in data
+        ):
+            raise DesignError(
+                "plans for several tasks must be a list of objects with 'task', 'action' and 'plan'"
+            )
         plans = []
         for number, item in enumerate(data, start=1):
             task, problem = item.get("task"), item.get("problem")
             if not isinstance(task, str):
-                raise DesignError(f"'task' of plan {number} is {kind(task)}; it must be the name of a task")
+                raise DesignError(
+                    f"'task' of plan {number} is {kind(task)}; it must be the name of a task"
+                )
             try:
-                plan = parse_plan(named_actions(item), item.get("plan"), gripper) if problem is None else str(problem)
+                plan = (
+                    parse_plan(named_actions(item), item.get("plan"), gripper)
+                    if problem is None
+                    else str(problem)
+                )
             except DesignError as error:
                 plan = str(error)
-            plans.append((clean(task, 200), clean(plan, 2000) if isinstance(plan, str) else plan))
+            plans.append(
+                (clean(task, 200), clean(plan, 2000) if isinstance(plan, str) else plan)
+            )
         return TaskPlans(tuple(plans))
 
 
-def look(task: Task, seed: int, perception: Perception, scene: Scene | None = None) -> Seen:
+def look(
+    task: Task, seed: int, perception: Perception, scene: Scene | None = None
+) -> Seen:
     """Return what is seen of the layout of ``seed`` before the motion: all poses as at spawn, with noise.
 
     The noise is normal, of each coordinate in the plane of the table and of the yaw; it depends on ``seed`` alone.
@@ -128,7 +156,9 @@ def look(task: Task, seed: int, perception: Perception, scene: Scene | None = No
     draws = np.random.default_rng([seed, _NOISE]).standard_normal((len(bodies), 3))
     poses = {}
     for body, (x, y, yaw) in zip(bodies, draws.tolist(), strict=True):
-        turned = Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw]) * body.pose.rotation
+        turned = (
+            Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw]) * body.pose.rotation
+        )
         shift = perception.position * np.array([x, y, 0.0])
         poses[body.name] = Pose.from_rotation(body.pose.position + shift, turned)
     return Seen(poses)
@@ -151,12 +181,17 @@ def resolve(
     if isinstance(plan, Waypoints):
         waypoints = plan
     else:
-        there = tuple(None if pose is None else Pose(pose.position - rise, pose.quaternion) for pose in felt)
+        there = tuple(
+            None if pose is None else Pose(pose.position - rise, pose.quaternion)
+            for pose in felt
+        )
         seen = replace(look(task, seed, settings.perception, scene), felt=there)
         with guarded(plan, "resolve"):
             waypoints = plan.resolve(seen)
         if not isinstance(waypoints, Waypoints):
-            raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
+            raise DesignError(
+                f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints"
+            )
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
     check_tempo(waypoints, task.home, settings.max_motion_s)
     if rise.any():
@@ -170,4 +205,10 @@ def _rise(seed: int, perception: Perception) -> Array:
     """Draw by how much (3,) the arm's waypoints lie higher than a plan means in the layout of ``seed``, metres."""
     if perception.height == 0:
         return np.zeros(3)
-    return np.array([0.0, 0.0, perception.height * np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1)])
+    return np.array(
+        [
+            0.0,
+            0.0,
+            perception.height * np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1),
+        ]
+    )

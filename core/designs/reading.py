@@ -30,15 +30,21 @@ MAX_DESCRIPTION = 5000
 MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
 MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
 MAX_SAVED = 1000  # sound ones; the rest is not read
-MAX_REREAD = 1_000_000  # characters of malformed strategies, which may lie inside each other
+MAX_REREAD = (
+    1_000_000  # characters of malformed strategies, which may lie inside each other
+)
 
 _SEPARATORS = re.compile(r"[\s,]*")
 _OPENING = re.compile(r'"strategies"\s*:\s*\[')
-_STRATEGY = re.compile(r'\{\s*"(?:parents|strategy_name)"\s*:')  # the beginning of a strategy, by the schema
+_STRATEGY = re.compile(
+    r'\{\s*"(?:parents|strategy_name)"\s*:'
+)  # the beginning of a strategy, by the schema
 
 # Matches a string (to its end or the reply's), or something that JSON forbids: a comment, or a comma before a closing
 # bracket. Possessive quantifiers keep the time linear for every text.
-_NOT_JSON = re.compile(r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL)
+_NOT_JSON = re.compile(
+    r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL
+)
 
 _EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
 
@@ -70,8 +76,17 @@ def read_designs(
     candidates: list[Candidate] = []
     n_tool, n_action = most
     for number, strategy in enumerate(_strategies(document)[:n_tool]):
-        base = Candidate(None, NO_PLAN, generation, agent, number, parents=_read_parents(strategy, elites))
-        candidates += _read_strategy(strategy, base, representation, task, n_action, actions)
+        base = Candidate(
+            None,
+            NO_PLAN,
+            generation,
+            agent,
+            number,
+            parents=_read_parents(strategy, elites),
+        )
+        candidates += _read_strategy(
+            strategy, base, representation, task, n_action, actions
+        )
     return candidates
 
 
@@ -82,7 +97,9 @@ def _strategies(document: object) -> list[Any]:
         raise DesignError(f"the document has no 'strategies'; {_EXPECTED}")
     strategies = document["strategies"]
     if not isinstance(strategies, list):
-        raise DesignError(f"'strategies' is {kind(strategies)}, not a list; {_EXPECTED}")
+        raise DesignError(
+            f"'strategies' is {kind(strategies)}, not a list; {_EXPECTED}"
+        )
     if not strategies:
         raise DesignError(f"'strategies' is empty; {_EXPECTED}")
     return strategies
@@ -107,15 +124,23 @@ def _read_strategy(
         base = replace(
             base,
             strategy_name=_read_text(strategy, "strategy_name", MAX_NAME),
-            strategy_description=_read_text(strategy, "strategy_description", MAX_DESCRIPTION),
-            action_description=_read_text(strategy, "action_description", MAX_DESCRIPTION),
+            strategy_description=_read_text(
+                strategy, "strategy_description", MAX_DESCRIPTION
+            ),
+            action_description=_read_text(
+                strategy, "action_description", MAX_DESCRIPTION
+            ),
         )
     except DesignError as error:
         for action in range(_count_plans(strategy))[:n_action]:
             yield replace(base, action=action, problem=str(error))
         return
 
-    tool, tool_problem = (given, None) if given is not None else _read_tool(strategy, representation, task, gripper)
+    tool, tool_problem = (
+        (given, None)
+        if given is not None
+        else _read_tool(strategy, representation, task, gripper)
+    )
     try:
         plans = _read_action_sets(strategy)
     except DesignError as error:
@@ -127,12 +152,22 @@ def _read_strategy(
             plan = parse_plan(actions, raw, gripper)
         except DesignError as error:
             plan_problem = f"action plan {action + 1}: {error}"
-        yield replace(base, tool=tool, plan=plan, action=action, problem=tool_problem or plan_problem)
+        yield replace(
+            base,
+            tool=tool,
+            plan=plan,
+            action=action,
+            problem=tool_problem or plan_problem,
+        )
 
 
 def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
     parents = strategy.get("parents") if isinstance(strategy, dict) else None
-    return tuple(elite for elite in elites if elite in parents) if isinstance(parents, list) else ()
+    return (
+        tuple(elite for elite in elites if elite in parents)
+        if isinstance(parents, list)
+        else ()
+    )
 
 
 def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
@@ -140,7 +175,9 @@ def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
     if not isinstance(gripper, bool):
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
     if given is not None and gripper != given.gripper:
-        raise DesignError(f"'gripper' is {str(gripper).lower()}; the given tool needs {str(given.gripper).lower()}")
+        raise DesignError(
+            f"'gripper' is {str(gripper).lower()}; the given tool needs {str(given.gripper).lower()}"
+        )
     return gripper
 
 
@@ -154,13 +191,18 @@ def _read_text(strategy: dict[Any, Any], field: str, max_length: int) -> str:
 
 
 def _read_tool(
-    strategy: dict[Any, Any], representation: ToolRepresentation, task: Task, gripper: bool
+    strategy: dict[Any, Any],
+    representation: ToolRepresentation,
+    task: Task,
+    gripper: bool,
 ) -> tuple[Tool | None, str | None]:
     """The tool, as far as it can be read, and its problem."""
     tool = None
     try:
         if gripper and task.robot.gripper is None:
-            raise DesignError(f"{task.robot.title} has no gripper; design one rigid tool, with 'gripper' false")  # noqa: TRY301
+            raise DesignError(  # noqa: TRY301
+                f"{task.robot.title} has no gripper; design one rigid tool, with 'gripper' false"
+            )
         tool = _parsed(representation, strategy, gripper)
         check_tool(tool, task.robot, representation.material)
     except DesignError as error:
@@ -168,7 +210,9 @@ def _read_tool(
     return tool, None
 
 
-def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
+def _parsed(
+    representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool
+) -> Tool:
     """Parse a strategy's tool, with its name and description.
 
     Raises:
@@ -180,8 +224,12 @@ def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], grippe
         tool = representation.parse(strategy, gripper=gripper)
     if not isinstance(tool, Tool) or tool.gripper != gripper:
         wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
-        raise DesignError(f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}")
-    return replace(representation.material.made(tool), name=name, description=description)
+        raise DesignError(
+            f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}"
+        )
+    return replace(
+        representation.material.made(tool), name=name, description=description
+    )
 
 
 def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
@@ -233,9 +281,19 @@ def parse_reply(text: str) -> object:
             end = max(error.pos, start + 1)
             where = f"line {error.lineno}, column {error.colno}"
             if failure is None or end - start > failure[0]:
-                failure = end - start, DesignError(f"the reply's JSON is malformed at {where}: {error.msg}")
-        except (ValueError, RecursionError) as error:  # an integer of thousands of digits; deep nesting
-            raise DesignError(f"the reply's JSON at position {start} can't be read: {_reason(error)}") from error
+                failure = (
+                    end - start,
+                    DesignError(
+                        f"the reply's JSON is malformed at {where}: {error.msg}"
+                    ),
+                )
+        except (
+            ValueError,
+            RecursionError,
+        ) as error:  # an integer of thousands of digits; deep nesting
+            raise DesignError(
+                f"the reply's JSON at position {start} can't be read: {_reason(error)}"
+            ) from error
         else:
             if "strategies" in document:
                 return document
@@ -260,13 +318,21 @@ def _save_sound(text: str) -> dict[str, Any] | None:
     malformed = reread = 0
     position, end = opening.end(), len(text)
     blanked = False
-    while (position := _SEPARATORS.match(text, position).end()) < end and text[position] != "]":  # type: ignore[union-attr]
+    while True:
+        separators = _SEPARATORS.match(text, position)
+        assert separators is not None  # it matches nothing, too
+        position = separators.end()
+        if position >= end or text[position] == "]":
+            break
         try:
             strategy, position = _DECODER.raw_decode(text, position)
         except (ValueError, RecursionError) as error:
             reread += _read_until(error, end) - position
             if not blanked:
-                text, blanked = text[:position] + _NOT_JSON.sub(_blank, text[position:]), True
+                text, blanked = (
+                    text[:position] + _NOT_JSON.sub(_blank, text[position:]),
+                    True,
+                )
                 continue
             malformed += 1
             strategies.append(_unread(text, position))
@@ -287,14 +353,18 @@ def _save_sound(text: str) -> dict[str, Any] | None:
 
 def _read_until(error: Exception, end: int) -> int:
     """How far the decoder read before it failed, at most."""
-    if isinstance(error, json.JSONDecodeError) and not error.msg.startswith("Unterminated string"):
+    if isinstance(error, json.JSONDecodeError) and not error.msg.startswith(
+        "Unterminated string"
+    ):
         return error.pos
     return end
 
 
 def _unread(text: str, position: int) -> Unread:
     line = text.count("\n", 0, position) + 1
-    return Unread(f"the strategy is cut off or malformed (it begins at line {line} of the reply)")
+    return Unread(
+        f"the strategy is cut off or malformed (it begins at line {line} of the reply)"
+    )
 
 
 def _blank(match: re.Match[str]) -> str:
@@ -303,7 +373,11 @@ def _blank(match: re.Match[str]) -> str:
 
 
 def _reason(error: Exception) -> str:
-    return "it is nested too deep" if isinstance(error, RecursionError) else "a number has too many digits"
+    return (
+        "it is nested too deep"
+        if isinstance(error, RecursionError)
+        else "a number has too many digits"
+    )
 
 
 def load_designs(path: Path) -> object:
@@ -318,7 +392,9 @@ def load_designs(path: Path) -> object:
         _strategies(document)
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
-        raise UserError(f"{what} is malformed JSON at {where}: {error.msg}; {_EXPECTED}") from error
+        raise UserError(
+            f"{what} is malformed JSON at {where}: {error.msg}; {_EXPECTED}"
+        ) from error
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
     except (ValueError, RecursionError) as error:
@@ -326,7 +402,9 @@ def load_designs(path: Path) -> object:
     return document
 
 
-def load_tool(path: Path, number: int, representation: ToolRepresentation, task: Task) -> Tool:
+def load_tool(
+    path: Path, number: int, representation: ToolRepresentation, task: Task
+) -> Tool:
     """Read the tool of a strategy in a designs file, whatever rules it breaks.
 
     Raises:
@@ -334,7 +412,9 @@ def load_tool(path: Path, number: int, representation: ToolRepresentation, task:
     """
     strategies, given = _strategies(load_designs(path)), representation.given(task)
     if number not in range(len(strategies)):
-        raise UserError(f"{path} has {len(strategies)} strategies; there is no strategy={number}")
+        raise UserError(
+            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
+        )
     strategy = strategies[number]
     try:
         if not isinstance(strategy, dict):
@@ -342,17 +422,25 @@ def load_tool(path: Path, number: int, representation: ToolRepresentation, task:
         gripper = _read_gripper(strategy, given)
         return _parsed(representation, strategy, gripper) if given is None else given
     except DesignError as error:
-        raise UserError(f"{path}: the tool of strategy {number} can't be read: {error}") from error
+        raise UserError(
+            f"{path}: the tool of strategy {number} can't be read: {error}"
+        ) from error
 
 
-def save_design(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
+def save_design(
+    candidate: Candidate, representation: ToolRepresentation, folder: Path
+) -> None:
     """Write ``design.json``, a designs file with one candidate."""
     folder.mkdir(parents=True, exist_ok=True)
     document = {"strategies": [dump_design(candidate, representation)]}
-    (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    (folder / "design.json").write_text(
+        json.dumps(document, indent=2) + "\n", encoding="utf-8"
+    )
 
 
-def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dict[str, Any]:
+def dump_design(
+    candidate: Candidate, representation: ToolRepresentation
+) -> dict[str, Any]:
     """Write a candidate as a strategy of a designs document, with its one action plan.
 
     Raises:
@@ -360,7 +448,9 @@ def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dic
     """
     tool = candidate.tool
     if tool is None:
-        raise ValueError(f"candidate {candidate.id} has no tool to write: {candidate.problem}")
+        raise ValueError(
+            f"candidate {candidate.id} has no tool to write: {candidate.problem}"
+        )
     return {
         "strategy_name": candidate.strategy_name,
         "strategy_description": candidate.strategy_description,
@@ -369,6 +459,10 @@ def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dic
         "gripper": tool.gripper,
         **representation.dump(tool),
         "action_description": candidate.action_description,
-        **({"action": candidate.plan.action} if candidate.plan.action != Waypoints.action else {}),
+        **(
+            {"action": candidate.plan.action}
+            if candidate.plan.action != Waypoints.action
+            else {}
+        ),
         "action_sets": [candidate.plan.dump()],
     }

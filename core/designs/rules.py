@@ -30,14 +30,18 @@ MAX_EXTENT_M = 2.0  # from the mount to the farthest point, which bounds the spe
 MIN_COMPONENT_KG = 1e-6  # small boxes of a link have small shares of its mass
 MAX_COMPONENT_KG = 1.0
 MIN_TOOL_KG = 0.001
-MIN_DENSITY = 1.0  # kg/m^3, about that of air; the paper's 5 g must do for a box of a few litres
+MIN_DENSITY = (
+    1.0  # kg/m^3, about that of air; the paper's 5 g must do for a box of a few litres
+)
 MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
 MAX_BEND_M_N = 0.01  # of the farthest end, per newton
 MAX_LOAD_N = 10.0  # at any end, that a real material must bear
 MAX_MOUNT_GAP_M = 0.002
 
 
-NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is
+NAME = re.compile(
+    r"[A-Za-z0-9_.-]{1,64}"
+)  # prompts, messages and robot descriptions hold it as it is
 
 
 def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
@@ -50,18 +54,26 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         DesignError: the first rule that is broken.
     """
     if tool.gripper and robot.gripper is None:
-        raise DesignError(f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false")
+        raise DesignError(
+            f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false"
+        )
     if not tool.components:
-        raise DesignError(f"the tool has no components; hang at least one from {' or '.join(tool.mounts)}")
+        raise DesignError(
+            f"the tool has no components; hang at least one from {' or '.join(tool.mounts)}"
+        )
     if len(tool.components) > MAX_COMPONENTS:
-        raise DesignError(f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed")
+        raise DesignError(
+            f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed"
+        )
     for component in tool.components:
         _check_component(component)
         if material.density_kg_m3 is None:
             _check_mass(component)
     check_weight(tool, robot, material)
     if tool.mass < MIN_TOOL_KG:
-        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
+        raise DesignError(
+            f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed"
+        )
     _check_extent(tool)
     joints = check_contacts(tool, robot)
     check_joints(tool, material, mount_solids(tool, robot))
@@ -70,7 +82,9 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
 
 def _check_component(component: Component) -> None:
     if not NAME.fullmatch(component.name):
-        raise DesignError(f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
+        raise DesignError(
+            f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
+        )
     for axis, side in zip("xyz", component.shape.bounds[1].tolist(), strict=True):
         if not MIN_SIDE_M <= side <= MAX_SIDE_M:
             raise DesignError(
@@ -87,7 +101,9 @@ def _check_mass(component: Component) -> None:
         )
     density = component.mass / component.shape.volume
     if not MIN_DENSITY <= density <= MAX_DENSITY:
-        fault = "is lighter than air" if density < MIN_DENSITY else "is denser than gold"
+        fault = (
+            "is lighter than air" if density < MIN_DENSITY else "is denser than gold"
+        )
         raise DesignError(
             f"component {component.name!r} {fault}: {component.mass:.3g} kg in {component.shape.volume:.3g} m^3 is a "
             f"density of {density:.3g} kg/m^3; it must be between {MIN_DENSITY:g} and {MAX_DENSITY:g}"
@@ -109,8 +125,13 @@ def _check_extent(tool: Tool) -> None:
 def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
     """Build the solids of what a tool hangs from, the flange or the fingers, each in its own frame."""
     if not tool.gripper:
-        return {RIGID_MOUNT: [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]}
-    return {mount: [solid for solid in robot_solids(robot, True) if solid.name == mount] for mount in tool.mounts}
+        return {
+            RIGID_MOUNT: [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]
+        }
+    return {
+        mount: [solid for solid in robot_solids(robot, True) if solid.name == mount]
+        for mount in tool.mounts
+    }
 
 
 def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
@@ -129,7 +150,9 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
                 f"component {component.name!r} is {gap * 1000:.1f} mm away from its {relation} {component.parent!r}; "
                 "move or lengthen it until they touch"
             )
-        points[component.name] = point if on_mount else placed[component.parent][1].apply(point)
+        points[component.name] = (
+            point if on_mount else placed[component.parent][1].apply(point)
+        )
     return points
 
 
@@ -167,5 +190,7 @@ def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
         raise UserError(f"{describe_part(representation)}: {what}: {error}") from error
     if tool is not None and not isinstance(tool, Tool):
         wrong = shorten(repr(tool))
-        raise UserError(f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None")
+        raise UserError(
+            f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None"
+        )
     return tool

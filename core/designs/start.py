@@ -9,7 +9,14 @@ from core.design import DesignError, Tool
 from core.geometry import Pose
 from core.interfaces import Task
 from core.robot.kinematics import arm_of, link_poses
-from core.robot.solids import Obstacles, Solid, body_solids, robot_solids, signed_distance, solids_of
+from core.robot.solids import (
+    Obstacles,
+    Solid,
+    body_solids,
+    robot_solids,
+    signed_distance,
+    solids_of,
+)
 from core.scene import Scene
 
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
@@ -29,7 +36,9 @@ class SpawnRules:
     def __init__(self, task: Task, seed: int = 0, scene: Scene | None = None) -> None:
         self.task = task
         self.robot = task.robot
-        self._parts = [SpawnRules(part, seed) for part in task.parts if part is not task]
+        self._parts = [
+            SpawnRules(part, seed) for part in task.parts if part is not task
+        ]
         if self._parts:
             return
         self._joints = arm_of(task.robot).home_for(task.home)
@@ -70,7 +79,11 @@ class SpawnRules:
                     )
             for body, gap in self._scene.gaps(solid, _TOUCH_M):
                 if gap < _TOUCH_M:
-                    contact = f"{-gap * 1000:.1f} mm inside" if -gap > _TOUCH_M else "touching"
+                    contact = (
+                        f"{-gap * 1000:.1f} mm inside"
+                        if -gap > _TOUCH_M
+                        else "touching"
+                    )
                     raise DesignError(
                         f"component {solid.name!r} starts {contact} {body!r} of the scene; "
                         "shorten or turn the tool so that it starts clear of everything"
@@ -80,14 +93,19 @@ class SpawnRules:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
             frames = link_poses(self.robot, gripper, self._joints)
-            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(self.robot, gripper))
+            solids = (
+                Solid(s.name, s.geometry, frames[s.name] @ s.pose)
+                for s in robot_solids(self.robot, gripper)
+            )
             self._robots[gripper] = Obstacles(solids), frames
         return self._robots[gripper]
 
 
 def _check_halves(solids: Sequence[Solid], mounts: Sequence[str]) -> None:
     """Refuse components on one finger that start inside components on the other."""
-    for (one, mount), (other, others) in itertools.combinations(zip(solids, mounts, strict=True), 2):
+    for (one, mount), (other, others) in itertools.combinations(
+        zip(solids, mounts, strict=True), 2
+    ):
         if mount != others:
             depth = -signed_distance(one, other)
             if depth > MAX_ARM_OVERLAP_M:

@@ -29,22 +29,39 @@ from core.values.materials import Material
 MAX_JOINTS = 8
 MAX_TURN_RAD = 2 * math.pi
 MAX_SLIDE_M = 0.5
-MIN_RANGE = {"hinge": 0.01, "slider": 0.0005}  # radians, metres; an engine takes a range of next to nothing for none
+MIN_RANGE = {
+    "hinge": 0.01,
+    "slider": 0.0005,
+}  # radians, metres; an engine takes a range of next to nothing for none
 MIN_MOVED_KG = 0.001
 MAX_HZ = 20.0  # of what a spring moves, on its own
 MAX_DECAY = 100.0  # 1/s, at which a damper stops what it moves
-MAX_SPRING = {"hinge": 3.0, "slider": 50.0}  # N m and N, of a bought spring or brake of a hand tool's size
+MAX_SPRING = {
+    "hinge": 3.0,
+    "slider": 50.0,
+}  # N m and N, of a bought spring or brake of a hand tool's size
 MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
-MAX_DAMPING = {"hinge": 0.2, "slider": 20.0}  # N m s/rad and N s/m, of a bought damper of that size
+MAX_DAMPING = {
+    "hinge": 0.2,
+    "slider": 20.0,
+}  # N m s/rad and N s/m, of a bought damper of that size
 MAX_GAP_M = 0.001  # between a component and its parent
-MAX_PIN_M = 0.01  # between a hinge's axis and each of its two sides: an eye around a pin
+MAX_PIN_M = (
+    0.01  # between a hinge's axis and each of its two sides: an eye around a pin
+)
 _UNITS = {"hinge": ("rad", "N m", "N m s/rad"), "slider": ("m", "N", "N s/m")}
-_STEP_M, _FEWEST, _MOST = 0.005, 9, 201  # between places in which the two sides of a joint must touch; their number
+_STEP_M, _FEWEST, _MOST = (
+    0.005,
+    9,
+    201,
+)  # between places in which the two sides of a joint must touch; their number
 
 POINT_M = 1e-6  # what is shorter is no beam, and has no section
 _CORNERS = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, 8).T
-Beam = tuple[Array, Array, float, float]  # its ends, its length over E I, and half its thickness over I
+Beam = tuple[
+    Array, Array, float, float
+]  # its ends, its length over E I, and half its thickness over I
 
 
 def corners(shape: Shape | Compound, pose: Pose) -> Array:
@@ -59,15 +76,25 @@ class Beams:
     ``joints`` holds for each component the point (3,) where it touches its parent, in its mount's frame.
     """
 
-    def __init__(self, tool: Tool, joints: Mapping[str, Array], material: Material) -> None:
+    def __init__(
+        self, tool: Tool, joints: Mapping[str, Array], material: Material
+    ) -> None:
         self.tool, self.joints, self.material = tool, joints, material
         self.placed = tool.placed()
-        self._shapes = {component.name: component.shape for component in tool.components}
+        self._shapes = {
+            component.name: component.shape for component in tool.components
+        }
         # What carries each component, from the mount on: each carrier's name, and its beam up to the next joint.
-        self.chains: dict[str, list[tuple[str, Beam]]] = {mount: [] for mount in tool.mounts}
+        self.chains: dict[str, list[tuple[str, Beam]]] = {
+            mount: [] for mount in tool.mounts
+        }
         for component in tool.components:
             name, parent = component.name, component.parent
-            own = [(parent, self.beam(parent, joints[name]))] if parent in self._shapes else []
+            own = (
+                [(parent, self.beam(parent, joints[name]))]
+                if parent in self._shapes
+                else []
+            )
             self.chains[name] = [*self.chains[parent], *own]
 
     def bending(self) -> dict[str, tuple[float, float]]:
@@ -78,7 +105,9 @@ class Beams:
         bends = {}
         for component in self.tool.components:
             ends = corners(component.shape, self.placed[component.name][1])
-            tip = ends[np.argmax(np.linalg.norm(ends - self.joints[component.name], axis=1))]
+            tip = ends[
+                np.argmax(np.linalg.norm(ends - self.joints[component.name], axis=1))
+            ]
             bends[component.name] = self.bend(component.name, tip)
         return bends
 
@@ -88,7 +117,9 @@ class Beams:
         starts, stops, soft, weak = map(np.array, zip(*beams, strict=True))
         a, b = starts - point, stops - point
         far = np.linalg.norm([a, b], axis=2).max(axis=0)
-        return float(soft @ (a * a + a * b + b * b).sum(axis=1)) / 3, float((weak * far).max())
+        return float(soft @ (a * a + a * b + b * b).sum(axis=1)) / 3, float(
+            (weak * far).max()
+        )
 
     def beam(self, name: str, stop: Array) -> Beam:
         """Return a component's part from where it is held to ``stop`` (3,).
@@ -97,15 +128,28 @@ class Beams:
         volume has s^2 of its stiffness, which is 5 % too much for a rod.
         """
         start, shape, material = self.joints[name], self._shapes[name], self.material
-        along = int(np.argmax(np.abs((stop - start) @ self.placed[name][1].rotation.as_matrix())))
+        along = int(
+            np.argmax(
+                np.abs((stop - start) @ self.placed[name][1].rotation.as_matrix())
+            )
+        )
         size = shape.bounds[1]
         thin, wide = sorted(np.delete(size, along))
         filled = shape.volume / float(np.prod(size))
-        inner_thin, inner_wide = (max(0.0, side - material.wall_mm / 500) for side in (thin, wide))
-        share = filled**2 * (1 - (1 - material.infill) * inner_wide * inner_thin**3 / (wide * thin**3))
+        inner_thin, inner_wide = (
+            max(0.0, side - material.wall_mm / 500) for side in (thin, wide)
+        )
+        share = filled**2 * (
+            1 - (1 - material.infill) * inner_wide * inner_thin**3 / (wide * thin**3)
+        )
         length = float(np.linalg.norm(stop - start))
         weak = 6 / (wide * thin**2 * share) if length > POINT_M else 0.0
-        return start, stop, length / (material.young_pa * wide * thin**3 / 12 * share), weak
+        return (
+            start,
+            stop,
+            length / (material.young_pa * wide * thin**3 / 12 * share),
+            weak,
+        )
 
 
 GRAVITY = 9.81  # m/s^2
@@ -125,7 +169,9 @@ def flange_moment(tool: Tool, robot: Robot) -> float:
     weights = np.zeros(3)
     for c in tool.components:
         mount, pose = placed[c.name]
-        weights += c.mass * (mounts[mount] @ pose).apply(mass_properties(c.shape, c.mass)[0])
+        weights += c.mass * (mounts[mount] @ pose).apply(
+            mass_properties(c.shape, c.mass)[0]
+        )
     return GRAVITY * float(np.linalg.norm(weights))
 
 
@@ -165,17 +211,24 @@ def spring_share(material: Material) -> float:
     """
     if material.strength_pa is None:
         return 1.0
-    return min(1.0, PRINTED_M3 * material.strength_pa**2 / (18 * material.young_pa) / MAX_SPRINGS_J)
+    return min(
+        1.0,
+        PRINTED_M3 * material.strength_pa**2 / (18 * material.young_pa) / MAX_SPRINGS_J,
+    )
 
 
-def check_joints(tool: Tool, material: Material, mounts: Mapping[str, Sequence[Solid]]) -> None:
+def check_joints(
+    tool: Tool, material: Material, mounts: Mapping[str, Sequence[Solid]]
+) -> None:
     """Check the joints of a tool; ``mounts`` are the solids of what it hangs from, each in its own frame.
 
     Raises:
         DesignError: the first rule that is broken.
     """
     if len(tool.bearers) > MAX_JOINTS:
-        raise DesignError(f"the tool has {len(tool.bearers)} moving joints; at most {MAX_JOINTS} are allowed")
+        raise DesignError(
+            f"the tool has {len(tool.bearers)} moving joints; at most {MAX_JOINTS} are allowed"
+        )
     share, energies = spring_share(material), dict[str, float]()
     for bearer in tool.bearers:
         joint, where = bearer.joint, f"the joint of component {bearer.name!r}"
@@ -189,10 +242,15 @@ def check_joints(tool: Tool, material: Material, mounts: Mapping[str, Sequence[S
                 f"{where} has too strong a spring: it exerts {exerted:.3g} {pull} where it is {strain:.3g} {unit} from "
                 f"its rest; at most {most:.2g} {pull} are allowed"
             )
-        resisting = ("damping", joint.damping, MAX_DAMPING, resists), ("dry friction", joint.friction, MAX_SPRING, pull)
+        resisting = (
+            ("damping", joint.damping, MAX_DAMPING, resists),
+            ("dry friction", joint.friction, MAX_SPRING, pull),
+        )
         for what, value, limits, shown in resisting:
             if value > (most := limits[joint.kind]):
-                raise DesignError(f"{where} has a {what} of {value:.3g} {shown}; at most {most:g} is allowed")
+                raise DesignError(
+                    f"{where} has a {what} of {value:.3g} {shown}; at most {most:g} is allowed"
+                )
         energies[bearer.name] = exerted * strain / 2
     if (energy := sum(energies.values())) > (most := share * MAX_SPRINGS_J):
         strongest = max(energies, key=lambda name: energies[name])
@@ -204,24 +262,36 @@ def check_joints(tool: Tool, material: Material, mounts: Mapping[str, Sequence[S
 
 
 def _check_range(joint: ToolJoint, where: str) -> None:
-    most, unit = MAX_TURN_RAD if joint.kind == "hinge" else MAX_SLIDE_M, _UNITS[joint.kind][0]
+    most, unit = (
+        MAX_TURN_RAD if joint.kind == "hinge" else MAX_SLIDE_M,
+        _UNITS[joint.kind][0],
+    )
     if max(-joint.lower, joint.upper) > most:
-        raise DesignError(f"{where} goes from {joint.lower:g} to {joint.upper:g} {unit}; at most {most:.3g} is allowed")
+        raise DesignError(
+            f"{where} goes from {joint.lower:g} to {joint.upper:g} {unit}; at most {most:.3g} is allowed"
+        )
     if joint.upper - joint.lower < (least := MIN_RANGE[joint.kind]):
         raise DesignError(
             f"{where} goes from {joint.lower:g} to {joint.upper:g} {unit}; give it a range of {least:g} or more, or no "
             "joint"
         )
     if not -most <= joint.rest <= most:
-        raise DesignError(f"{where} has a spring that is relaxed at {joint.rest:g} {unit}; at most {most:.3g}")
+        raise DesignError(
+            f"{where} has a spring that is relaxed at {joint.rest:g} {unit}; at most {most:.3g}"
+        )
 
 
 def _check_motion(tool: Tool, bearer: Bearer, where: str) -> None:
     """Refuse what moves too fast for an engine's steps."""
     joint, (mass, inertia) = bearer.joint, moved(tool, bearer)
     if mass < MIN_MOVED_KG:
-        raise DesignError(f"{where} moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed")
-    hertz, decay = math.sqrt(joint.stiffness / inertia) / (2 * math.pi), joint.damping / inertia
+        raise DesignError(
+            f"{where} moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed"
+        )
+    hertz, decay = (
+        math.sqrt(joint.stiffness / inertia) / (2 * math.pi),
+        joint.damping / inertia,
+    )
     if hertz > MAX_HZ:
         raise DesignError(
             f"{where} has too stiff a spring: what it moves would swing at {hertz:.0f} Hz, and at most {MAX_HZ:g} "
@@ -261,16 +331,27 @@ def _check_touch(tool: Tool, mounts: Mapping[str, Sequence[Solid]]) -> None:
     """
     sides = {name: list(mounts.get(name, ())) for name in tool.borne_on}
     for part in tool.parts:
-        sides[part.bearer].append(Solid(part.component, solid_geometry(part.shape), part.pose))
+        sides[part.bearer].append(
+            Solid(part.component, solid_geometry(part.shape), part.pose)
+        )
     for name, parent, frame, joint in tool.bearers:
-        for side, pose in ((name, Pose()), (parent, frame)) if joint.kind == "hinge" else ():
-            away = min(signed_distance(solid, _pin(joint, sides[name], pose)) for solid in sides[side])
+        for side, pose in (
+            ((name, Pose()), (parent, frame)) if joint.kind == "hinge" else ()
+        ):
+            away = min(
+                signed_distance(solid, _pin(joint, sides[name], pose))
+                for solid in sides[side]
+            )
             if away > MAX_PIN_M:
                 raise DesignError(
                     f"the hinge of {name!r} has an axis that passes {side!r} at {1000 * away:.0f} mm; at most "
                     f"{1000 * MAX_PIN_M:g} mm are allowed: put the axis where both are, or add an eye for its pin"
                 )
-        lever = 1.0 if joint.kind == "slider" else max(_reach(solid) for solid in sides[name])
+        lever = (
+            1.0
+            if joint.kind == "slider"
+            else max(_reach(solid) for solid in sides[name])
+        )
         count = np.clip((joint.upper - joint.lower) * lever / _STEP_M, _FEWEST, _MOST)
         near: tuple[Solid, Solid] | None = None  # the two that touched last
         for value in np.linspace(joint.lower, joint.upper, int(count)).tolist():
@@ -278,7 +359,9 @@ def _check_touch(tool: Tool, mounts: Mapping[str, Sequence[Solid]]) -> None:
             if near is not None and _gap(*near, place) <= MAX_GAP_M:
                 continue
             pairs = itertools.product(sides[parent], sides[name])
-            near = next((pair for pair in pairs if _gap(*pair, place) <= MAX_GAP_M), None)
+            near = next(
+                (pair for pair in pairs if _gap(*pair, place) <= MAX_GAP_M), None
+            )
             if near is None:
                 raise DesignError(
                     f"component {name!r} leaves what bears it, {parent!r}, where its joint is at {value:.3g} "
@@ -300,7 +383,11 @@ def _pin(joint: ToolJoint, beside: Sequence[Solid], pose: Pose) -> Solid:
 def _moved_by(joint: ToolJoint, value: float) -> Pose:
     """The pose of a joint's link at a value, in its frame at 0."""
     way = value * np.array(joint.axis)
-    return Pose(way) if joint.kind == "slider" else Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(way))
+    return (
+        Pose(way)
+        if joint.kind == "slider"
+        else Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(way))
+    )
 
 
 def _gap(still: Solid, moving: Solid, place: Pose) -> float:

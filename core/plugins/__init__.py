@@ -18,9 +18,33 @@ from core.plugins.kinds import (
     event_hub,
 )
 from core.plugins.parts import PluginPart, RobotPart
-from core.plugins.registry import Failure, Offer, Plugins, check_settings, describe_part, installed
+from core.plugins.registry import (
+    Failure,
+    Offer,
+    Plugins,
+    check_settings,
+    describe_part,
+    installed,
+)
 
-__all__ = ["ACTION", "COMMAND", "EVOLUTION", "EXECUTOR", "FITNESS", "KINDS", "LISTENER", "MODEL", "ROBOT", "SIMULATOR"]
+__all__ = [
+    "ACTION",
+    "COMMAND",
+    "EVOLUTION",
+    "EXECUTOR",
+    "FITNESS",
+    "KINDS",
+    "LISTENER",
+    "MODEL",
+    "ROBOT",
+    "SIMULATOR",
+]
 __all__ += ["TASK", "TOOL", "Kind", "event_hub"]
 __all__ += ["Failure", "Offer", "PluginPart", "Plugins", "RobotPart"]
-__all__ += ["PluginError", "check_settings", "describe_failure", "describe_part", "installed"]
+__all__ += [
+    "PluginError",
+    "check_settings",
+    "describe_failure",
+    "describe_part",
+    "installed",
+]

@@ -15,7 +15,10 @@ def main(words: list[str]) -> None:
     if given:
         raise UsageError(f"can't read {given[0]!r}; {USAGE}")
     plugins = installed()
-    rows = [(offer.kind, offer.name, offer.entry_point, offer.distribution) for offer in plugins.offers.values()]
+    rows = [
+        (offer.kind, offer.name, offer.entry_point, offer.distribution)
+        for offer in plugins.offers.values()
+    ]
     print_table(("kind", "name", "entry point", "distribution"), sorted(rows))
     for failure in plugins.failures:
         say(f"failed {failure.entry_point} ({failure.distribution}): {failure.reason}")

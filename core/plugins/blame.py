@@ -21,7 +21,9 @@ class PluginError(Exception):
     """A plugin raised an exception that it may not raise; the message names both."""
 
 
-def describe_failure(error: BaseException, plugins: Plugins | None = None) -> str | None:
+def describe_failure(
+    error: BaseException, plugins: Plugins | None = None
+) -> str | None:
     """Name what a plugin raised, and the part that is deepest in the traceback, in one line.
 
     A part's code is its methods, and the module of its factory. None: no plugin is in the traceback, or the error
@@ -30,17 +32,23 @@ def describe_failure(error: BaseException, plugins: Plugins | None = None) -> st
     if isinstance(error, PluginError):
         return None
     offers = [*(plugins or installed()).offers.values()]
-    modules = {_module(offer): offer for offer in reversed(offers)}  # the first one, of several in a module
+    modules = {
+        _module(offer): offer for offer in reversed(offers)
+    }  # the first one, of several in a module
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
-        offer = offer_of(frame.f_locals.get("self")) or modules.get(frame.f_globals.get("__name__", ""))
+        offer = offer_of(frame.f_locals.get("self")) or modules.get(
+            frame.f_globals.get("__name__", "")
+        )
         if offer is not None:
             return f"{offer.kind} {offer.name!r} of {offer.distribution} raised {type(error).__name__}: {error}"
     return None
 
 
 def _module(offer: Offer) -> str:
-    factory = offer.factory.main if isinstance(offer.factory, Command) else offer.factory
+    factory = (
+        offer.factory.main if isinstance(offer.factory, Command) else offer.factory
+    )
     return factory.partition(":")[0] if isinstance(factory, str) else factory.__module__
 
 
@@ -54,7 +62,9 @@ def refuse_exit() -> Iterator[None]:
     try:
         yield
     except SystemExit as end:
-        raise UserError(describe_failure(end) or f"the process was told to end: SystemExit: {end}") from end
+        raise UserError(
+            describe_failure(end) or f"the process was told to end: SystemExit: {end}"
+        ) from end
 
 
 def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> Guard:
@@ -84,7 +94,9 @@ class Guard:
                 guarded = self._guarded(attribute, getattr(listener, attribute))
                 setattr(self, attribute, hookimpl(**options)(guarded))
 
-    def _guarded(self, event: str, function: Callable[..., None]) -> Callable[..., None]:
+    def _guarded(
+        self, event: str, function: Callable[..., None]
+    ) -> Callable[..., None]:
         @wraps(function)
         def pass_on(*arguments: Any) -> None:
             if self._failed and event != "run_ended":

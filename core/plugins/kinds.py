@@ -36,9 +36,13 @@ class Kind(Generic[T]):
 
     name: str  # its config group, as in ``sim=NAME``
     hook: str  # the hook that offers its parts, of `core.hooks.Parts`
-    interface: type[T] | None  # the class of its parts; None: a part implements some of `core.hooks.Events`
+    interface: (
+        type[T] | None
+    )  # the class of its parts; None: a part implements some of `core.hooks.Events`
     attributes: tuple[str, ...] = ()  # what its parts have beside methods
-    provided: tuple[str, ...] = ()  # the arguments of its factories that the program provides; the others are settings
+    provided: tuple[
+        str, ...
+    ] = ()  # the arguments of its factories that the program provides; the others are settings
     defaults: Mapping[str, Any] = field(default_factory=dict)
     checked: Literal["made", "factory", "named"] = "made"
 
@@ -55,13 +59,24 @@ class Kind(Generic[T]):
             _check_listener(part, offer)
         elif not isinstance(part, self.interface):
             expected = f"{self.interface.__module__}.{self.interface.__name__}"
-            raise UserError(f"{offer} makes a {type(part).__name__}, which is no {expected}")
+            raise UserError(
+                f"{offer} makes a {type(part).__name__}, which is no {expected}"
+            )
         missing = [name for name in self.attributes if not hasattr(part, name)]
         if missing:
-            raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")
+            raise UserError(
+                f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}"
+            )
 
 
-PAPER_BUDGET = {"n_agent": 20, "n_tool": 10, "n_action": 10, "k_top": 5, "reward_save": 0.6, "n_iteration": 3}
+PAPER_BUDGET = {
+    "n_agent": 20,
+    "n_tool": 10,
+    "n_action": 10,
+    "k_top": 5,
+    "reward_save": 0.6,
+    "n_iteration": 3,
+}
 """What ``budget=paper`` spends on most tasks of the paper (arXiv 2507.12644)."""
 
 TASK = Kind(
@@ -84,14 +99,28 @@ EVOLUTION = Kind(
     defaults={"refine": 0},
     checked="factory",
 )
-FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("condition",), checked="factory")
+FITNESS = Kind(
+    "fitness", "fitness_functions", Fitness, provided=("condition",), checked="factory"
+)
 EXECUTOR = Kind("executor", "executors", Executor, checked="factory")
 LISTENER: Kind[object] = Kind("listener", "listeners", None, checked="factory")
 COMMAND = Kind("command", "commands", Command, checked="named")
 
 KINDS: dict[str, Kind[Any]] = {
     kind.name: kind
-    for kind in (TASK, ROBOT, SIMULATOR, MODEL, TOOL, ACTION, EVOLUTION, FITNESS, EXECUTOR, LISTENER, COMMAND)
+    for kind in (
+        TASK,
+        ROBOT,
+        SIMULATOR,
+        MODEL,
+        TOOL,
+        ACTION,
+        EVOLUTION,
+        FITNESS,
+        EXECUTOR,
+        LISTENER,
+        COMMAND,
+    )
 }
 """All kinds by their config group."""
 
@@ -108,7 +137,9 @@ def _check_listener(part: object, offer: str) -> None:
     except pluggy.PluginValidationError as error:
         raise UserError(f"{offer}: {' '.join(str(error).split())}") from error
     if not hub.get_hookcallers(part):
-        raise UserError(f"{offer} receives no event: {type(part).__qualname__} implements nothing of core.hooks.Events")
+        raise UserError(
+            f"{offer} receives no event: {type(part).__qualname__} implements nothing of core.hooks.Events"
+        )
 
 
 def event_hub() -> pluggy.PluginManager:

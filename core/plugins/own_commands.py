@@ -5,9 +5,17 @@ from __future__ import annotations
 from core.hooks import Command, hookimpl
 
 COMMANDS = {
-    "run": Command("search for the best tool and motion for a task, or go on with a run", "core.run:main"),
-    "evaluate": Command("try the designs of a file, and print their rewards", "core.evaluate:main"),
-    "prompt": Command("write the request that a model would receive, and estimate its cost", "core.prompt:main"),
+    "run": Command(
+        "search for the best tool and motion for a task, or go on with a run",
+        "core.run:main",
+    ),
+    "evaluate": Command(
+        "try the designs of a file, and print their rewards", "core.evaluate:main"
+    ),
+    "prompt": Command(
+        "write the request that a model would receive, and estimate its cost",
+        "core.prompt:main",
+    ),
     "plugins": Command("list the installed parts", "core.plugins.__main__:main"),
 }
 

@@ -17,7 +17,9 @@ from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
 _Number = pydantic.FiniteFloat
-_BASE = pydantic.TypeAdapter(tuple[_Number, _Number, _Number, _Number], config={"strict": True})
+_BASE = pydantic.TypeAdapter(
+    tuple[_Number, _Number, _Number, _Number], config={"strict": True}
+)
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,13 @@ class PluginPart(Generic[T_co]):
         return hash((self.kind, self.name))
 
     def create(self, **given: Any) -> T_co:
-        made_for = {"robot": self.robot and _robot(self.robot), "material": self.material}
-        part: T_co = installed().create(self.kind, self.name, dict(self.settings), **(made_for | given))
+        made_for = {
+            "robot": self.robot and _robot(self.robot),
+            "material": self.material,
+        }
+        part: T_co = installed().create(
+            self.kind, self.name, dict(self.settings), **(made_for | given)
+        )
         return part
 
     def shared(self) -> T_co:
@@ -71,7 +78,9 @@ class RobotPart(PluginPart[Robot]):
         try:
             x, y, z, yaw = _BASE.validate_python(self.base)
         except pydantic.ValidationError as error:
-            raise UsageError(f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}") from error
+            raise UsageError(
+                f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}"
+            ) from error
         return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw)) if any(self.base) else Pose()
 
 

@@ -68,7 +68,9 @@ class Plugins:
 
         entries = importlib.metadata.entry_points(group=PROJECT)
         found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
-        found.sort(key=lambda pair: pair[1] != PROJECT)  # no other package replaces a built-in part
+        found.sort(
+            key=lambda pair: pair[1] != PROJECT
+        )  # no other package replaces a built-in part
         for entry, distribution in found:
             try:
                 plugin = entry.load()
@@ -87,7 +89,9 @@ class Plugins:
             manager.register(plugin, name)
             manager.check_pending()
         except pluggy.PluginValidationError as error:
-            self.failures.append(Failure(name, distribution, " ".join(str(error).split())))
+            self.failures.append(
+                Failure(name, distribution, " ".join(str(error).split()))
+            )
             return
 
         hooks = manager.get_hookcallers(plugin)
@@ -105,7 +109,10 @@ class Plugins:
     def _add(self, hook: str, given: Any, entry_point: str, distribution: str) -> None:
         """Add what a hook returned."""
         if hook == "config_path":
-            if not given.startswith("pkg://") or importlib.util.find_spec(given.removeprefix("pkg://")) is None:
+            if (
+                not given.startswith("pkg://")
+                or importlib.util.find_spec(given.removeprefix("pkg://")) is None
+            ):
                 raise ValueError(
                     f'it gave {given!r}; expected a package that holds YAML files, "pkg://my_package.conf"'
                 )
@@ -126,7 +133,11 @@ class Plugins:
 
     def ready(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind that can be made without settings, sorted."""
-        return [name for name, factory in self.factories(kind).items() if not _needed(inspect.signature(factory))]
+        return [
+            name
+            for name, factory in self.factories(kind).items()
+            if not _needed(inspect.signature(factory))
+        ]
 
     def factory(self, kind: str, name: str, where: str = "") -> Callable[..., Any]:
         """Return the factory of the part ``name`` of a kind, or of what a hook of `core.hooks.Configs` offers.
@@ -136,7 +147,9 @@ class Plugins:
         """
         offer = self.offers.get((kind, name))
         if offer is None:
-            raise UsageError(f"{choices(kind, name, self.names(kind), where)}{self.failed}")
+            raise UsageError(
+                f"{choices(kind, name, self.names(kind), where)}{self.failed}"
+            )
         if isinstance(offer.factory, Command):
             return lambda: offer.factory
         return _imported(offer, offer.factory)
@@ -144,7 +157,10 @@ class Plugins:
     @property
     def failed(self) -> str:
         """What failed to load, to be added to an error about something that is not there."""
-        return "".join(f"; plugin {failure.entry_point!r} failed: {failure.reason}" for failure in self.failures)
+        return "".join(
+            f"; plugin {failure.entry_point!r} failed: {failure.reason}"
+            for failure in self.failures
+        )
 
     def factories(self, kind: str) -> dict[str, Callable[..., Any]]:
         """Return all factories of a kind by name; see `factory`."""
@@ -161,9 +177,13 @@ class Plugins:
         return typing.cast(int | None, main(arguments))
 
     @overload
-    def create(self, kind: Kind[T], name: str, settings: Settings = ..., **given: Any) -> T: ...
+    def create(
+        self, kind: Kind[T], name: str, settings: Settings = ..., **given: Any
+    ) -> T: ...
     @overload
-    def create(self, kind: str, name: str, settings: Settings = ..., **given: Any) -> Any: ...
+    def create(
+        self, kind: str, name: str, settings: Settings = ..., **given: Any
+    ) -> Any: ...
     def create(
         self,
         kind: Kind[Any] | str,
@@ -191,10 +211,14 @@ class Plugins:
         except UserError:
             raise
         except RAISED as error:  # a third-party factory may raise anything
-            raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
+            raise UserError(
+                f"{offer} can't be made: {type(error).__name__}: {error}"
+            ) from error
         KINDS[group].check(part, str(offer))
 
-        with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
+        with contextlib.suppress(
+            TypeError
+        ):  # a part that can't be a key is described by its class
             _made[part] = offer
         if isinstance(part, Task | ToolRepresentation):
             part.robot = robot or self.default_robot
@@ -212,11 +236,16 @@ class Plugins:
         for kind, name in self.offers:
             if kind == "robot":
                 return self.create(ROBOT, name)
-        raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
+        raise UserError(
+            "no robot is installed; python -m core.plugins lists what is, and what failed to load"
+        )
 
 
 def check_settings(
-    factory: Callable[..., Any], settings: Mapping[str, Any], where: str, given: Mapping[str, Any]
+    factory: Callable[..., Any],
+    settings: Mapping[str, Any],
+    where: str,
+    given: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Convert ``settings`` to the types that the factory's signature names.
 
@@ -227,22 +256,31 @@ def check_settings(
     possible = [
         name
         for name, parameter in signature.parameters.items()
-        if name not in given and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
+        if name not in given
+        and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
     ]
-    hints = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
+    hints = typing.get_type_hints(
+        factory.__init__ if inspect.isclass(factory) else factory
+    )
     checked: dict[str, Any] = {}
     for name, value in settings.items():
         if name not in possible:
             raise choices("setting", name, possible, where)
         try:
-            checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(value)
+            checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(
+                value
+            )
         except pydantic.ValidationError as error:
             first = error.errors()[0]
             reason = ": ".join([*map(str, first["loc"]), first["msg"]])
-            raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
+            raise UsageError(
+                f"{where}: setting {name!r} can't be {value!r}: {reason}"
+            ) from error
     for name in _needed(signature):
         if name not in checked and name not in given:
-            raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}")
+            raise UsageError(
+                f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}"
+            )
     return checked
 
 
@@ -266,9 +304,13 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     try:
         found = pkgutil.resolve_name(what) if isinstance(what, str) else what
     except RAISED as error:  # a third-party import may raise anything
-        raise UserError(f"{owner} can't be imported: {type(error).__name__}: {error}") from error
+        raise UserError(
+            f"{owner} can't be imported: {type(error).__name__}: {error}"
+        ) from error
     if not callable(found):
-        raise UserError(f"{owner} is {found!r}; it must be callable, or a text 'module:attribute'")
+        raise UserError(
+            f"{owner} is {found!r}; it must be callable, or a text 'module:attribute'"
+        )
     return typing.cast(Callable[..., Any], found)
 
 

@@ -31,7 +31,13 @@ from core.values.robots import Robot
 
 MeshPath = Callable[[Path], str]
 BASE = "world_base"  # the root link of an arm that does not stand at the world's origin
-RESERVED = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}_joint")  # names of links and joints
+RESERVED = (
+    RIGID_MOUNT,
+    *GRIPPER_MOUNTS,
+    BASE,
+    f"{RIGID_MOUNT}_joint",
+    f"{BASE}_joint",
+)  # names of links and joints
 
 
 @lru_cache(maxsize=16)
@@ -42,7 +48,9 @@ def beyond(robot: Robot, tool: Tool) -> frozenset[str]:
     return frozenset(name for name in arm.links if last in arm.above(name))
 
 
-def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) -> Description:
+def assembled(
+    robot: Robot, tool: Tool | None = None, *, fused: bool = False
+) -> Description:
     """Mount a tool on the arm.
 
     A rigid tool replaces the gripper; with a gripper tool the gripper stays. The mount is `core.design.RIGID_MOUNT`, a
@@ -57,7 +65,12 @@ def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) ->
             instead of giving each a link of its own (for people).
     """
     tool = tool if tool is not None else Tool(gripper=robot.gripper is not None)
-    arm, gripper, bearer, mount = robot.description, robot.gripper, robot.mount_link, robot.mount
+    arm, gripper, bearer, mount = (
+        robot.description,
+        robot.gripper,
+        robot.mount_link,
+        robot.mount,
+    )
     if gripper is not None and tool.gripper:
         arm = arm.renamed(dict(zip(gripper.links, GRIPPER_MOUNTS, strict=True)))
         bearer, mount = gripper.link, gripper.mount
@@ -65,14 +78,28 @@ def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) ->
         arm = arm.without(gripper.link)
     parts = tool_parts(tool)
     if fused:
-        parts = ((RobotLink(name), _joint(name, parent, pose, joint)) for name, parent, pose, joint in tool.bearers)
+        parts = (
+            (RobotLink(name), _joint(name, parent, pose, joint))
+            for name, parent, pose, joint in tool.bearers
+        )
     added = [(RobotLink(RIGID_MOUNT), _joint(RIGID_MOUNT, bearer, mount)), *parts]
     if robot.base != Pose():
-        added.append((RobotLink(BASE), RobotJoint(joint_name(BASE), "fixed", BASE, arm.root, Origin.of(robot.base))))
+        added.append(
+            (
+                RobotLink(BASE),
+                RobotJoint(
+                    joint_name(BASE), "fixed", BASE, arm.root, Origin.of(robot.base)
+                ),
+            )
+        )
     links = [*arm.links.values(), *(link for link, _ in added)]
     links = [_fused(link, tool) for link in links] if fused else links
     joints = [*arm.joints.values(), *(joint for _, joint in added)]
-    return Description(arm.name, {link.name: link for link in links}, {joint.child: joint for joint in joints})
+    return Description(
+        arm.name,
+        {link.name: link for link in links},
+        {joint.child: joint for joint in joints},
+    )
 
 
 def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
@@ -82,7 +109,11 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
         own = component.link.inverse()
         center, tensor = mass_properties(component.shape, component.mass)
         pose = component.pose @ component.link if component.joint else component.pose
-        pose = links[component.parent].inverse() @ pose if component.parent in links else pose
+        pose = (
+            links[component.parent].inverse() @ pose
+            if component.parent in links
+            else pose
+        )
         collisions, visuals = _shapes(component, own)
         inertial = Inertial.of(component.mass, own.apply(center), tensor)
         yield (
@@ -96,19 +127,48 @@ def joint_name(link: str) -> str:
     return f"{link}_joint"
 
 
-def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None = None) -> RobotJoint:
+def _joint(
+    name: str, parent: str, pose: Pose, moving: ToolJoint | None = None
+) -> RobotJoint:
     """Make the joint that bears a link of a tool, or a frame."""
     origin = Origin.of(pose)
     if moving is None:
         return RobotJoint(joint_name(name), "fixed", parent, name, origin)
-    numbers = (moving.lower, moving.upper, moving.damping, moving.friction, moving.stiffness, moving.rest, *moving.axis)
-    lower, upper, damping, friction, stiffness, rest, *axis = (rounded(number, PICOMETRES) for number in numbers)
+    numbers = (
+        moving.lower,
+        moving.upper,
+        moving.damping,
+        moving.friction,
+        moving.stiffness,
+        moving.rest,
+        *moving.axis,
+    )
+    lower, upper, damping, friction, stiffness, rest, *axis = (
+        rounded(number, PICOMETRES) for number in numbers
+    )
     kind, (x, y, z) = {"hinge": "revolute", "slider": "prismatic"}[moving.kind], axis
-    limits, spring = Limits(lower, upper, 0.0, 1000.0), (stiffness, rest) if moving.stiffness else None
-    return RobotJoint(joint_name(name), kind, parent, name, origin, (x, y, z), limits, None, damping, friction, spring)
+    limits, spring = (
+        Limits(lower, upper, 0.0, 1000.0),
+        (stiffness, rest) if moving.stiffness else None,
+    )
+    return RobotJoint(
+        joint_name(name),
+        kind,
+        parent,
+        name,
+        origin,
+        (x, y, z),
+        limits,
+        None,
+        damping,
+        friction,
+        spring,
+    )
 
 
-def _shapes(component: Component, pose: Pose) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
+def _shapes(
+    component: Component, pose: Pose
+) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
     """Make the collision and the visual shapes of a component at a pose in its link."""
     collisions, visuals = (
         tuple(
@@ -116,7 +176,10 @@ def _shapes(component: Component, pose: Pose) -> tuple[tuple[RobotShape, ...], t
             for whole in shapes
             for inside, shape in urdf_shapes(whole)
         )
-        for shapes, color in ((component.shape.convex_parts(), None), ((component.shape.drawn,), component.color))
+        for shapes, color in (
+            (component.shape.convex_parts(), None),
+            ((component.shape.drawn,), component.color),
+        )
     )
     return collisions, visuals
 
@@ -134,28 +197,46 @@ def merged(parts: Sequence[Weight]) -> Weight:
 
 def _fused(link: RobotLink, tool: Tool) -> RobotLink:
     """Merge the components that a link bears into it: many shapes, one inertia."""
-    parts = [(c, tool.borne[c.name][1]) for c in tool.components if tool.borne[c.name][0] == link.name]
+    parts = [
+        (c, tool.borne[c.name][1])
+        for c in tool.components
+        if tool.borne[c.name][0] == link.name
+    ]
     if not parts:
         return link
     weights = [link.inertial.placed()] if link.inertial.mass > 0 else []
     collisions, visuals = list(link.collisions), list(link.visuals)
     for component, pose in parts:
-        turn, (center, tensor) = pose.rotation.as_matrix(), mass_properties(component.shape, component.mass)
+        turn, (center, tensor) = (
+            pose.rotation.as_matrix(),
+            mass_properties(component.shape, component.mass),
+        )
         weights.append((component.mass, pose.apply(center), turn @ tensor @ turn.T))
         own = _shapes(component, pose)
         collisions += own[0]
         visuals += own[1]
-    return RobotLink(link.name, Inertial.of(*merged(weights)), tuple(collisions), tuple(visuals))
+    return RobotLink(
+        link.name, Inertial.of(*merged(weights)), tuple(collisions), tuple(visuals)
+    )
 
 
 def assemble(
-    robot: Robot, tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str
+    robot: Robot,
+    tool: Tool | None = None,
+    *,
+    fused: bool = False,
+    visuals: bool = True,
+    mesh_path: MeshPath = str,
 ) -> str:
     """Write the arm with a tool mounted as URDF text; see `assembled` and `write`."""
-    return write(assembled(robot, tool, fused=fused), visuals=visuals, mesh_path=mesh_path)
+    return write(
+        assembled(robot, tool, fused=fused), visuals=visuals, mesh_path=mesh_path
+    )
 
 
-def write(description: Description, *, visuals: bool = True, mesh_path: MeshPath = str) -> str:
+def write(
+    description: Description, *, visuals: bool = True, mesh_path: MeshPath = str
+) -> str:
     """Write a description as URDF text.
 
     Args:
@@ -164,7 +245,9 @@ def write(description: Description, *, visuals: bool = True, mesh_path: MeshPath
         mesh_path: maps a mesh's absolute path to the text that is written.
     """
     root = etree.Element("robot", name=description.name)
-    root.extend(_link_element(link, visuals, mesh_path) for link in description.links.values())
+    root.extend(
+        _link_element(link, visuals, mesh_path) for link in description.links.values()
+    )
     root.extend(map(_joint_element, description.joints.values()))
     return _to_text(root)
 
@@ -189,12 +272,19 @@ def _to_text(element: Any) -> str:
 
 def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
     element, own = etree.Element("link", name=link.name), link.inertial
-    inertial = etree.SubElement(element, "inertial")  # of each link: engines would guess one
+    inertial = etree.SubElement(
+        element, "inertial"
+    )  # of each link: engines would guess one
     _origin(inertial, Origin(own.center, own.rpy))
     etree.SubElement(inertial, "mass", value=_number(own.mass))
-    etree.SubElement(inertial, "inertia", dict(zip(MOMENTS, map(_number, own.moments), strict=True)))
+    etree.SubElement(
+        inertial, "inertia", dict(zip(MOMENTS, map(_number, own.moments), strict=True))
+    )
     colors = list(dict.fromkeys(shape.color for shape in link.visuals))
-    for tag, shapes in (("visual", link.visuals if visuals else ()), ("collision", link.collisions)):
+    for tag, shapes in (
+        ("visual", link.visuals if visuals else ()),
+        ("collision", link.collisions),
+    ):
         for shape in shapes:
             part = etree.SubElement(element, tag)
             _origin(part, shape.origin)
@@ -213,9 +303,13 @@ def _geometry(shape: RobotShape, mesh_path: MeshPath) -> Any:
         case Sphere(radius):
             return etree.Element("sphere", radius=_number(radius))
         case Cylinder(radius, length):
-            return etree.Element("cylinder", radius=_number(radius), length=_number(length))
+            return etree.Element(
+                "cylinder", radius=_number(radius), length=_number(length)
+            )
         case Capsule(radius, length):
-            return etree.Element("capsule", radius=_number(radius), length=_number(length))
+            return etree.Element(
+                "capsule", radius=_number(radius), length=_number(length)
+            )
         case Path() as file:
             scale = {"scale": _numbers(shape.scale)} if shape.scale != ONE else {}
             return etree.Element("mesh", {"filename": mesh_path(file)} | scale)
@@ -230,12 +324,27 @@ def _joint_element(joint: RobotJoint) -> Any:
     if joint.kind == "fixed":
         return element
     etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
-    if limits := {name: _number(value) for name, value in joint.limits._asdict().items() if value is not None}:
+    if limits := {
+        name: _number(value)
+        for name, value in joint.limits._asdict().items()
+        if value is not None
+    }:
         etree.SubElement(element, "limit", limits)
-    etree.SubElement(element, "dynamics", damping=_number(joint.damping), friction=_number(joint.friction))
+    etree.SubElement(
+        element,
+        "dynamics",
+        damping=_number(joint.damping),
+        friction=_number(joint.friction),
+    )
     if joint.mimic is not None:
         name, multiplier, offset = joint.mimic
-        etree.SubElement(element, "mimic", joint=name, multiplier=_number(multiplier), offset=_number(offset))
+        etree.SubElement(
+            element,
+            "mimic",
+            joint=name,
+            multiplier=_number(multiplier),
+            offset=_number(offset),
+        )
     if joint.spring is not None:
         stiffness, rest = map(_number, joint.spring)
         etree.SubElement(element, "spring", stiffness=stiffness, rest=rest)
@@ -243,7 +352,9 @@ def _joint_element(joint: RobotJoint) -> Any:
 
 
 def _origin(parent: Any, origin: Origin) -> None:
-    etree.SubElement(parent, "origin", xyz=_numbers(origin.xyz), rpy=_numbers(origin.rpy))
+    etree.SubElement(
+        parent, "origin", xyz=_numbers(origin.xyz), rpy=_numbers(origin.rpy)
+    )
 
 
 def _numbers(values: Iterable[float]) -> str:

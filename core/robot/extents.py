@@ -37,7 +37,10 @@ class Finger(NamedTuple):
 
 def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
     """Measure the collision shapes of each link that has some, in its own frame."""
-    return extents_of((s.name, s.pose.apply(corners(s.geometry))) for s in robot_solids(robot, gripper))
+    return extents_of(
+        (s.name, s.pose.apply(corners(s.geometry)))
+        for s in robot_solids(robot, gripper)
+    )
 
 
 def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
@@ -45,7 +48,10 @@ def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
     found: dict[str, Extent] = {}
     for name, points in placed:
         low, high = found.get(name, (points[0], points[0]))
-        found[name] = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+        found[name] = (
+            np.minimum(low, points.min(axis=0)),
+            np.maximum(high, points.max(axis=0)),
+        )
     return found
 
 
@@ -60,8 +66,19 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     found = []
     for name in GRIPPER_MOUNTS:
         joint, own = model.links[name]
-        opens, tip = own.rotation.inv().apply(model.axes[joint][1]), poses[name].rotation.inv().apply((0.0, 0.0, -1.0))
-        found.append(Finger(name, poses[name], extents[name], _nearest_axis(opens), _nearest_axis(tip)))
+        opens, tip = (
+            own.rotation.inv().apply(model.axes[joint][1]),
+            poses[name].rotation.inv().apply((0.0, 0.0, -1.0)),
+        )
+        found.append(
+            Finger(
+                name,
+                poses[name],
+                extents[name],
+                _nearest_axis(opens),
+                _nearest_axis(tip),
+            )
+        )
     return tuple(found)
 
 

@@ -34,7 +34,9 @@ class RobotModel:
     data: Any
     axes: tuple[tuple[Array, Array], ...]
     parents: tuple[int, ...]  # for each joint, the number of the one before it
-    supports: tuple[frozenset[int], ...]  # for each joint, itself and the joints before it
+    supports: tuple[
+        frozenset[int], ...
+    ]  # for each joint, itself and the joints before it
     links: dict[str, tuple[int, Pose]]
 
     @cached_property
@@ -45,8 +47,13 @@ class RobotModel:
     @cached_property
     def reach(self) -> float:
         """How far a link's frame can be from the axis of any joint before it, at most, metres."""
-        chain = [float(np.linalg.norm(placement.translation)) for placement in list(self.model.jointPlacements)[2:]]
-        return sum(chain) + max(float(np.linalg.norm(pose.position)) for _, pose in self.links.values())
+        chain = [
+            float(np.linalg.norm(placement.translation))
+            for placement in list(self.model.jointPlacements)[2:]
+        ]
+        return sum(chain) + max(
+            float(np.linalg.norm(pose.position)) for _, pose in self.links.values()
+        )
 
 
 def robot_model(robot: Robot, tool: Tool) -> RobotModel:
@@ -74,19 +81,32 @@ def _load(robot: Robot, tool: Tool) -> RobotModel:
         joint.calc(data, pin.neutral(model))
         motion = np.asarray(data.S).reshape(6)
         axes.append((motion[3:], motion[:3]))
-    return RobotModel(model, model.createData(), tuple(axes), tuple(model.parents), supports, links)
+    return RobotModel(
+        model, model.createData(), tuple(axes), tuple(model.parents), supports, links
+    )
 
 
 def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
     """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
-    others = (*robot.finger_joints, *(joint_name(bearer.name) for bearer in tool.bearers))
-    columns = dict(zip((*robot.arm_joints, *others), np.column_stack([arm, fingers]).T, strict=False))
+    others = (
+        *robot.finger_joints,
+        *(joint_name(bearer.name) for bearer in tool.bearers),
+    )
+    columns = dict(
+        zip(
+            (*robot.arm_joints, *others),
+            np.column_stack([arm, fingers]).T,
+            strict=False,
+        )
+    )
     return np.column_stack([columns[name] for name in robot_model(robot, tool).joints])
 
 
 def finger_values(robot: Robot, tool: Tool, opening: Array) -> Array:
     """Return the fingers' joints (T, F + K) at an ``opening`` (T,), metres, with the tool's own joints at 0."""
-    return np.outer(opening, [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers))
+    return np.outer(
+        opening, [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers)
+    )
 
 
 def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
@@ -95,7 +115,10 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     ``joints`` are as `joint_values` orders them.
     """
     count = robot.model.njoints
-    rotations, positions = np.empty((count, len(joints), 3, 3)), np.empty((count, len(joints), 3))
+    rotations, positions = (
+        np.empty((count, len(joints), 3, 3)),
+        np.empty((count, len(joints), 3)),
+    )
     for k, values in enumerate(joints):
         pin.forwardKinematics(robot.model, robot.data, values)
         for joint, placement in enumerate(robot.data.oMi):
@@ -104,7 +127,9 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     return rotations, positions
 
 
-def link_frames(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, tuple[Array, Array]]:
+def link_frames(
+    robot: Robot, tool: Tool, arm: Array, fingers: Array
+) -> dict[str, tuple[Array, Array]]:
     """Compute the rotations (T, 3, 3) and positions (T, 3) of links' frames in the world, with the tool's bearers.
 
     ``arm`` (T, J) and ``fingers`` (T, F + K) are the joints; without the gripper the fingers do not matter.
@@ -112,7 +137,9 @@ def link_frames(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[st
     model = robot_model(robot, tool)
     rotations, positions = joint_frames(model, joint_values(robot, tool, arm, fingers))
     return {
-        name: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
+        name: place(
+            rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position
+        )
         for name, (joint, pose) in model.links.items()
     }
 
@@ -120,7 +147,12 @@ def link_frames(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[st
 def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
     """Place each link in the world, with the arm at joints (J,) and the fingers open."""
     tool = Tool(gripper=gripper)
-    frames = link_frames(robot, tool, np.asarray(joints)[None], finger_values(robot, tool, np.array([robot.opening_m])))
+    frames = link_frames(
+        robot,
+        tool,
+        np.asarray(joints)[None],
+        finger_values(robot, tool, np.array([robot.opening_m])),
+    )
     return {
         name: Pose.from_rotation(position[0], Rotation.from_matrix(rotation[0]))
         for name, (rotation, position) in frames.items()
@@ -132,11 +164,15 @@ def open_mounts(robot: Robot, gripper: bool) -> dict[str, Pose]:
     """Place each mount in the frame of the tool mount, with the fingers open."""
     poses = link_poses(robot, gripper, np.array(robot.home))
     return {
-        name: poses[RIGID_MOUNT].inverse() @ poses[name] for name in (RIGID_MOUNT, *GRIPPER_MOUNTS) if name in poses
+        name: poses[RIGID_MOUNT].inverse() @ poses[name]
+        for name in (RIGID_MOUNT, *GRIPPER_MOUNTS)
+        if name in poses
     }
 
 
-def place(rotations: Array, positions: Array, rotation: Array, position: Array) -> tuple[Array, Array]:
+def place(
+    rotations: Array, positions: Array, rotation: Array, position: Array
+) -> tuple[Array, Array]:
     """Place in the world what has a rotation (..., 3, 3) and a position (..., 3) in each of frames that move.
 
     Args:
@@ -149,7 +185,9 @@ def place(rotations: Array, positions: Array, rotation: Array, position: Array) 
         Rotations (..., T, 3, 3) and positions (..., T, 3).
     """
     rows = _rows(rotations)
-    return (rows @ rotation).reshape(rotations.shape), positions + rotate(rotations, position)
+    return (rows @ rotation).reshape(rotations.shape), positions + rotate(
+        rotations, position
+    )
 
 
 def rotate(rotations: Array, vectors: Array) -> Array:
@@ -200,7 +238,10 @@ class Arm:
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
         # The frame's placement: views of memory that Pinocchio keeps up to date.
-        self._here, self._back = self._data.oMf[self._frame].translation, self._data.oMf[self._frame].rotation.T
+        self._here, self._back = (
+            self._data.oMf[self._frame].translation,
+            self._data.oMf[self._frame].rotation.T,
+        )
         self.lower: Array = self._model.lowerPositionLimit.copy()
         self.upper: Array = self._model.upperPositionLimit.copy()
         self.velocity_limits: Array = self._model.velocityLimit.copy()
@@ -211,12 +252,16 @@ class Arm:
 
     def forward(self, joints: Array) -> Pose:
         """Compute the pose of the tool mount in the world."""
-        pin.framesForwardKinematics(self._model, self._data, np.asarray(joints, dtype=np.float64))
+        pin.framesForwardKinematics(
+            self._model, self._data, np.asarray(joints, dtype=np.float64)
+        )
         return Pose.from_matrix(self._data.oMf[self._frame].homogeneous)
 
     def jacobian(self, joints: Array) -> Array:
         """Compute (6, J): what the joints' speeds make of the tool mount's speed and turning, in the world's axes."""
-        frame: Array = pin.computeFrameJacobian(self._model, self._data, joints, self._frame, pin.LOCAL_WORLD_ALIGNED)
+        frame: Array = pin.computeFrameJacobian(
+            self._model, self._data, joints, self._frame, pin.LOCAL_WORLD_ALIGNED
+        )
         return frame
 
     def positions(self, joints: Array) -> Array:
@@ -229,11 +274,17 @@ class Arm:
 
     def inverse(self, pose: Pose, seed: Array) -> Solution:
         """Find joints near ``seed`` that bring the end-effector closest to ``pose``, within the limits (`follow`)."""
-        joints, errors = self.follow(pose.position[None], pose.rotation.as_matrix()[None], seed)
+        joints, errors = self.follow(
+            pose.position[None], pose.rotation.as_matrix()[None], seed
+        )
         return Solution(joints[0], float(errors[0, 0]), float(errors[0, 1]))
 
     def follow(
-        self, positions: Array, rotations: Array, seed: Array, jump_rad: float = math.inf
+        self,
+        positions: Array,
+        rotations: Array,
+        seed: Array,
+        jump_rad: float = math.inf,
     ) -> tuple[Array, Array]:
         """Solve a sequence of poses: joints (K, J), and the remaining errors (K, 2) in metres and radians.
 
@@ -244,13 +295,21 @@ class Arm:
         pose to the next: what would need it is out of reach. Work is bounded: see ``_MAX_STEPS_ALL``.
         """
         left = _MAX_STEPS_ALL
-        joints, errors = np.empty((len(positions), len(self.home))), np.empty((len(positions), 2))
-        for k, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
+        joints, errors = (
+            np.empty((len(positions), len(self.home))),
+            np.empty((len(positions), 2)),
+        )
+        for k, (position, rotation) in enumerate(
+            zip(positions, rotations, strict=True)
+        ):
             most = _MAX_STEPS if left > 0 else _FEW_STEPS
             seed, error, steps = self._closest(position, rotation, seed, most, jump_rad)
             left -= steps
             joints[k] = seed
-            errors[k] = math.sqrt(error[:3].dot(error[:3])), math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
+            errors[k] = (
+                math.sqrt(error[:3].dot(error[:3])),
+                math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT,
+            )
         return joints, errors
 
     def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
@@ -270,14 +329,19 @@ class Arm:
         Most planning time is spent here: numpy's fastest calls.
         """
         q = np.minimum(np.maximum(seed, self.lower), self.upper)
-        lower, upper = np.maximum(self.lower, q - jump_rad), np.minimum(self.upper, q + jump_rad)
+        lower, upper = (
+            np.maximum(self.lower, q - jump_rad),
+            np.minimum(self.upper, q + jump_rad),
+        )
         error = self._miss(position, rotation, q)
         cost, damping = float(error.dot(error)), 1e-4
         count = 0
         for count in range(most):
             if cost < _POSITION_TOLERANCE**2:
                 break
-            jacobian = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL)
+            jacobian = pin.computeFrameJacobian(
+                self._model, self._data, q, self._frame, pin.LOCAL
+            )
             jacobian[3:] *= _RADIAN_WEIGHT
             # The redundant joint motion drifts home, away from the limits; only at first, so that it converges.
             idle = (0.05 if count < 4 else 0.0) * (self.home - q)
@@ -287,13 +351,23 @@ class Arm:
                 jacobian[:, held] = 0.0
                 idle[held] = 0.0
             square = jacobian.dot(jacobian.T) + damping * _EYE
-            step = idle + jacobian.T.dot(dgesv(square.T, error - jacobian.dot(idle), True, True)[2])
-            trial = np.minimum(np.maximum(q + np.minimum(np.maximum(step, -_STRIDE), _STRIDE), lower), upper)
+            step = idle + jacobian.T.dot(
+                dgesv(square.T, error - jacobian.dot(idle), True, True)[2]
+            )
+            trial = np.minimum(
+                np.maximum(q + np.minimum(np.maximum(step, -_STRIDE), _STRIDE), lower),
+                upper,
+            )
             trial_error = self._miss(position, rotation, trial)
             trial_cost = float(trial_error.dot(trial_error))
             if trial_cost < cost:
                 small = cost - trial_cost < 1e-6 * cost
-                q, error, cost, damping = trial, trial_error, trial_cost, max(damping / 5, 1e-8)
+                q, error, cost, damping = (
+                    trial,
+                    trial_error,
+                    trial_cost,
+                    max(damping / 5, 1e-8),
+                )
                 if small:
                     break
             else:

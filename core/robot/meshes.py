@@ -47,15 +47,21 @@ def kept(kind: str, suffix: str, content: bytes, make: Callable[[], bytes]) -> P
         UserError: it can't be made, or not be written.
     """
     name = hashlib.sha256(f"{_VERSION} ".encode() + content).hexdigest()[:32]
-    file = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind / f"{name}.{suffix}"
+    file = (
+        platformdirs.user_cache_path("vlmgineer") / "meshes" / kind / f"{name}.{suffix}"
+    )
     try:
-        if not (file.is_file() and file.stat().st_size):  # a power cut may leave it empty
+        if not (
+            file.is_file() and file.stat().st_size
+        ):  # a power cut may leave it empty
             data = make()
             file.parent.mkdir(parents=True, exist_ok=True)
             write_whole(file, data, shared=True)
     except OSError as error:
         mend = "make the folder writable, or choose another with XDG_CACHE_HOME"
-        raise UserError(f"meshes can't be kept in {file.parent}: {error.strerror}; {mend}") from error
+        raise UserError(
+            f"meshes can't be kept in {file.parent}: {error.strerror}; {mend}"
+        ) from error
     return file
 
 
@@ -69,7 +75,9 @@ def farthest(corners: Array) -> Array:
     first = corners[:1]
     while len(first) < 4:
         center = first.mean(axis=0)
-        axes = np.linalg.svd(first - center)[2][: len(first) - 1]  # of the line or plane through them
+        axes = np.linalg.svd(first - center)[2][
+            : len(first) - 1
+        ]  # of the line or plane through them
         off = (corners - center) - (corners - center) @ axes.T @ axes
         first = np.vstack([first, corners[np.linalg.norm(off, axis=1).argmax()]])
     hull = ConvexHull(first, incremental=True)
@@ -83,7 +91,10 @@ def farthest(corners: Array) -> Array:
 def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
     """List the visual shapes of each link of the bare arm that has some, with its gripper or without."""
     links = assembled(robot, Tool(gripper=gripper)).links.values()
-    visuals = {link.name: tuple(visual for shape in link.visuals for visual in _visuals(shape)) for link in links}
+    visuals = {
+        link.name: tuple(visual for shape in link.visuals for visual in _visuals(shape))
+        for link in links
+    }
     return {name: shapes for name, shapes in visuals.items() if shapes}
 
 
@@ -93,7 +104,11 @@ def _visuals(visual: RobotShape) -> Iterator[Visual]:
         yield Visual(shape, pose, color)
         return
     for mesh, own in _pieces(shape):
-        scaled = mesh if visual.scale == ONE else Mesh.from_trimesh(mesh.to_trimesh().apply_scale(visual.scale))
+        scaled = (
+            mesh
+            if visual.scale == ONE
+            else Mesh.from_trimesh(mesh.to_trimesh().apply_scale(visual.scale))
+        )
         yield Visual(scaled, pose, own or color)
 
 
@@ -105,7 +120,9 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
         if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
             color: Color | None = None
             if piece.visual.kind == "texture":
-                red, green, blue, opacity = (float(x) / 255 for x in piece.visual.material.main_color)
+                red, green, blue, opacity = (
+                    float(x) / 255 for x in piece.visual.material.main_color
+                )
                 color = (red, green, blue, opacity)
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))
@@ -116,7 +133,9 @@ if TYPE_CHECKING:
     import trimesh
 
 
-def solids(tool: Tool, *, loose: bool = False) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
+def solids(
+    tool: Tool, *, loose: bool = False
+) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
     """The components by mount, each with its solid in the mount's frame, in metres.
 
     If ``loose``, by what bears them: a mount or, for those that a joint moves, the component with the joint.
@@ -125,5 +144,7 @@ def solids(tool: Tool, *, loose: bool = False) -> dict[str, list[tuple[Component
     by_mount: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]
-        by_mount.setdefault(mount, []).append((component, component.shape.to_trimesh().apply_transform(pose.matrix)))
+        by_mount.setdefault(mount, []).append(
+            (component, component.shape.to_trimesh().apply_transform(pose.matrix))
+        )
     return by_mount

@@ -21,7 +21,9 @@ def urdf_shapes(shape: Shape) -> Iterator[tuple[Pose | None, Primitive | Path]]:
                 yield Pose(np.array([0.0, 0.0, end])), rounded_shape(Sphere(radius))
         case Mesh():
             file = scratch() / f"{shape.content}.obj"
-            write_once(file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12)))
+            write_once(
+                file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12))
+            )
             yield None, file
         case _:
             yield None, rounded_shape(shape)

@@ -17,7 +17,17 @@ import numpy as np
 import trimesh
 
 from core.design import Tool
-from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import (
+    Array,
+    Box,
+    Capsule,
+    Compound,
+    Cylinder,
+    Mesh,
+    Pose,
+    Shape,
+    Sphere,
+)
 from core.robot.description import assembled
 from core.scene import Body
 from core.values.robots import Robot
@@ -51,7 +61,9 @@ def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
     convex = mesh.convex_hull
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     points.extend(np.asarray(convex.vertices, dtype=np.float64))
-    faces.extend(coal.Triangle(*(int(corner) for corner in face)) for face in convex.faces)
+    faces.extend(
+        coal.Triangle(*(int(corner) for corner in face)) for face in convex.faces
+    )
     return coal.Convex(points, faces)
 
 
@@ -75,7 +87,11 @@ def corners(geometry: Any) -> Array:
     if isinstance(geometry, coal.ConvexBase):
         return np.asarray(geometry.points())
     middle, half = bounding_box(geometry)
-    return np.array(np.meshgrid(*np.column_stack([middle - half, middle + half]))).reshape(3, -1).T
+    return (
+        np.array(np.meshgrid(*np.column_stack([middle - half, middle + half])))
+        .reshape(3, -1)
+        .T
+    )
 
 
 def bounding_box(geometry: Any) -> tuple[Array, Array]:
@@ -92,7 +108,10 @@ def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
 
 def body_solids(body: Body) -> Iterator[Solid]:
     """Yield a body's collision shapes, in the world."""
-    return (Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose) for part in body.collisions)
+    return (
+        Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose)
+        for part in body.collisions
+    )
 
 
 def signed_distance(a: Solid, b: Solid) -> float:
@@ -103,13 +122,18 @@ def signed_distance(a: Solid, b: Solid) -> float:
 def contact(a: Solid, b: Solid) -> tuple[float, Array]:
     """Measure the signed distance of two solids in one frame, and find the point (3,) midway where they are closest."""
     result = coal.DistanceResult()
-    gap = coal.distance(a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), result)
+    gap = coal.distance(
+        a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), result
+    )
     return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
 
 
 def closest(ones: Iterable[Solid], others: Iterable[Solid]) -> tuple[float, Array]:
     """Measure the least signed distance of two groups of solids, and find the point (3,) midway there."""
-    return min((contact(*pair) for pair in itertools.product(ones, others)), key=lambda found: found[0])
+    return min(
+        (contact(*pair) for pair in itertools.product(ones, others)),
+        key=lambda found: found[0],
+    )
 
 
 class Obstacles:
@@ -123,13 +147,23 @@ class Obstacles:
     def gaps(self, solid: Solid, margin: float) -> Iterator[tuple[str, float]]:
         """Yield the name of and the signed distance to each solid that may be within ``margin`` metres, or farther."""
         center, half = solid.bounds()
-        close = (np.abs(self._centers - center) <= self._halves + half + margin).all(axis=1)
-        return ((self._solids[i].name, signed_distance(solid, self._solids[i])) for i in np.flatnonzero(close))
+        close = (np.abs(self._centers - center) <= self._halves + half + margin).all(
+            axis=1
+        )
+        return (
+            (self._solids[i].name, signed_distance(solid, self._solids[i]))
+            for i in np.flatnonzero(close)
+        )
 
 
 def gap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> float:
     """Measure the gap between two shapes, metres, both poses in one frame; 0 if they touch or overlap."""
-    return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
+    return max(
+        0.0,
+        signed_distance(
+            Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)
+        ),
+    )
 
 
 @lru_cache(maxsize=8)

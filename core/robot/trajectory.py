@@ -65,7 +65,9 @@ class Begin(NamedTuple):
     grip: float = 0.0
 
 
-def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
+def plan_motion(
+    plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95
+) -> Motion:
     """Plan the motion from the home pose through all waypoints, at rest at each.
 
     In a segment the position moves on a straight line, the orientation by SLERP and the fingers linearly. It lasts
@@ -86,22 +88,36 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     knots = np.vstack([start, solved])
     segments = [(joined(knots[a : b + 1], arm), b - a) for a, b in pairwise(ends)]
     times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, opening)]
-    for i, (instants, joints) in enumerate(time_at_rest(segments, arm, segment_s, speed)):
+    for i, (instants, joints) in enumerate(
+        time_at_rest(segments, arm, segment_s, speed)
+    ):
         times.append(times[-1][-1] + instants)
         targets.append(np.minimum(np.maximum(joints, arm.lower), arm.upper))
         closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
         fingers.append(opening * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
-    trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
+    trajectory = JointTrajectory(
+        np.concatenate(times), np.concatenate(targets), np.concatenate(fingers)
+    )
     arrivals = np.array([instants[-1] for instants in times[1:]])
-    return make_motion(trajectory, arrivals, knots, errors, ends, plan, np.ones(len(plan)), arm)
+    return make_motion(
+        trajectory, arrivals, knots, errors, ends, plan, np.ones(len(plan)), arm
+    )
 
 
-def poses_from(home: Pose, plan: Array, grip: float = 0.0) -> tuple[Array, Array, Rotation]:
+def poses_from(
+    home: Pose, plan: Array, grip: float = 0.0
+) -> tuple[Array, Array, Rotation]:
     """Return grips (N + 1,), positions (N + 1, 3) and rotations (N + 1) of home and the waypoints."""
-    grips = np.concatenate([[grip], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))])
+    grips = np.concatenate(
+        [[grip], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))]
+    )
     positions = np.vstack([home.position, plan[:, :3]])
-    return grips, positions, Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
+    return (
+        grips,
+        positions,
+        Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])]),
+    )
 
 
 def make_motion(
@@ -118,27 +134,49 @@ def make_motion(
 
     ``ends`` are the knots of home and the waypoints (N + 1).
     """
-    distance = float(np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum())
+    distance = float(
+        np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum()
+    )
     starts = [ends[1] - 1, *ends[1:-1]]  # errors before the first waypoint do no harm
     misses = np.maximum.reduceat(errors, starts, axis=0)
     worst = misses.max(axis=0)
-    return Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals, misses, plan, slowed)
+    return Motion(
+        trajectory,
+        distance,
+        float(worst[0]),
+        float(worst[1]),
+        arrivals,
+        misses,
+        plan,
+        slowed,
+    )
 
 
-def straight_path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
+def straight_path(
+    positions: Array, rotations: Rotation
+) -> tuple[Array, Array, list[int]]:
     """Place knots along the poses (N + 1): positions (K, 3), rotations (K, 3, 3), and the poses' indices among them."""
     ways, turns = np.diff(positions, axis=0), rotations[:-1].inv() * rotations[1:]
     angles = np.asarray(turns.magnitude())
     ends, legs, along = [0], [np.zeros(1, dtype=int)], [np.zeros(1)]
     for number, (way, angle) in enumerate(zip(ways, angles, strict=True)):
-        count = max(1, math.ceil(max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)))
+        count = max(
+            1,
+            math.ceil(
+                max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)
+            ),
+        )
         ends.append(ends[-1] + count)
         legs.append(np.full(count, number))
         along.append(np.linspace(0.0, 1.0, count + 1)[1:])
     leg, share = np.concatenate(legs), np.concatenate(along)[:, None]
-    turned = rotations[leg] * Rotation.from_rotvec(turns.as_rotvec()[leg] * share)  # SLERP
+    turned = rotations[leg] * Rotation.from_rotvec(
+        turns.as_rotvec()[leg] * share
+    )  # SLERP
     quaternions = turned.as_quat(scalar_first=True)
-    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)  # as a `Pose` would have them, to the last bit
+    quaternions /= np.linalg.norm(
+        quaternions, axis=1, keepdims=True
+    )  # as a `Pose` would have them, to the last bit
     matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
     return positions[leg] + share * ways[leg], matrices, ends
 
@@ -157,7 +195,12 @@ def joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
 def _places(count: int) -> tuple[Array, Array, int, Array]:
     """Say where K knots are along a path: s (K,), the knots of SciPy's spline, its degree, and s (8 K,) between."""
     s, degree = np.linspace(0.0, 1.0, count), min(3, count - 1)
-    return s, make_interp_spline(s, s, degree).t, degree, np.linspace(0.0, 1.0, 8 * count)
+    return (
+        s,
+        make_interp_spline(s, s, degree).t,
+        degree,
+        np.linspace(0.0, 1.0, 8 * count),
+    )
 
 
 @lru_cache(maxsize=256)
@@ -169,13 +212,18 @@ def grid(cells: int) -> Array:
 def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
     """Compute the size of a path's second derivative (S, J) at s (S,)."""
     bend: Array = np.abs(path(s, 2))
-    if isinstance(path, PchipInterpolator):  # its second derivative jumps at a knot: take both sides
+    if isinstance(
+        path, PchipInterpolator
+    ):  # its second derivative jumps at a knot: take both sides
         bend = np.maximum(bend, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))
     return bend
 
 
 def time_at_rest(
-    segments: list[tuple[BSpline | PchipInterpolator, int]], arm: Arm, segment_s: float, speed: float
+    segments: list[tuple[BSpline | PchipInterpolator, int]],
+    arm: Arm,
+    segment_s: float,
+    speed: float,
 ) -> Iterator[tuple[Array, Array]]:
     """Time each path (joints over s in [0, 1], and its number of cells), at rest at both ends.
 
@@ -192,12 +240,21 @@ def time_at_rest(
     ends = np.cumsum(sizes)
     step = np.repeat([s[1] for _, s in placed], sizes)
     half = arm.acceleration_limits * speed / 2
-    with np.errstate(divide="ignore"):  # where a joint does not move, and between two segments
-        fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
+    with np.errstate(
+        divide="ignore"
+    ):  # where a joint does not move, and between two segments
+        fastest = np.minimum(
+            _least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend)
+        )
         gain = np.minimum(_least(half / slope), 6.25 / segment_s**2)
         square = np.minimum(fastest, (1.25 / segment_s) ** 2)
         square[0] = square[ends[:-1]] = square[ends - 1] = 0.0
-        rate = np.sqrt(_within(square.tolist(), (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist()))
+        rate = np.sqrt(
+            _within(
+                square.tolist(),
+                (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist(),
+            )
+        )
         lasts = 2 * step[:-1] / (rate[:-1] + rate[1:])
     for (path, s), end in zip(placed, ends, strict=True):
         own = slice(end - len(s), end)
@@ -242,7 +299,9 @@ def sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
     times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
     at = np.minimum(np.searchsorted(instants, times, side="right") - 1, len(lasts) - 1)
     since = times - instants[at]
-    along = s[at] + rate[at] * since + (rate[at + 1] - rate[at]) / lasts[at] / 2 * since**2
+    along = (
+        s[at] + rate[at] * since + (rate[at + 1] - rate[at]) / lasts[at] / 2 * since**2
+    )
     return times, np.minimum(np.maximum(along, 0.0), 1.0)
 
 

@@ -22,7 +22,9 @@ from core.search.together import make_fitness
 from core.trial import TIE
 
 
-def build_designer(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> tuple[ModelDesigner, Fitness]:
+def build_designer(
+    cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager
+) -> tuple[ModelDesigner, Fitness]:
     """Make what asks ``vlm`` for candidates in a run with this configuration, and what judges them.
 
     Raises:
@@ -33,7 +35,9 @@ def build_designer(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> t
     task = task_part(cfg).create()
     representation = tool_part(cfg).create()
     for each in task.parts:
-        arm_of(task.robot).home_for(each.home)  # an arm that can't start is reported once, before it is drawn
+        arm_of(task.robot).home_for(
+            each.home
+        )  # an arm that can't start is reported once, before it is drawn
     if representation.given(task) is not None:
         budget = replace(budget, n_tool=1)
 
@@ -46,14 +50,23 @@ def build_designer(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> t
     tie = cfg.evolution.get("tie", TIE)
     instructions = {"": fitness.instructions()}
     if len(task.parts) > 1:
-        instructions |= {each.name: fitness.instructions_in(each.name) for each in task.parts}
+        instructions |= {
+            each.name: fitness.instructions_in(each.name) for each in task.parts
+        }
     prompts = {
         name: PromptComposer(prompt, settings, cfg.sim.name, tie=tie, judged=text)
         for name, text in instructions.items()
     }
     kinds = cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS
     designer = make_designer(
-        Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
+        Assignment(
+            task,
+            representation,
+            part(ACTION, cfg.action).create(),
+            budget,
+            cfg.seed,
+            kinds,
+        ),
         part(SIMULATOR, cfg.sim).create,
         vlm,
         prompts.pop(""),
@@ -66,9 +79,17 @@ def build_designer(cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager) -> t
 
 def _read_budget(cfg: DictConfig) -> Budget:
     budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
-    for name, least in (("n_agent", 1), ("n_tool", 1), ("n_action", 1), ("k_top", 1), ("n_iteration", 0)):
+    for name, least in (
+        ("n_agent", 1),
+        ("n_tool", 1),
+        ("n_action", 1),
+        ("k_top", 1),
+        ("n_iteration", 0),
+    ):
         if getattr(budget, name) < least:
-            raise UsageError(f"budget.{name} must be at least {least}, got {getattr(budget, name)}")
+            raise UsageError(
+                f"budget.{name} must be at least {least}, got {getattr(budget, name)}"
+            )
     return budget
 
 

@@ -47,11 +47,18 @@ def make_designer(
     task = assignment.task
     given = given_tool(assignment.representation, task)
     if given is None:
-        assignment = replace(assignment, tool_kinds=borne_kinds(assignment.tool_kinds, task.robot))
-        mounted = [Tool(gripper=name == "gripper") for name in dict.fromkeys(assignment.tool_kinds)]
+        assignment = replace(
+            assignment, tool_kinds=borne_kinds(assignment.tool_kinds, task.robot)
+        )
+        mounted = [
+            Tool(gripper=name == "gripper")
+            for name in dict.fromkeys(assignment.tool_kinds)
+        ]
     else:
         mounted = [given]
-    pictures, drawable = pictures_by_task(task, create, prompts, assignment.seed, mounted)
+    pictures, drawable = pictures_by_task(
+        task, create, prompts, assignment.seed, mounted
+    )
     film = strips(task, create, assignment.seed, prompts.rollout) if drawable else None
 
     critic = None
@@ -59,7 +66,10 @@ def make_designer(
     if count and vlm.criticises:
         critic = Critic(prompts, sampling.temperature, film)
     elif count:
-        say(f"prompt.critic={count}: {vlm.model} writes no critiques; there are none", file=sys.stderr)
+        say(
+            f"prompt.critic={count}: {vlm.model} writes no critiques; there are none",
+            file=sys.stderr,
+        )
 
     planner = None
     if len(task.parts) > 1:
@@ -72,7 +82,9 @@ def make_designer(
             pictures,
             vlm.takes_schema,
         )
-    return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, planner, film, critic)
+    return ModelDesigner(
+        assignment, vlm, prompts, sampling, events, pictures, planner, film, critic
+    )
 
 
 def _check_level(assignment: Assignment, vlm: VLM, prompts: PromptComposer) -> None:
@@ -85,7 +97,9 @@ def _check_level(assignment: Assignment, vlm: VLM, prompts: PromptComposer) -> N
     level = prompts.level
     task = assignment.task
     if level.in_words and not task.in_words:
-        raise UsageError(f"{task.name} has no text without numbers for prompt.told={told}: give it `in_words`")
+        raise UsageError(
+            f"{task.name} has no text without numbers for prompt.told={told}: give it `in_words`"
+        )
     if level.numbers:
         return
     if not vlm.sees:
@@ -93,4 +107,6 @@ def _check_level(assignment: Assignment, vlm: VLM, prompts: PromptComposer) -> N
             f"{vlm.model} reads the scene's numbers, not pictures: prompt.told={told} needs a model that sees"
         )
     if len(task.parts) > 1:
-        raise UsageError(f"prompt.told={told} shows one scene, and {task.name} has several: use words or source")
+        raise UsageError(
+            f"prompt.told={told} shows one scene, and {task.name} has several: use words or source"
+        )

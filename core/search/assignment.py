@@ -6,7 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from core.errors import UserError, choices
-from core.interfaces import ActionRepresentation, Budget, Robot, Task, ToolRepresentation
+from core.interfaces import (
+    ActionRepresentation,
+    Budget,
+    Robot,
+    Task,
+    ToolRepresentation,
+)
 
 TOOL_KINDS = ("rigid", "gripper")
 DEFAULT_KINDS = ("rigid",)  # for a task that names none
@@ -43,7 +49,9 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
     Raises:
         UserError: none is left.
     """
-    borne = [name for name in tool_kinds if name != "gripper" or robot.gripper is not None]
+    borne = [
+        name for name in tool_kinds if name != "gripper" or robot.gripper is not None
+    ]
     if not borne:
         raise UserError(
             f"robot {robot.name} has no gripper, and task.tool_kinds has no other kind; set task.tool_kinds=[rigid], "

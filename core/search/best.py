@@ -21,7 +21,9 @@ Export = Callable[[Candidate, Robot, Motion, Path], None]
 """Writes files of a candidate to a folder that is there: of its tool, the arm, and the planned motion."""
 
 
-def save_best(result: Result, run: Run, strategy: EvolutionStrategy, *, film: bool) -> None:
+def save_best(
+    result: Result, run: Run, strategy: EvolutionStrategy, *, film: bool
+) -> None:
     """Write the best design to ``best/``, with a film of its rollout unless the run was interrupted.
 
     What else a strategy hands over lies beside it (`core.interfaces.EvolutionStrategy.write_archive`).
@@ -35,7 +37,9 @@ def save_best(result: Result, run: Run, strategy: EvolutionStrategy, *, film: bo
     for old in (whole, archive):
         if old.is_symlink():
             old.unlink()
-        shutil.rmtree(old, ignore_errors=True)  # a resumed run has those of an earlier end
+        shutil.rmtree(
+            old, ignore_errors=True
+        )  # a resumed run has those of an earlier end
     strategy.write_archive(result.ranking, run.representation, archive)
 
     several = len(run.task.parts) > 1
@@ -43,10 +47,18 @@ def save_best(result: Result, run: Run, strategy: EvolutionStrategy, *, film: bo
         save_design(best.candidate, run.representation, whole)
     for task in run.task.parts:
         folder = whole / task.name if several else whole
-        _save_motion(best.candidate.of(task.name), task, run, folder, film=film and result.stopped != INTERRUPTED)
+        _save_motion(
+            best.candidate.of(task.name),
+            task,
+            run,
+            folder,
+            film=film and result.stopped != INTERRUPTED,
+        )
 
 
-def _save_motion(candidate: Candidate, task: Task, run: Run, folder: Path, *, film: bool) -> None:
+def _save_motion(
+    candidate: Candidate, task: Task, run: Run, folder: Path, *, film: bool
+) -> None:
     """Write a design with its plan for one task."""
     if candidate.problem is not None:
         report_missing(f"motion for {task.name}", UserError(candidate.problem))
@@ -59,6 +71,13 @@ def _save_motion(candidate: Candidate, task: Task, run: Run, folder: Path, *, fi
         export(candidate, task.robot, motion, folder)
     if film and run.simulator is not None:
         try:
-            save_film(task, run.simulator, candidate, run.seed, run.settings, folder / "rollout.gif")
+            save_film(
+                task,
+                run.simulator,
+                candidate,
+                run.seed,
+                run.settings,
+                folder / "rollout.gif",
+            )
         except RAISED as error:  # a film that fails costs the film, never the run
             report_missing("film", error)

@@ -52,10 +52,14 @@ class ModelDesigner:
     prompts: PromptComposer  # composes the requests
     sampling: Sampling  # the temperatures
     events: pluggy.PluginManager  # receives requests and replies
-    pictures: Mapping[str, Mapping[bool, tuple[Picture, ...]]] = field(default_factory=dict)
+    pictures: Mapping[str, Mapping[bool, tuple[Picture, ...]]] = field(
+        default_factory=dict
+    )
     planner: TaskPlanner | None = None
     show: Callable[[Evaluation], Picture | None] | None = None
-    critic: Critic | None = None  # has candidates criticised before each generation; None: nothing is
+    critic: Critic | None = (
+        None  # has candidates criticised before each generation; None: nothing is
+    )
     tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -73,30 +77,49 @@ class ModelDesigner:
             for pictures in by_gripper.values():
                 yield from pictures
 
-    def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
+    def design(
+        self, generation: int, elites: Sequence[Evaluation] = ()
+    ) -> Iterator[Candidate]:
         """See `core.interfaces.Designer`.
 
         Raises:
             LimitReached: after the last candidate; see `VLM.complete`.
             UserError: no request got an answer, for a reason that may pass.
         """
-        yield from self.design_in(generation, [Team(range(self.budget.n_agent), elites)])
+        yield from self.design_in(
+            generation, [Team(range(self.budget.n_agent), elites)]
+        )
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """See `core.search.agent_groups.AsksTeams`, and `design`."""
         self._criticise(generation, [elite for team in teams for elite in team.elites])
         most, failures = self.budget.n_tool, list[Reply | None]()
-        kept = self.planner.kept(generation, teams, self._given, most) if self.planner is not None else {}
-        requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
+        kept = (
+            self.planner.kept(generation, teams, self._given, most)
+            if self.planner is not None
+            else {}
+        )
+        requests = [
+            request
+            for team in teams
+            for request in self.requests(generation, team, apart=len(teams) > 1)
+        ]
         requests = [request for request in requests if request.brief.agent not in kept]
-        answered = partial(self._answered, failures=failures, repair=self.prompts.settings.repair)
+        answered = partial(
+            self._answered, failures=failures, repair=self.prompts.settings.repair
+        )
         designed: Iterator[Candidate] = chain(
-            chain(*kept.values()), (c for _, found, _ in answered(requests) for c in found)
+            chain(*kept.values()),
+            (c for _, found, _ in answered(requests) for c in found),
         )
         if self.planner is not None:
-            designed = self.planner.candidates(designed, teams, self.tried, self._brief, answered)
+            designed = self.planner.candidates(
+                designed, teams, self.tried, self._brief, answered
+            )
         yield from designed
-        unanswered = [reply for reply in failures if reply is not None and reply.unanswered]
+        unanswered = [
+            reply for reply in failures if reply is not None and reply.unanswered
+        ]
         if unanswered and None not in failures:
             raise UserError(
                 f"the model answered no request of generation {generation}: {unanswered[0].error}; requests without "
@@ -107,24 +130,39 @@ class ModelDesigner:
     def generation_finished(self, generation: Generation) -> None:
         self.tried += generation.evaluations
 
-    def requests(self, generation: int, team: Team, *, apart: bool = False) -> list[Request]:
+    def requests(
+        self, generation: int, team: Team, *, apart: bool = False
+    ) -> list[Request]:
         """Compose the request of each agent of a team, which may be shown what was tried; if ``apart``, by the team."""
         tried = [e for e in self.tried if not apart or e.candidate.agent in team.agents]
         pictures: dict[str, Picture] = {}
         if self.show is not None and self.prompts.settings.feedback == "full":
             best = [elite.candidate.id for elite in team.elites[:1]]
-            failure = most_instructive(e for e in last_generation(tried) if e.candidate.id not in best)
+            failure = most_instructive(
+                e for e in last_generation(tried) if e.candidate.id not in best
+            )
             shown = [*team.elites[:1], *([failure] if failure is not None else [])]
-            drawn = {evaluation.candidate.id: self.show(evaluation) for evaluation in shown}
-            pictures = {name: picture for name, picture in drawn.items() if picture is not None}
-        return [self._request(generation, agent, team, tuple(tried), pictures) for agent in team.agents]
+            drawn = {
+                evaluation.candidate.id: self.show(evaluation) for evaluation in shown
+            }
+            pictures = {
+                name: picture for name, picture in drawn.items() if picture is not None
+            }
+        return [
+            self._request(generation, agent, team, tuple(tried), pictures)
+            for agent in team.agents
+        ]
 
     def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
         """Ask for critiques, and wait for them: the generation's other requests show them."""
         if self.critic is not None:
-            brief, _ = self._brief(generation, 0, Team(range(1), elites), tuple(self.tried))
+            brief, _ = self._brief(
+                generation, 0, Team(range(1), elites), tuple(self.tried)
+            )
             asked = {request.id: request for request in self.critic.requests(brief)}
-            for reply in ask_model(self.vlm, list(asked.values()), self.events) if asked else ():
+            for reply in (
+                ask_model(self.vlm, list(asked.values()), self.events) if asked else ()
+            ):
                 self.critic.hear(reply, asked[reply.request_id])
 
     def _answered(
@@ -149,21 +187,35 @@ class ModelDesigner:
             except DesignError as error:
                 if repair:
                     messages = self.prompts.repair(request, reply, str(error))
-                    again.append(replace(request, id=f"{request.id}{REPAIRED}", messages=messages))
+                    again.append(
+                        replace(
+                            request, id=f"{request.id}{REPAIRED}", messages=messages
+                        )
+                    )
                 else:
-                    yield request, [_lost(request.brief, f"the reply can't be read: {error}")], False
+                    yield (
+                        request,
+                        [_lost(request.brief, f"the reply can't be read: {error}")],
+                        False,
+                    )
         for request in missing.values():
             yield request, [_lost(request.brief, "no reply came")], False
         if again:
             yield from self._answered(again, failures, repair=False)
 
-    def _brief(self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]) -> tuple[Brief, float]:
+    def _brief(
+        self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]
+    ) -> tuple[Brief, float]:
         """Make an agent's assignment, and draw its temperature."""
         rng = np.random.default_rng([self.seed, generation, agent])
         kinds = self.assignment.tool_kinds
         kind = kinds[int(rng.integers(len(kinds)))]
         gripper = self._given.gripper if self._given is not None else kind == "gripper"
-        temperature = self.sampling.temperature + team.warmth + rng.uniform(-self.sampling.spread, self.sampling.spread)
+        temperature = (
+            self.sampling.temperature
+            + team.warmth
+            + rng.uniform(-self.sampling.spread, self.sampling.spread)
+        )
         brief = Brief(
             task=self.task,
             scene_seed=self.seed,
@@ -177,7 +229,9 @@ class ModelDesigner:
             seed=int(rng.integers(2**31)),
             elites=tuple(team.elites),
             tried=tried,
-            critiques=self.critic.words(team.elites, tried) if self.critic is not None else {},
+            critiques=self.critic.words(team.elites, tried)
+            if self.critic is not None
+            else {},
             style=team.style,
         )
         return brief, float(np.clip(temperature, 0.0, 2.0))
@@ -191,8 +245,12 @@ class ModelDesigner:
         pictures: Mapping[str, Picture],
     ) -> Request:
         brief, temperature = self._brief(generation, agent, team, tried)
-        scene = tuple(p for of in self.pictures.values() for p in of.get(brief.gripper, ()))
-        messages = self.prompts.compose(brief, scene, pictures, schema=not self.vlm.takes_schema)
+        scene = tuple(
+            p for of in self.pictures.values() for p in of.get(brief.gripper, ())
+        )
+        messages = self.prompts.compose(
+            brief, scene, pictures, schema=not self.vlm.takes_schema
+        )
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
 

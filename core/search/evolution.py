@@ -40,7 +40,9 @@ def evolve(
     arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
     try:
-        for index in itertools.takewhile(lambda number: strategy.has_generation(number, budget), itertools.count()):
+        for index in itertools.takewhile(
+            lambda number: strategy.has_generation(number, budget), itertools.count()
+        ):
             events.hook.generation_started(index=index)
             arrived.append([])
             for evaluation in trials.evaluate(candidates, fitness):
@@ -48,7 +50,9 @@ def evolve(
                 arrived[-1].append(evaluation)
             if candidates.limit is not None:
                 break
-            joined = fitness.joined([evaluation for generation in arrived for evaluation in generation])
+            joined = fitness.joined(
+                [evaluation for generation in arrived for evaluation in generation]
+            )
             for evaluation in trials.evaluate(joined, fitness):
                 events.hook.candidate_evaluated(evaluation=evaluation)
                 arrived[-1].append(evaluation)
@@ -57,7 +61,11 @@ def evolve(
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
             reached = generation.best_reward
-            if budget.stop_reward is not None and reached is not None and reached >= budget.stop_reward:
+            if (
+                budget.stop_reward is not None
+                and reached is not None
+                and reached >= budget.stop_reward
+            ):
                 break
         stopped = candidates.limit
     except KeyboardInterrupt:  # the caller finds it in the result
@@ -68,21 +76,30 @@ def evolve(
     return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
 
 
-def _generation(index: int, evaluations: Iterable[Evaluation], tie: float) -> Generation:
-    return Generation(index, tuple(sorted(evaluations, key=lambda e: e.candidate.key)), tie)
+def _generation(
+    index: int, evaluations: Iterable[Evaluation], tie: float
+) -> Generation:
+    return Generation(
+        index, tuple(sorted(evaluations, key=lambda e: e.candidate.key)), tie
+    )
 
 
 class CheckedCandidates:
     """A strategy's candidates, one generation for each iteration; ``limit`` says which limit ended the last one."""
 
     def __init__(
-        self, strategy: EvolutionStrategy, robot: Robot, expect: Callable[[Candidate], None] = lambda candidate: None
+        self,
+        strategy: EvolutionStrategy,
+        robot: Robot,
+        expect: Callable[[Candidate], None] = lambda candidate: None,
     ) -> None:
         self._strategy = strategy
         self._robot = robot
         self._expect = expect
         self.limit: str | None = None
-        self._sound: Tool | None = None  # the last that was checked; candidates in a row share one
+        self._sound: Tool | None = (
+            None  # the last that was checked; candidates in a row share one
+        )
 
     def __iter__(self) -> Iterator[Candidate]:
         """Raise UserError where the strategy gives something else; it names the strategy."""
@@ -90,7 +107,9 @@ class CheckedCandidates:
         try:
             candidates = self._strategy.ask()
             if not isinstance(candidates, Iterable):
-                raise UserError(f"{name}: ask gave {candidates!r}; expected an iterator of Candidate")
+                raise UserError(
+                    f"{name}: ask gave {candidates!r}; expected an iterator of Candidate"
+                )
             for candidate in candidates:
                 if not isinstance(candidate, Candidate):
                     wrong = f"ask gave {shorten(repr(candidate))} among its candidates"
@@ -103,10 +122,18 @@ class CheckedCandidates:
     def _checked(self, candidate: Candidate) -> Candidate:
         """Add a problem to a candidate whose tool breaks a rule: a strategy may build tools without the designer."""
         tool = candidate.tool
-        if candidate.problem is None and tool is not None and tool.components and tool is not self._sound:
+        if (
+            candidate.problem is None
+            and tool is not None
+            and tool.components
+            and tool is not self._sound
+        ):
             try:
                 check_tool(tool, self._robot)
             except DesignError as error:
-                return replace(candidate, problem=f"{describe_part(self._strategy)} built a wrong tool: {error}")
+                return replace(
+                    candidate,
+                    problem=f"{describe_part(self._strategy)} built a wrong tool: {error}",
+                )
             self._sound = tool
         return candidate

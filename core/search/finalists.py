@@ -27,7 +27,9 @@ FIRST = 2  # trials in each engine of the first round; each later round doubles 
 Rewards = dict[str, tuple[float, ...]]
 
 
-def try_unseen(best: Evaluation, fitness: Fitness, trials: Trials) -> tuple[Rewards, Effort | None]:
+def try_unseen(
+    best: Evaluation, fitness: Fitness, trials: Trials
+) -> tuple[Rewards, Effort | None]:
     """Return the best candidate's rewards in the unseen conditions of the fitness, by engine, and its effort there."""
     conditions = fitness.unseen()
     if not conditions:
@@ -69,7 +71,9 @@ def choose(
         for finalist in left:
             name = finalist.candidate.id
             finals[name] = (*finals[name], *tried[name])
-            events.hook.finalist_tried(evaluation=replace(finalist, finals=finals[name]))
+            events.hook.finalist_tried(
+                evaluation=replace(finalist, finals=finals[name])
+            )
         earned = [fitness.rewards(finals[e.candidate.id]) for e in left]
         left = _better_half(left, earned, result.tie)
     winner = replace(left[0], finals=finals[left[0].candidate.id])
@@ -84,10 +88,14 @@ def _next_round(more: Iterator[Sequence[Condition]], count: int) -> list[Conditi
 def _try_all(
     trials: Trials, conditions: Sequence[Condition], candidates: Sequence[Candidate]
 ) -> dict[str, tuple[Trial, ...]]:
-    return {candidate.id: own for candidate, own in trials.try_in(conditions, candidates)}
+    return {
+        candidate.id: own for candidate, own in trials.try_in(conditions, candidates)
+    }
 
 
-def _better_half(ranked: Sequence[Evaluation], rewards: Sequence[Rewards], tie: float) -> list[Evaluation]:
+def _better_half(
+    ranked: Sequence[Evaluation], rewards: Sequence[Rewards], tie: float
+) -> list[Evaluation]:
     """Return the better half of finalists, rounded up, the best first; ``ranked`` is the order of those alike."""
     means = [min(float(np.mean(own)) for own in each.values()) for each in rewards]
     left, order = list(range(len(ranked))), []

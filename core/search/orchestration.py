@@ -39,7 +39,9 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
     search = build_search(cfg, folder, store.past.replies if store is not None else {})
-    store = store or RunStore.create(folder, search.run.config)  # from here on the folder is this run's
+    store = store or RunStore.create(
+        folder, search.run.config
+    )  # from here on the folder is this run's
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     search.events.register(store, "store")
     try:
@@ -71,7 +73,15 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     events.hook.run_started(run=run)
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
-        result = evolve(search.strategy, search.fitness, trials, run.budget, events, run.task.robot, store.past.expect)
+        result = evolve(
+            search.strategy,
+            search.fitness,
+            trials,
+            run.budget,
+            events,
+            run.task.robot,
+            store.past.expect,
+        )
         if result.best is not None and result.stopped != INTERRUPTED:
             winner, finals = choose(result, search.fitness, trials, events)
             result = replace(result, winner=winner, finals=finals)
@@ -101,8 +111,12 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
     try:
         cfg = changed(store.config, overrides)
         ended, before = store.result, store.config["budget"]
-        more = any(cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward"))
-        more |= cfg.evolution.get("refine", 0) != store.config["evolution"].get("refine", 0)
+        more = any(
+            cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward")
+        )
+        more |= cfg.evolution.get("refine", 0) != store.config["evolution"].get(
+            "refine", 0
+        )
         if ended is not None and ended["stopped"] is None and not more:
             say(f"{folder} holds a run that has come to its end")
             print_best(ended["best"], folder, unseen=ended.get("unseen"))
@@ -111,7 +125,9 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         store.overrides = overrides
         there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
         if store.past.again:
-            there += f"; {len(store.past.again)} requests without an answer are sent again"
+            there += (
+                f"; {len(store.past.again)} requests without an answer are sent again"
+            )
         say(f"{folder} goes on: {there}", file=sys.stderr)
         print_outcome(run(cfg, folder, store), folder)
     finally:
@@ -129,7 +145,10 @@ class Experiment:
     """
 
     def __init__(self, *overrides: str, **choices: Any) -> None:
-        self.overrides = (*(f"{key}={hydra_word(value)}" for key, value in choices.items()), *overrides)
+        self.overrides = (
+            *(f"{key}={hydra_word(value)}" for key, value in choices.items()),
+            *overrides,
+        )
         self.config: DictConfig = load("config", self.overrides)
         self.result: Result | None = None
         self.folder: Path | None = None
@@ -140,7 +159,11 @@ class Experiment:
         Raises:
             UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
         """
-        given = folder if folder is not None else new_folder(f"runs/{task_folder(self.config.task)}/{stamp()}")
+        given = (
+            folder
+            if folder is not None
+            else new_folder(f"runs/{task_folder(self.config.task)}/{stamp()}")
+        )
         self.folder = Path(given)
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)

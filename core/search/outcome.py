@@ -28,7 +28,9 @@ def print_outcome(result: Result, folder: Path) -> None:
     if result.stopped == INTERRUPTED:
         raise KeyboardInterrupt(resume_hint(folder))
     if result.best is None and result.stopped is not None:
-        raise UserError(f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}")
+        raise UserError(
+            f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}"
+        )
     reasons = [e.reason for g in result.generations for e in g.evaluations]
     why = reasons[0] if reasons else "no candidate came"
     print_best(best_figures(result), folder, why, unseen_figures(result))
@@ -36,14 +38,21 @@ def print_outcome(result: Result, folder: Path) -> None:
         say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)
 
 
-def print_best(best: dict[str, Any] | None, folder: Path, why: str = "", unseen: dict[str, Any] | None = None) -> None:
+def print_best(
+    best: dict[str, Any] | None,
+    folder: Path,
+    why: str = "",
+    unseen: dict[str, Any] | None = None,
+) -> None:
     """Print the best candidate and what it earned in unseen layouts, given as in ``result.json``.
 
     Raises:
         UserError: there is none.
     """
     if best is None:
-        raise UserError(f"no candidate could be tried{why and f'; the first reason: {why}'}")
+        raise UserError(
+            f"no candidate could be tried{why and f'; the first reason: {why}'}"
+        )
     figures = f"best reward {best['reward']:.3f}"
     if best["distance_m"] is not None:  # of joined plans it is not known
         figures += f", distance {best['distance_m']:.2f} m"

@@ -17,7 +17,11 @@ from core.trial import Evaluation
 
 
 def pictures_by_task(
-    task: Task, create: Callable[[], Simulator], prompts: PromptComposer, seed: int, mounted: Sequence[Tool]
+    task: Task,
+    create: Callable[[], Simulator],
+    prompts: PromptComposer,
+    seed: int,
+    mounted: Sequence[Tool],
 ) -> tuple[dict[str, dict[bool, tuple[Picture, ...]]], bool]:
     """Make the pictures of each part of a task (`prompt_pictures`); those of several are named by it."""
     found, drawable = dict[str, dict[bool, tuple[Picture, ...]]](), True
@@ -25,13 +29,19 @@ def pictures_by_task(
         made, can_draw = prompt_pictures(part, create(), prompts, seed, mounted)
         drawable = drawable and can_draw
         if len(task.parts) > 1:
-            made = {kind: tuple(_named(picture, part, number) for picture in own) for kind, own in made.items()}
+            made = {
+                kind: tuple(_named(picture, part, number) for picture in own)
+                for kind, own in made.items()
+            }
         found[part.name] = made
     return found, drawable
 
 
 def _named(picture: Picture, task: Task, number: int) -> Picture:
-    caption = picture.caption or f"The scene of {task.name}, before the motion, without a tool:"
+    caption = (
+        picture.caption
+        or f"The scene of {task.name}, before the motion, without a tool:"
+    )
     return replace(picture, name=f"{picture.name}_t{number}", caption=caption)
 
 
@@ -45,12 +55,16 @@ def strips(
         where, evaluation = weakest(task, evaluation)
         candidate, shown = evaluation.candidate, evaluation.shown
         layout = seed if shown is None else shown.layout
-        seen = None if evaluation.combined else evaluation.observation  # else of another engine or perturbed
+        seen = (
+            None if evaluation.combined else evaluation.observation
+        )  # else of another engine or perturbed
         try:
             strip = draw_strip(where, simulator(), candidate, layout, rollout, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
-        except RAISED as error:  # else a picture that fails costs the picture, never the run
+        except (
+            RAISED
+        ) as error:  # else a picture that fails costs the picture, never the run
             report_missing(f"film strip of {candidate.id}", error)
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
@@ -59,7 +73,11 @@ def strips(
 
 
 def prompt_pictures(
-    task: Task, simulator: Simulator, prompts: PromptComposer, seed: int, mounted: Sequence[Tool]
+    task: Task,
+    simulator: Simulator,
+    prompts: PromptComposer,
+    seed: int,
+    mounted: Sequence[Tool],
 ) -> tuple[dict[bool, tuple[Picture, ...]], bool]:
     """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.
 
@@ -73,14 +91,22 @@ def prompt_pictures(
     own = tuple(task.photographs()) if settings.photographs != "none" else ()
     drawn, drawable, unseen = dict[bool, tuple[Picture, ...]](), True, not level.numbers
     alone = bool(own) and settings.photographs == "alone"
-    for number, tool in enumerate(mounted if (unseen or settings.picture) and not alone else ()):
+    for number, tool in enumerate(
+        mounted if (unseen or settings.picture) and not alone else ()
+    ):
         try:
             if unseen:
                 render = partial(simulator.render, task, seed=seed, tool=tool)
                 drawn[tool.gripper] = level.draw(task, seed, render)
                 continue
-            picture = png(simulator.render(task, seed=seed, tool=tool, width=SIZE[0], height=SIZE[1]))
-            drawn[tool.gripper] = (Picture(picture, "scene_gripper" if number else "scene"),)
+            picture = png(
+                simulator.render(
+                    task, seed=seed, tool=tool, width=SIZE[0], height=SIZE[1]
+                )
+            )
+            drawn[tool.gripper] = (
+                Picture(picture, "scene_gripper" if number else "scene"),
+            )
         except NoPicture as error:
             if unseen:
                 why = f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
@@ -94,4 +120,6 @@ def prompt_pictures(
             if unseen:
                 raise
             report_missing("picture of the scene", error)
-    return {tool.gripper: (*drawn.get(tool.gripper, ()), *own) for tool in mounted}, drawable
+    return {
+        tool.gripper: (*drawn.get(tool.gripper, ()), *own) for tool in mounted
+    }, drawable

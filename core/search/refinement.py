@@ -11,13 +11,26 @@ import numpy as np
 from core.design import Candidate
 from core.errors import UsageError
 from core.geometry import Array
-from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, ToolRepresentation
+from core.interfaces import (
+    Budget,
+    Designer,
+    EvolutionStrategy,
+    Numbers,
+    ToolRepresentation,
+)
 from core.search.variation import Variation
 from core.trial import Evaluation, best_first, best_tools
 
 POPULATION = 12  # candidates that a start is given at a time
-STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
-UNTIL = (60, 120)  # rollouts after which that is so; it does not depend on their number, which may be raised later
+STARTS = (
+    4,
+    2,
+    1,
+)  # candidates that are refined side by side, and go on: the best half of them each time
+UNTIL = (
+    60,
+    120,
+)  # rollouts after which that is so; it does not depend on their number, which may be raised later
 MORE = 0.3  # the chance of another move in the same candidate
 TRIES = 20  # draws for a candidate that keeps the rules
 
@@ -41,18 +54,33 @@ class Refinement(EvolutionStrategy):
         UsageError: ``rollouts`` is no whole number above 0.
     """
 
-    def __init__(self, strategy: EvolutionStrategy, designer: Designer, variation: Variation, rollouts: int) -> None:
+    def __init__(
+        self,
+        strategy: EvolutionStrategy,
+        designer: Designer,
+        variation: Variation,
+        rollouts: int,
+    ) -> None:
         if type(rollouts) is not int or rollouts < 1:
-            raise UsageError(f"evolution.refine must be a whole number from 0 on; got {rollouts!r}")
+            raise UsageError(
+                f"evolution.refine must be a whole number from 0 on; got {rollouts!r}"
+            )
         super().__init__(designer, strategy.budget, strategy.tie)
         self._strategy = strategy
         self._varies = variation
         self._rollouts = rollouts
         self._earlier: list[Evaluation] = []
-        self._searches: list[_Search] | None = None  # until the other strategy has come to its end
+        self._searches: list[_Search] | None = (
+            None  # until the other strategy has come to its end
+        )
         self._spent, self._generation = 0, 0
 
-    def write_archive(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+    def write_archive(
+        self,
+        ranking: Sequence[Evaluation],
+        representation: ToolRepresentation,
+        folder: Path,
+    ) -> None:
         """Pass on what the other strategy hands over."""
         self._strategy.write_archive(ranking, representation, folder)
 
@@ -66,7 +94,11 @@ class Refinement(EvolutionStrategy):
         """Yield the other strategy's candidates, and later the varied ones."""
         if self._searches is None:
             return self._strategy.ask()
-        asked = (candidate for search in self._searches for candidate in search.ask(self._generation))
+        asked = (
+            candidate
+            for search in self._searches
+            for candidate in search.ask(self._generation)
+        )
         return islice(asked, self._rollouts - self._spent)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
@@ -82,28 +114,44 @@ class Refinement(EvolutionStrategy):
         for search in self._searches:
             search.tell([e for e in evaluations if e.candidate.agent == search.number])
         count = STARTS[sum(self._spent >= least for least in UNTIL)]
-        self._searches = sorted(self._searches, key=lambda search: search.best, reverse=True)[:count]
+        self._searches = sorted(
+            self._searches, key=lambda search: search.best, reverse=True
+        )[:count]
 
     def _started(self) -> list[_Search]:
-        best = [e for e in best_tools(best_first(self._earlier, self.tie)) if e.reward > 0]
+        best = [
+            e for e in best_tools(best_first(self._earlier, self.tie)) if e.reward > 0
+        ]
         found = [(e, self._varies.parameters(e.candidate)) for e in best]
         varied = [(e, numbers) for e, numbers in found if len(numbers) > 1][: STARTS[0]]
         earned = [e.candidate for e in self._earlier if e.reward > 0]
-        return [_Search(number, self._varies, *start, earned) for number, start in enumerate(varied)]
+        return [
+            _Search(number, self._varies, *start, earned)
+            for number, start in enumerate(varied)
+        ]
 
 
 class _Search:
     """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent."""
 
     def __init__(
-        self, number: int, variation: Variation, start: Evaluation, numbers: Numbers, earned: Sequence[Candidate]
+        self,
+        number: int,
+        variation: Variation,
+        start: Evaluation,
+        numbers: Numbers,
+        earned: Sequence[Candidate],
     ) -> None:
         self.number, self.best = number, start.reward
         self._variation = variation
         self._start = start.candidate
         self._numbers = numbers
         self._values, self._asked = numbers.values, dict[str, Array]()
-        others = [variation.toward(start.candidate, other) for other in earned if other.id != start.candidate.id]
+        others = [
+            variation.toward(start.candidate, other)
+            for other in earned
+            if other.id != start.candidate.id
+        ]
         self._others = np.array([values for values in others if values is not None])
         self._rng = np.random.default_rng(int(start.candidate.content[:8], 16))
 
@@ -112,7 +160,9 @@ class _Search:
         for strategy in range(POPULATION):
             for _ in range(TRIES):
                 values = self._moved()
-                candidate = self._variation.vary(self._start, values, (generation, self.number, strategy, 0))
+                candidate = self._variation.vary(
+                    self._start, values, (generation, self.number, strategy, 0)
+                )
                 if candidate.problem is None:
                     break
             self._asked[candidate.id] = values

@@ -17,7 +17,9 @@ from core.support.threads import run_in_thread
 from core.values.messages import checked
 
 
-def ask_model(vlm: VLM, requests: Sequence[Request], events: pluggy.PluginManager) -> Iterator[Reply]:
+def ask_model(
+    vlm: VLM, requests: Sequence[Request], events: pluggy.PluginManager
+) -> Iterator[Reply]:
     """Yield the replies to requests as they arrive.
 
     A thread of its own receives them and passes each on to the listeners. So a reply is on disk at once, while
@@ -33,7 +35,10 @@ def ask_model(vlm: VLM, requests: Sequence[Request], events: pluggy.PluginManage
                 wrong = f"{shorten(repr(reply))}, which is no Reply"
                 if isinstance(reply, Reply):
                     wrong = f"a reply to {reply.request_id!r}, which was not sent or has its reply already"
-                say(f"{describe_part(vlm)}: complete gave {wrong}; it is left out", file=sys.stderr)
+                say(
+                    f"{describe_part(vlm)}: complete gave {wrong}; it is left out",
+                    file=sys.stderr,
+                )
                 continue
             missing.remove(reply.request_id)
             reply = checked(reply)

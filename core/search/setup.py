@@ -46,28 +46,45 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     Raises:
         UserError: a part or setting that can't be used.
     """
-    config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
+    config = cast(
+        dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+    )
     refuse_keys(OmegaConf.create(config))
     events = event_hub()
     vlm = part(MODEL, cfg.vlm).create()
     simulator = part(SIMULATOR, cfg.sim).create()
-    designer, fitness = build_designer(cfg, CachedVLM(vlm, replies) if replies else vlm, events)
+    designer, fitness = build_designer(
+        cfg, CachedVLM(vlm, replies) if replies else vlm, events
+    )
     executor: Executor = part(EXECUTOR, cfg.executor).create()
 
-    strategy: EvolutionStrategy = part(EVOLUTION, cfg.evolution).create(designer=designer, budget=designer.budget)
+    strategy: EvolutionStrategy = part(EVOLUTION, cfg.evolution).create(
+        designer=designer, budget=designer.budget
+    )
     if strategy.learns:
         events.register(designer, "designer")
     refine = config["evolution"].get("refine", 0)
     if refine != 0:
-        variation = Variation(designer.task, designer.representation, designer.actions, designer.seed)
+        variation = Variation(
+            designer.task, designer.representation, designer.actions, designer.seed
+        )
         strategy = Refinement(strategy, designer, variation, refine)
 
-    listeners = {name: installed().create("listener", name, given or {}) for name, given in config["listener"].items()}
-    guards = [add_listener(events, listener, name) for name, listener in {**listeners, "vlm": vlm}.items()]
+    listeners = {
+        name: installed().create("listener", name, given or {})
+        for name, given in config["listener"].items()
+    }
+    guards = [
+        add_listener(events, listener, name)
+        for name, listener in {**listeners, "vlm": vlm}.items()
+    ]
 
     task = designer.task
     parts = {kind: config[kind]["name"] for kind in _PARTS}
-    parts |= {"robot": task.robot.name, "material": designer.representation.material.name}
+    parts |= {
+        "robot": task.robot.name,
+        "material": designer.representation.material.name,
+    }
     if task.language != "python" or len(task.parts) > 1:
         parts["task"] = task.name  # a file's own, so that two scenes are two tasks
     run = Run(

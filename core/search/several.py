@@ -30,7 +30,9 @@ from core.trial import Evaluation
 from core.values.plans import TaskPlans
 
 Briefing = Callable[[int, int, Team, tuple[Evaluation, ...]], tuple[Brief, float]]
-Answered = Callable[[Sequence[Request]], Iterator[tuple[Request, list[Candidate], bool]]]
+Answered = Callable[
+    [Sequence[Request]], Iterator[tuple[Request, list[Candidate], bool]]
+]
 NO_PLANS = TaskPlans(())
 REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
@@ -61,10 +63,18 @@ class _Asked:
         if self.lost is not None:
             yield replace(self.tool, problem=self.lost)
             return
-        for number, plans in enumerate(zip_longest(*self.plans.values()) if self.plans else [()]):
-            new = {task: plan for task, plan in zip(self.plans, plans, strict=True) if plan is not None}
+        for number, plans in enumerate(
+            zip_longest(*self.plans.values()) if self.plans else [()]
+        ):
+            new = {
+                task: plan
+                for task, plan in zip(self.plans, plans, strict=True)
+                if plan is not None
+            }
             made = {**(self.kept if number == 0 else {}), **new}
-            words = " | ".join(f"{task}: {text}" for task, text in sorted(self.words.items()))
+            words = " | ".join(
+                f"{task}: {text}" for task, text in sorted(self.words.items())
+            )
             plan = TaskPlans(tuple(made.items()))
             yield replace(self.tool, plan=plan, action=number, action_description=words)
 
@@ -91,21 +101,42 @@ class TaskPlanner:
     pictures: Mapping[str, Mapping[bool, tuple[Picture, ...]]]
     takes_schema: bool = False
 
-    def kept(self, generation: int, teams: Sequence[Team], given: Tool | None, most: int) -> dict[int, list[Candidate]]:
+    def kept(
+        self, generation: int, teams: Sequence[Team], given: Tool | None, most: int
+    ) -> dict[int, list[Candidate]]:
         """Return by agent the elites' tools that are kept: every second agent has plans asked for what they can't do.
 
         All agents keep a ``given`` tool. Each has at most ``most`` tools.
         """
         found: dict[int, list[Candidate]] = {}
         for team in teams:
-            tools = [e.candidate for e in team.elites if given is not None or len(self._held(e)) < len(self.task.parts)]
+            tools = [
+                e.candidate
+                for e in team.elites
+                if given is not None or len(self._held(e)) < len(self.task.parts)
+            ]
             tools = tools or ([Candidate(given, NO_PLANS)] if given is not None else [])
-            for agent in (a for a in team.agents if tools and (given is not None or (a + generation) % 2)):
-                named = [replace(tool, generation=generation, agent=agent, plan=NO_PLANS, action=0) for tool in tools]
+            for agent in (
+                a
+                for a in team.agents
+                if tools and (given is not None or (a + generation) % 2)
+            ):
+                named = [
+                    replace(
+                        tool,
+                        generation=generation,
+                        agent=agent,
+                        plan=NO_PLANS,
+                        action=0,
+                    )
+                    for tool in tools
+                ]
                 parents = [(tool.id,) if team.elites else () for tool in tools]
                 found[agent] = [
                     replace(tool, strategy=number, parents=of, varied=False)
-                    for number, (tool, of) in enumerate(zip(named[:most], parents, strict=False))
+                    for number, (tool, of) in enumerate(
+                        zip(named[:most], parents, strict=False)
+                    )
                 ]
         return found
 
@@ -131,10 +162,21 @@ class TaskPlanner:
             team = next(team for team in teams if tool.agent in team.agents)
             parents = [e for e in team.elites if e.candidate.id in tool.parents]
             known = [e for e in parents if _has(e, tool)]
-            held = {task: plan for parent in parents for task, plan in self._held(parent).items()}
+            held = {
+                task: plan
+                for parent in parents
+                for task, plan in self._held(parent).items()
+            }
             one = _Asked(tool, {} if known else held)
-            open_ = [part for part in self.task.parts if part.name not in held] or [*self.task.parts] * bool(known)
-            plain, temperature = brief(tool.generation, tool.agent, team, tuple(e for e in tried if _has(e, tool)))
+            open_ = [part for part in self.task.parts if part.name not in held] or [
+                *self.task.parts
+            ] * bool(known)
+            plain, temperature = brief(
+                tool.generation,
+                tool.agent,
+                team,
+                tuple(e for e in tried if _has(e, tool)),
+            )
             for part in open_:
                 one.plans[part.name] = []
                 requests.append(self.request(part, tool, parents, plain, temperature))
@@ -144,7 +186,9 @@ class TaskPlanner:
                 yield from one.candidates()
         for request, found, lost in answered(requests):
             one, task = asked[request.id.removesuffix(REPAIRED)]
-            one.plans[task] = [c.plan if c.problem is None else c.problem for c in found]
+            one.plans[task] = [
+                c.plan if c.problem is None else c.problem for c in found
+            ]
             one.words[task] = found[0].action_description
             one.waits -= 1
             one.lost = found[0].problem if lost else one.lost
@@ -153,17 +197,32 @@ class TaskPlanner:
 
     def _held(self, evaluation: Evaluation) -> dict[str, ActionPlan]:
         """Return the plans of a candidate for the tasks that it does."""
-        done = [part.name for part in self.task.parts if evaluation.figures.get(part.name, 0.0) >= part.success_reward]
+        done = [
+            part.name
+            for part in self.task.parts
+            if evaluation.figures.get(part.name, 0.0) >= part.success_reward
+        ]
         plans = {name: evaluation.candidate.plan.of(name) for name in done}
-        return {name: plan for name, plan in plans.items() if isinstance(plan, ActionPlan)}
+        return {
+            name: plan for name, plan in plans.items() if isinstance(plan, ActionPlan)
+        }
 
     def request(
-        self, part: Task, tool: Candidate, parents: Sequence[Evaluation], brief: Brief, temperature: float
+        self,
+        part: Task,
+        tool: Candidate,
+        parents: Sequence[Evaluation],
+        brief: Brief,
+        temperature: float,
     ) -> Request:
         """Compose the request for plans with which a tool does one task."""
         assert tool.tool is not None
         number = self.task.parts.index(part)
-        elites = [e.in_task(part.name) for e in parents if e.candidate.of(part.name).problem is None]
+        elites = [
+            e.in_task(part.name)
+            for e in parents
+            if e.candidate.of(part.name).problem is None
+        ]
         own = replace(
             brief,
             task=part,
@@ -175,10 +234,16 @@ class TaskPlanner:
             elites=tuple(e for e in elites if e.reward > 0),
             tried=tuple(e.in_task(part.name) for e in brief.tried),
             critiques={},
-            seed=int(np.random.default_rng([brief.seed, tool.strategy, number]).integers(2**31)),
+            seed=int(
+                np.random.default_rng([brief.seed, tool.strategy, number]).integers(
+                    2**31
+                )
+            ),
         )
         pictures = self.pictures.get(part.name, {}).get(own.gripper, ())
-        messages = self.prompts[part.name].compose(own, pictures, schema=not self.takes_schema)
+        messages = self.prompts[part.name].compose(
+            own, pictures, schema=not self.takes_schema
+        )
         name = f"g{brief.generation}-a{brief.agent}-s{tool.strategy}-t{number}"
         return Request(name, own, messages, answer_schema(own), temperature)
 
@@ -194,4 +259,8 @@ def without_plans(document: object) -> object:
     strategies = document.get("strategies") if isinstance(document, dict) else None
     if not isinstance(strategies, list):
         return document
-    return {"strategies": [{**s, "action_sets": [[]]} if isinstance(s, dict) else s for s in strategies]}
+    return {
+        "strategies": [
+            {**s, "action_sets": [[]]} if isinstance(s, dict) else s for s in strategies
+        ]
+    }

@@ -15,7 +15,10 @@ from core.plugins import FITNESS, SIMULATOR
 from core.trial import Condition, Evaluation, Score, Trial
 from core.values.plans import TaskPlans, digest
 
-COMBINE: dict[str, Callable[[Sequence[float]], float]] = {"mean": statistics.fmean, "worst": min}
+COMBINE: dict[str, Callable[[Sequence[float]], float]] = {
+    "mean": statistics.fmean,
+    "worst": min,
+}
 
 
 class Together(Fitness):
@@ -31,34 +34,57 @@ class Together(Fitness):
         self._combine = combine
 
     def conditions(self) -> list[Condition]:
-        return [condition for fitness in self._each.values() for condition in fitness.conditions()]
+        return [
+            condition
+            for fitness in self._each.values()
+            for condition in fitness.conditions()
+        ]
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
         """Combine the scores in each task; the trial that is shown is that of the task with the lowest reward."""
         scores: dict[str, Score] = {}
         numbers: dict[str, list[int]] = {}
         for task, fitness in self._each.items():
-            numbers[task] = [number for number, trial in enumerate(trials) if trial.task == task]
-            scores[task] = fitness.score(candidate, [trials[number] for number in numbers[task]])
+            numbers[task] = [
+                number for number, trial in enumerate(trials) if trial.task == task
+            ]
+            scores[task] = fitness.score(
+                candidate, [trials[number] for number in numbers[task]]
+            )
 
         shown_in = {task: numbers[task][score.shown] for task, score in scores.items()}
-        done = [task for task, number in shown_in.items() if trials[number].status == "ok"]
+        done = [
+            task for task, number in shown_in.items() if trials[number].status == "ok"
+        ]
         lowest = min(done or list(scores), key=lambda task: scores[task].reward)
-        warnings = [line for task in scores for line in _said(task, trials[shown_in[task]], scores[task])]
+        warnings = [
+            line
+            for task in scores
+            for line in _said(task, trials[shown_in[task]], scores[task])
+        ]
         figures = {task: score.reward for task, score in scores.items()}
-        return Score(self._combined(figures), figures, shown_in[lowest], tuple(warnings))
+        return Score(
+            self._combined(figures), figures, shown_in[lowest], tuple(warnings)
+        )
 
     def finals(self) -> Iterator[list[Condition]]:
-        for alike in zip(*(fitness.finals() for fitness in self._each.values()), strict=False):
+        for alike in zip(
+            *(fitness.finals() for fitness in self._each.values()), strict=False
+        ):
             yield [condition for conditions in alike for condition in conditions]
 
     def unseen(self) -> list[Condition]:
-        return [condition for fitness in self._each.values() for condition in fitness.unseen()]
+        return [
+            condition
+            for fitness in self._each.values()
+            for condition in fitness.unseen()
+        ]
 
     def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
         """Return the combined rewards in each engine: a number for each layout."""
         by_task = [
-            fitness.rewards([trial for trial in trials if trial.task == task]) for task, fitness in self._each.items()
+            fitness.rewards([trial for trial in trials if trial.task == task])
+            for task, fitness in self._each.items()
         ]
         found = {}
         for engine in by_task[0]:
@@ -67,9 +93,10 @@ class Together(Fitness):
         return found
 
     def instructions(self) -> str:
-        counts = "mean of its rewards" if self._combine == "mean" else "lowest of its rewards"
+        reward = "mean" if self._combine == "mean" else "lowest"
         return (
-            f"A tool is tried in each of the tasks with a plan of its own. What counts is the {counts} over the tasks."
+            "A tool is tried in each of the tasks with a plan of its own. "
+            f"What counts is the {reward} of its rewards over the tasks."
         )
 
     def instructions_in(self, task: str) -> str:
@@ -80,16 +107,22 @@ class Together(Fitness):
         tools: dict[str, list[Evaluation]] = {}
         for evaluation in sorted(tried, key=lambda e: e.candidate.key):
             if evaluation.status == "ok" and evaluation.candidate.tool is not None:
-                tools.setdefault(digest(evaluation.candidate.tool.content), []).append(evaluation)
+                tools.setdefault(digest(evaluation.candidate.tool.content), []).append(
+                    evaluation
+                )
         last = max((e.candidate.generation for e in tried), default=0)
         for own in tools.values():
             now = [e.candidate.key for e in own if e.candidate.generation == last]
             if now:
                 first = now[0][:3]
-                action = 1 + max(e.candidate.action for e in tried if e.candidate.key[:3] == first)
+                action = 1 + max(
+                    e.candidate.action for e in tried if e.candidate.key[:3] == first
+                )
                 yield from self._join(own, (*first, action))
 
-    def _join(self, known: Sequence[Evaluation], key: tuple[int, int, int, int]) -> Iterator[Candidate]:
+    def _join(
+        self, known: Sequence[Evaluation], key: tuple[int, int, int, int]
+    ) -> Iterator[Candidate]:
         """Join the best plan for each task of candidates with one tool, under the key of a new candidate."""
         plans = []
         for task in self._each:
@@ -101,7 +134,14 @@ class Together(Fitness):
 
         generation, agent, strategy, action = key
         first = max(known, key=lambda e: e.reward).candidate
-        yield replace(first, generation=generation, agent=agent, strategy=strategy, action=action, plan=joined)
+        yield replace(
+            first,
+            generation=generation,
+            agent=agent,
+            strategy=strategy,
+            action=action,
+            plan=joined,
+        )
 
     def _combined(self, figures: Mapping[str, float]) -> float:
         return COMBINE[self._combine](list(figures.values()))
@@ -130,7 +170,9 @@ def make_fitness(config: DictConfig, settings: RolloutSettings) -> Fitness:
     each: dict[str, Fitness] = {}
     for task in task_parts(config):
         condition = Condition(task, sim, config.seed, settings)
-        each[task.shared().name] = part(FITNESS, config.fitness).create(condition=condition)
+        each[task.shared().name] = part(FITNESS, config.fitness).create(
+            condition=condition
+        )
     if len(each) == 1:
         return next(iter(each.values()))
     return Together(each, task_part(config).create().combine)

@@ -94,11 +94,17 @@ class Trials:
         self._lock = threading.Lock()
         self._waiting: dict[TrialKey, list[_Waiting]] = {}
 
-    def evaluate(self, candidates: Iterable[Candidate], fitness: Fitness) -> Iterator[Evaluation]:
+    def evaluate(
+        self, candidates: Iterable[Candidate], fitness: Fitness
+    ) -> Iterator[Evaluation]:
         """Yield the evaluation of each candidate by a fitness, when its last trial has ended."""
         conditions = tuple(fitness.conditions())
         for candidate, trials in self.try_in(conditions, candidates):
-            yield Evaluation(candidate, trials, fitness.score(candidate, trials) if trials else Score(0.0))
+            yield Evaluation(
+                candidate,
+                trials,
+                fitness.score(candidate, trials) if trials else Score(0.0),
+            )
 
     def try_in(
         self,
@@ -121,7 +127,9 @@ class Trials:
             yield from self._retry(player, broken)
             yield from _drain(settled)
             if self._waiting:
-                raise UserError(f"{describe_part(self.executor)}: map gave no result for {len(self._waiting)} trials")
+                raise UserError(
+                    f"{describe_part(self.executor)}: map gave no result for {len(self._waiting)} trials"
+                )
         finally:
             self._waiting.clear()  # of trials that an error or an interrupt cut short
 
@@ -135,7 +143,9 @@ class Trials:
         """Yield what is to be tried; candidates that need no trial go to ``settled`` at once."""
         groups = _gather(candidates, batch) if batch > 1 else _group_by_tool(candidates)
         for group in groups:
-            to_try: dict[Condition, list[Candidate]] = {condition: [] for condition in conditions}
+            to_try: dict[Condition, list[Candidate]] = {
+                condition: [] for condition in conditions
+            }
             for candidate in group:
                 if candidate.problem is not None:
                     settled.append((candidate, ()))
@@ -148,7 +158,10 @@ class Trials:
                     yield Chunk(condition, tuple(members))
 
     def _register(
-        self, candidate: Candidate, conditions: Sequence[Condition], to_try: dict[Condition, list[Candidate]]
+        self,
+        candidate: Candidate,
+        conditions: Sequence[Condition],
+        to_try: dict[Condition, list[Candidate]],
     ) -> _Waiting:
         """Note which trials of a candidate are missing, and add it where nobody is tried for it yet."""
         keys = [key_of(candidate, condition) for condition in conditions]
@@ -165,7 +178,9 @@ class Trials:
                     to_try[condition].append(candidate)
         return waiting
 
-    def _take(self, chunk: Chunk, result: Sequence[Trial]) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+    def _take(
+        self, chunk: Chunk, result: Sequence[Trial]
+    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
         """Keep the trials of a chunk, and yield the candidates that have all of theirs now."""
         for candidate, trial in zip(chunk.candidates, result, strict=True):
             key = key_of(candidate, chunk.condition)
@@ -179,7 +194,9 @@ class Trials:
             for each in ended:
                 yield each.candidate, self._trials_of(each)
 
-    def _retry(self, player: _Player, broken: list[Chunk]) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+    def _retry(
+        self, player: _Player, broken: list[Chunk]
+    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
         """Try chunks that failed again in smaller ones, at last one by one; a candidate that fails then has failed.
 
         Raises:
@@ -219,7 +236,11 @@ def _failed(chunk: Chunk, error: Exception) -> Trial:
             f"candidate {candidate.id} can't be tried: {machine}; this is a fault of the machine, not of the design, "
             "which stays untried: see that there is room on its disks and in its memory"
         )
-    why = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
+    why = (
+        str(error)
+        if isinstance(error, PluginError)
+        else f"{type(error).__name__}: {error}"
+    )
     return Trial(chunk.condition.where, candidate.id, "failed", reason=why)
 
 
@@ -228,7 +249,9 @@ def _split(chunk: Chunk, size: int) -> Iterator[Chunk]:
         yield Chunk(chunk.condition, chunk.candidates[begin : begin + size])
 
 
-def _drain(settled: deque[tuple[Candidate, tuple[Trial, ...]]]) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+def _drain(
+    settled: deque[tuple[Candidate, tuple[Trial, ...]]],
+) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
     while settled:
         yield settled.popleft()
 

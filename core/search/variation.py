@@ -30,23 +30,43 @@ class Variation:
     def parameters(self, candidate: Candidate) -> Numbers:
         """Return the N numbers of a candidate's tool and plan that a refinement may vary."""
         assert candidate.tool is not None
-        found = Numbers() if self._given is not None else self.representation.parameters(candidate.tool)
+        found = (
+            Numbers()
+            if self._given is not None
+            else self.representation.parameters(candidate.tool)
+        )
         return found + self.actions.parameters(candidate.plan)
 
-    def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
+    def vary(
+        self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]
+    ) -> Candidate:
         """Make a candidate of ``values`` (N,), see `parameters`, with ``key``; what breaks a rule is its problem."""
         assert candidate.tool is not None
         generation, agent, strategy, _ = key
         count = len(values) - len(self.actions.parameters(candidate.plan))
-        named = replace(candidate, generation=generation, agent=agent, strategy=strategy, action=0)
+        named = replace(
+            candidate, generation=generation, agent=agent, strategy=strategy, action=0
+        )
         varied = replace(named, parents=(candidate.id,), varied=True)
         try:
             with guarded(self.representation, "with_parameters"):
-                tool = self.representation.with_parameters(candidate.tool, values[:count]) if count else candidate.tool
+                tool = (
+                    self.representation.with_parameters(candidate.tool, values[:count])
+                    if count
+                    else candidate.tool
+                )
             with guarded(self.actions, "with_parameters"):
                 plan = self.actions.with_parameters(candidate.plan, values[count:])
-            document = {"strategies": [dump_design(replace(candidate, tool=tool, plan=plan), self.representation)]}
-            (read,) = read_designs(document, self.representation, self.task, actions=self.actions)
+            document = {
+                "strategies": [
+                    dump_design(
+                        replace(candidate, tool=tool, plan=plan), self.representation
+                    )
+                ]
+            }
+            (read,) = read_designs(
+                document, self.representation, self.task, actions=self.actions
+            )
             if read.tool is not None:
                 self._start.check(read.tool)
         except DesignError as error:
@@ -58,7 +78,11 @@ class Variation:
         assert candidate.tool is not None
         assert other.tool is not None
         given = self._given is not None
-        tool = Numbers().values if given else self.representation.toward(candidate.tool, other.tool)
+        tool = (
+            Numbers().values
+            if given
+            else self.representation.toward(candidate.tool, other.tool)
+        )
         same = candidate.plan.anchors == other.plan.anchors
         plan = self.actions.toward(candidate.plan, other.plan) if same else None
         return None if tool is None or plan is None else np.concatenate([tool, plan])

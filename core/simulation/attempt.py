@@ -41,15 +41,28 @@ def prepare(
         ValueError: the candidate has no tool (it was rejected), or its plan means nothing in this layout.
     """
     if candidate.tool is None:
-        raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
+        raise ValueError(
+            f"candidate {candidate.id} has no tool to try: {candidate.problem}"
+        )
     waypoints = resolve(candidate.plan, task, seed, settings, scene)
-    motion = (_motion if isinstance(task, Hashable) else plan_task_motion)(waypoints, task, settings)
+    motion = (_motion if isinstance(task, Hashable) else plan_task_motion)(
+        waypoints, task, settings
+    )
     guards = None
     if waypoints.guards:
-        guards = PlannedGuards(candidate.plan, waypoints, motion, task, seed, settings, scene)
+        guards = PlannedGuards(
+            candidate.plan, waypoints, motion, task, seed, settings, scene
+        )
     hold_s = max(settings.hold_s, task.hold_s)
     job = Rollout(
-        candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz, guards=guards, scene=scene
+        candidate.tool,
+        motion.trajectory,
+        seed,
+        settings.settle_s,
+        hold_s,
+        record_hz,
+        guards=guards,
+        scene=scene,
     )
     return motion, job
 
@@ -120,7 +133,11 @@ def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt | Trial:
         return _reject(stage, own, str(error))
 
     warnings: tuple[str, ...] = ()
-    met = _self_collision(stage.task.robot, job.tool, motion.trajectory) if stage.checks else None
+    met = (
+        _self_collision(stage.task.robot, job.tool, motion.trajectory)
+        if stage.checks
+        else None
+    )
     if met is not None:
         warnings = (met.describe(motion.arrivals),)
         if stage.forbids:
@@ -148,16 +165,22 @@ def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
     if refusal is not None:
         raise DesignError(refusal)
     _check_start(stage, candidate.tool)
-    motion, job = prepare(stage.task, candidate, stage.condition.layout, stage.settings, scene=stage.scene)
+    motion, job = prepare(
+        stage.task, candidate, stage.condition.layout, stage.settings, scene=stage.scene
+    )
     if job.guards is not None and not stage.simulator.supports_guards:
-        raise DesignError("the plan has guards ('until'), and this engine can't play them")
+        raise DesignError(
+            "the plan has guards ('until'), and this engine can't play them"
+        )
     duration = motion.trajectory.duration
     most_s = stage.settings.max_motion_s
     if duration > most_s:
         took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
         raise DesignError(f"{took}; use fewer waypoints")
     if stage.checks or stage.settings.observe:
-        hz = sample_hz(stage.task.robot, job.tool, job.trajectory, thinnest(stage.scene))
+        hz = sample_hz(
+            stage.task.robot, job.tool, job.trajectory, thinnest(stage.scene)
+        )
         check_work(job.tool, duration, hz)
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
     return motion, job
@@ -180,7 +203,13 @@ def follow_guards(stage: Stage, attempt: Attempt) -> None:
     attempt.motion = guards.motion
     if guards.problem:
         attempt.warnings += (guards.problem,)
-    met = find_self_collision(stage.task.robot, attempt.tool, attempt.motion.trajectory) if stage.checks else None
+    met = (
+        find_self_collision(stage.task.robot, attempt.tool, attempt.motion.trajectory)
+        if stage.checks
+        else None
+    )
     if met:
         attempt.warnings += (met.describe(attempt.motion.arrivals),)
-        attempt.problem = f"{attempt.warnings[-1]}; {met.mend}" if stage.forbids else None
+        attempt.problem = (
+            f"{attempt.warnings[-1]}; {met.mend}" if stage.forbids else None
+        )

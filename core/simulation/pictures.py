@@ -21,7 +21,9 @@ from core.support.text import clean
 
 SIZE = 640, 480  # pixels of the scene's picture
 FILM_HZ = 10
-_CLEAR = 0.9  # opacity; a depth camera does not measure what has less: glass has no depth
+_CLEAR = (
+    0.9  # opacity; a depth camera does not measure what has less: glass has no depth
+)
 
 
 def png(picture: Image) -> bytes:
@@ -53,12 +55,26 @@ def save_film(
     """
     recording, draw = filmed(task, simulator, candidate, seed, settings, size)
     pictures = (Pillow.fromarray(draw(index)) for index in range(len(recording.times)))
-    first, *others = (picture.quantize(96, dither=Pillow.Dither.NONE) for picture in pictures)
-    first.save(file, save_all=True, append_images=others, duration=1000 // FILM_HZ, loop=0, optimize=True)
+    first, *others = (
+        picture.quantize(96, dither=Pillow.Dither.NONE) for picture in pictures
+    )
+    first.save(
+        file,
+        save_all=True,
+        append_images=others,
+        duration=1000 // FILM_HZ,
+        loop=0,
+        optimize=True,
+    )
 
 
 def filmed(
-    task: Task, simulator: Simulator, candidate: Candidate, seed: int, settings: RolloutSettings, size: tuple[int, int]
+    task: Task,
+    simulator: Simulator,
+    candidate: Candidate,
+    seed: int,
+    settings: RolloutSettings,
+    size: tuple[int, int],
 ) -> tuple[Recording, Callable[[int], Image]]:
     """Play a candidate: a recording, and a function that draws one of its samples."""
     _, job = prepare(task, candidate, seed, settings, record_hz=FILM_HZ)
@@ -67,8 +83,19 @@ def filmed(
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
     def draw(index: int) -> Image:
-        arm, fingers, state = recording.arm[index], recording.fingers[index], recording.states[index]
-        show = partial(simulator.render, task, seed=seed, tool=candidate.tool, width=size[0], height=size[1])
+        arm, fingers, state = (
+            recording.arm[index],
+            recording.fingers[index],
+            recording.states[index],
+        )
+        show = partial(
+            simulator.render,
+            task,
+            seed=seed,
+            tool=candidate.tool,
+            width=size[0],
+            height=size[1],
+        )
         return show(arm=arm, fingers=fingers, state=state)
 
     return recording, draw
@@ -76,7 +103,10 @@ def filmed(
 
 def describe_camera(camera: Camera, size: tuple[int, int]) -> str:
     """Say where a camera stands and where it looks: what one needs to measure in its picture (width, height)."""
-    at, to = (", ".join(f"{x:.3f}" for x in point) for point in (camera.position, camera.target))
+    at, to = (
+        ", ".join(f"{x:.3f}" for x in point)
+        for point in (camera.position, camera.target)
+    )
     focal = size[1] / 2 / np.tan(np.radians(camera.fov_deg) / 2)
     return (
         f"perspective, camera at ({at}), its axis through ({to}) in the middle of the picture, not rolled, "
@@ -97,9 +127,16 @@ def nearness(bodies: Iterable[Body], camera: Camera, wide: int, high: int) -> Ar
             mesh = part.shape.to_trimesh()
             pose, faces = body.pose @ part.pose, np.asarray(mesh.faces)
             points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
-            pixels, toward = camera.project(points, wide, high) - 0.5, -points @ camera.axes[2]
+            pixels, toward = (
+                camera.project(points, wide, high) - 0.5,
+                -points @ camera.axes[2],
+            )
             if mesh.is_volume:  # what faces away is hidden by the rest
-                faces = faces[np.asarray(mesh.face_normals) @ pose.rotation.inv().apply(camera.axes[2]) < 0]
+                faces = faces[
+                    np.asarray(mesh.face_normals)
+                    @ pose.rotation.inv().apply(camera.axes[2])
+                    < 0
+                ]
             for corners in faces:
                 _raise(found, pixels[corners], toward[corners])
     return np.where(np.isfinite(found), found, np.nan)
@@ -117,4 +154,6 @@ def _raise(found: Array, corners: Array, z: Array) -> None:
     shares = away @ np.linalg.inv(edges).T
     inside = (shares >= -1e-9).all(axis=-1) & (shares.sum(axis=-1) <= 1 + 1e-9)
     part = found[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    np.maximum(part, np.where(inside, z[0] + shares @ (z[1:] - z[0]), -np.inf), out=part)
+    np.maximum(
+        part, np.where(inside, z[0] + shares @ (z[1:] - z[0]), -np.inf), out=part
+    )

@@ -36,7 +36,9 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
             return trials
         pairs = zip(candidates, trials, strict=True)
         return [
-            examiner.examine(condition, candidate, trial) if trial.status == "ok" else trial
+            examiner.examine(condition, candidate, trial)
+            if trial.status == "ok"
+            else trial
             for candidate, trial in pairs
         ]
     except (UserError, MemoryError):
@@ -70,7 +72,9 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try each candidate, and return their trials, in order."""
     steps = [plan_attempt(stage, candidate) for candidate in candidates]
     attempts = [step for step in steps if isinstance(step, Attempt)]
-    outcomes = _outcomes(stage.simulator, stage.task, [attempt.job for attempt in attempts])
+    outcomes = _outcomes(
+        stage.simulator, stage.task, [attempt.job for attempt in attempts]
+    )
     for attempt, outcome in zip(attempts, outcomes, strict=True):
         attempt.outcome = outcome
         follow_guards(stage, attempt)
@@ -78,17 +82,23 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     return [next(judged) if isinstance(step, Attempt) else step for step in steps]
 
 
-def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
+def _outcomes(
+    simulator: Simulator, task: Task, jobs: Sequence[Rollout]
+) -> list[Outcome]:
     """Play the jobs, one outcome for each.
 
     Raises:
         PluginError: the simulator returned something else; names it.
     """
     outcomes = simulator.rollout(task, jobs)
-    if not isinstance(outcomes, list) or not all(isinstance(outcome, Outcome) for outcome in outcomes):
+    if not isinstance(outcomes, list) or not all(
+        isinstance(outcome, Outcome) for outcome in outcomes
+    ):
         raise PluginError(
             f"{describe_part(simulator)}: rollout gave {shorten(repr(outcomes))}; expected a list of Outcome"
         )
     if len(outcomes) != len(jobs):
-        raise PluginError(f"{describe_part(simulator)}: rollout gave {len(outcomes)} outcomes for {len(jobs)} jobs")
+        raise PluginError(
+            f"{describe_part(simulator)}: rollout gave {len(outcomes)} outcomes for {len(jobs)} jobs"
+        )
     return outcomes

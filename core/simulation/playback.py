@@ -20,7 +20,9 @@ LAG_EVERY = 10  # steps between two measurements of the arm's lag
 class BulkWorld(World, Protocol):
     """A world that prepares the orders of many steps at once, and decodes many snapshots at once, which is faster."""
 
-    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Sequence[Any]:
+    def orders(
+        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
+    ) -> Sequence[Any]:
         """Make of what `step` takes, for S steps (S, ...), the S orders that `obey` takes."""
         ...
 
@@ -49,7 +51,9 @@ def play(world: World, job: Rollout) -> Outcome:
     """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
     job, guards, dt = begun(job), job.guards, world.time_step
     trajectory = job.trajectory
-    if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
+    if not (
+        np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()
+    ):
         return Outcome(None, None, error="the trajectory's targets are not finite")
     settle, times = schedule(job, dt)
     every, tick = record_every(job, dt), feel_every(dt)
@@ -57,8 +61,14 @@ def play(world: World, job: Rollout) -> Outcome:
     orders = _orders(world, arm, others)
 
     instants, notes = [], []
-    note = world.note if isinstance(world, BulkWorld) else lambda: (*world.joints(), world.state())
-    step = world.obey if isinstance(world, BulkWorld) else lambda order: world.step(*order)
+    note = (
+        world.note
+        if isinstance(world, BulkWorld)
+        else lambda: (*world.joints(), world.state())
+    )
+    step = (
+        world.obey if isinstance(world, BulkWorld) else lambda order: world.step(*order)
+    )
     start = begin_motion(world) if settle == 0 else None
     reached: list[Array] = []
     k = -1
@@ -72,8 +82,16 @@ def play(world: World, job: Rollout) -> Outcome:
             start = begin_motion(world)
         if k >= settle and k % LAG_EVERY == 0:
             reached.append(world.joints()[0])
-        if guards is not None and (k + 1 - settle) % tick == 0 and times[k] + dt >= guards.since:
-            changed = guards.feel(float(times[k] + dt), world.joints()[0], *cast(FeelingWorld, world).pushes())
+        if (
+            guards is not None
+            and (k + 1 - settle) % tick == 0
+            and times[k] + dt >= guards.since
+        ):
+            changed = guards.feel(
+                float(times[k] + dt),
+                world.joints()[0],
+                *cast(FeelingWorld, world).pushes(),
+            )
             if changed is not None:
                 _, times = schedule(replace(job, trajectory=changed), dt)
                 arm, *others = targets(changed, times, dt)
@@ -84,10 +102,17 @@ def play(world: World, job: Rollout) -> Outcome:
     end = world.state()
     wanted = arm[-(-settle // LAG_EVERY) * LAG_EVERY :: LAG_EVERY]
     lag = float(np.abs(np.array(reached) - wanted).max()) if reached else 0.0
-    if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
-        return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
+    if not all(
+        np.isfinite(x).all()
+        for x in (end.positions, end.quaternions, end.linear_velocities)
+    ):
+        return Outcome(
+            None, None, error="the simulation blew up: a body's state is not finite"
+        )
     recording = Recording(np.array(instants), *_read(world, notes)) if notes else None
-    return Outcome(start, end, lag, recording=recording, felt=guards.felt if guards else ())
+    return Outcome(
+        start, end, lag, recording=recording, felt=guards.felt if guards else ()
+    )
 
 
 def begun(job: Rollout) -> Rollout:
@@ -100,12 +125,16 @@ def feel_every(dt: float) -> int:
     return max(1, round(FEEL_S / dt))
 
 
-def _orders(world: World, arm: Array, others: Sequence[Array], begin: int = 0) -> Iterator[Any]:
+def _orders(
+    world: World, arm: Array, others: Sequence[Array], begin: int = 0
+) -> Iterator[Any]:
     """What is asked of each step, from step ``begin`` on."""
     fingers, speeds, finger_speeds = (array[begin:] for array in others)
     if isinstance(world, BulkWorld):
         return iter(world.orders(arm[begin:], fingers, speeds, finger_speeds))
-    return zip(arm[begin:], fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
+    return zip(
+        arm[begin:], fingers.tolist(), speeds, finger_speeds.tolist(), strict=True
+    )
 
 
 def begin_motion(world: World) -> State:
@@ -127,7 +156,9 @@ def record_every(job: Rollout, dt: float) -> int:
     return max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
 
 
-def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:
+def targets(
+    trajectory: JointTrajectory, times: Array, dt: float
+) -> tuple[Array, Array, Array, Array]:
     """Sample the targets at the end of each step, and the speeds that lead there.
 
     Steps begin at ``times`` (S,). Returns arm (S, 7), fingers (S,), arm speeds (S, 7) and finger speeds (S,).

@@ -9,7 +9,14 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 
 from core.design import Candidate
-from core.interfaces import Image, Observation, Recording, RolloutSettings, Simulator, Task
+from core.interfaces import (
+    Image,
+    Observation,
+    Recording,
+    RolloutSettings,
+    Simulator,
+    Task,
+)
 from core.simulation.pictures import filmed
 from core.support.text import clean
 
@@ -40,12 +47,19 @@ def draw_strip(
         frame = Pillow.fromarray(draw(int(np.abs(recording.times - instant).argmin())))
         pen = ImageDraw.Draw(frame)
         pen.rectangle([(0, 0), (320, 17)], fill=(255, 255, 255))
-        pen.text((4, 2), clean(f"{instant:.1f} s{what and f': {what}'}", 60), fill=(30, 30, 30), font_size=12)
+        pen.text(
+            (4, 2),
+            clean(f"{instant:.1f} s{what and f': {what}'}", 60),
+            fill=(30, 30, 30),
+            font_size=12,
+        )
         frames.append(np.asarray(frame))
     return np.vstack([np.hstack(frames[:3]), np.hstack(frames[3:])])
 
 
-def moments(recording: Recording, seen: Observation | None = None) -> list[tuple[float, str]]:
+def moments(
+    recording: Recording, seen: Observation | None = None
+) -> list[tuple[float, str]]:
     """Choose `FRAMES` instants of a recording to show, seconds, each with what happens then, in the order of time.
 
     The first are the start and the end, then what ``seen`` names: the first touches, and when it went wrong; else the
@@ -57,28 +71,54 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[tuple
     happened = [(0.0, "start"), (end, "end")]
     if seen is not None:
         touches: dict[str, tuple[float, str]] = {}  # the first of each body
-        for c in sorted((c for c in seen.contacts if c.kind != "body"), key=lambda contact: contact.first_s):
+        for c in sorted(
+            (c for c in seen.contacts if c.kind != "body"),
+            key=lambda contact: contact.first_s,
+        ):
             touches.setdefault(c.other, (c.first_s, f"{c.one} touches {c.other}"))
         first, *others = touches.values() or [(0.0, "")]
         happened.append(first)
-        happened += [(seen.at_s, f"{seen.result}: {seen.what}" if seen.what else seen.result)] if seen.at_s else []
+        happened += (
+            [(seen.at_s, f"{seen.result}: {seen.what}" if seen.what else seen.result)]
+            if seen.at_s
+            else []
+        )
         happened += others
     moving = times >= 0
     if moving.any() and len(states.names):
-        shifts = np.linalg.norm(states.positions - states.positions[moving][0], axis=-1) * moving[:, None]
-        for name, shift in sorted(zip(states.names, shifts.T, strict=True), key=lambda item: -item[1].max())[:2]:
-            height = (states.position(name)[:, 2] - states.position(name)[moving][0, 2]) * moving
+        shifts = (
+            np.linalg.norm(states.positions - states.positions[moving][0], axis=-1)
+            * moving[:, None]
+        )
+        for name, shift in sorted(
+            zip(states.names, shifts.T, strict=True), key=lambda item: -item[1].max()
+        )[:2]:
+            height = (
+                states.position(name)[:, 2] - states.position(name)[moving][0, 2]
+            ) * moving
             speed = np.abs(np.gradient(shift, times))
             if shift.max() > STIRRED_M:
-                happened.append((float(times[np.argmax(shift > STIRRED_M)]), f"{name} moves"))
-                happened += [(float(times[height.argmax()]), f"{name} is highest")] if height.max() > LIFTED_M else []
+                happened.append(
+                    (float(times[np.argmax(shift > STIRRED_M)]), f"{name} moves")
+                )
+                happened += (
+                    [(float(times[height.argmax()]), f"{name} is highest")]
+                    if height.max() > LIFTED_M
+                    else []
+                )
                 happened.append((float(times[speed.argmax()]), f"{name} is fastest"))
     chosen: list[tuple[float, str]] = []
     for instant, what in happened:
-        if len(chosen) < FRAMES and all(abs(instant - other) >= APART_S for other, _ in chosen):
+        if len(chosen) < FRAMES and all(
+            abs(instant - other) >= APART_S for other, _ in chosen
+        ):
             chosen.append((instant, what))
     while len(chosen) < FRAMES:
         chosen.sort()
-        before, after = max(pairwise(chosen), key=lambda pair: pair[1][0] - pair[0][0], default=(chosen[0], chosen[-1]))
+        before, after = max(
+            pairwise(chosen),
+            key=lambda pair: pair[1][0] - pair[0][0],
+            default=(chosen[0], chosen[-1]),
+        )
         chosen.append(((before[0] + after[0]) / 2, ""))
     return sorted(chosen)

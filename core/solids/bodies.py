@@ -13,7 +13,14 @@ import trimesh
 from core.design import Tool
 from core.geometry import Mesh, Shape, Sphere
 from core.robot.kinematics import jointed, robot_model
-from core.robot.solids import WORLD, Solid, bounding_box, hull, robot_solids, solid_geometry
+from core.robot.solids import (
+    WORLD,
+    Solid,
+    bounding_box,
+    hull,
+    robot_solids,
+    solid_geometry,
+)
 from core.scene import Scene
 from core.values.robots import Robot
 
@@ -38,17 +45,28 @@ class Solids:
     def __init__(self, solids: Sequence[Solid]) -> None:
         self.items, self.owners = tuple(solids), tuple(solid.owner for solid in solids)
         numbers = {owner: i for i, owner in enumerate(dict.fromkeys(self.owners))}
-        self.owner_numbers = np.array([numbers[owner] for owner in self.owners], dtype=np.intp)
+        self.owner_numbers = np.array(
+            [numbers[owner] for owner in self.owners], dtype=np.intp
+        )
         self.frames = np.array([solid.frame for solid in solids], dtype=np.intp)
         self.moving = np.flatnonzero(self.frames != WORLD)
-        self.rotations = np.array([solid.pose.rotation.as_matrix() for solid in solids]).reshape(-1, 3, 3)
-        self.positions = np.array([solid.pose.position for solid in solids]).reshape(-1, 3)
+        self.rotations = np.array(
+            [solid.pose.rotation.as_matrix() for solid in solids]
+        ).reshape(-1, 3, 3)
+        self.positions = np.array([solid.pose.position for solid in solids]).reshape(
+            -1, 3
+        )
         boxes = np.array([bounding_box(solid.geometry) for solid in solids])
         self.middles, self.halves = boxes.reshape(-1, 2, 3).swapaxes(0, 1)
         shapes = [solid.shape for solid in solids]
-        thick = [thickness(s) if isinstance(s, Mesh) else 2 * h.min() for s, h in zip(shapes, self.halves, strict=True)]
+        thick = [
+            thickness(s) if isinstance(s, Mesh) else 2 * h.min()
+            for s, h in zip(shapes, self.halves, strict=True)
+        ]
         self.widths = np.array(thick) / 2
-        self.radii = np.array([shape.radius if isinstance(shape, Sphere) else np.inf for shape in shapes])
+        self.radii = np.array(
+            [shape.radius if isinstance(shape, Sphere) else np.inf for shape in shapes]
+        )
         corners = np.linalg.norm(np.abs(self.middles) + self.halves, axis=1)
         self.reaches = np.where(self.radii < np.inf, 0.0, corners)
         self.far = np.linalg.norm(self.positions, axis=1) + corners
@@ -61,11 +79,17 @@ def thickness(shape: Shape) -> float:
     if not isinstance(shape, Mesh):
         return straight
     convex = shape.to_trimesh().convex_hull
-    return min(straight, float(np.ptp(convex.vertices @ convex.face_normals.T, axis=0).min()))
+    return min(
+        straight, float(np.ptp(convex.vertices @ convex.face_normals.T, axis=0).min())
+    )
 
 
 def _geometry(shape: Shape) -> Any:
-    return _hull(shape.vertices.tobytes()) if isinstance(shape, Mesh) else solid_geometry(shape)
+    return (
+        _hull(shape.vertices.tobytes())
+        if isinstance(shape, Mesh)
+        else solid_geometry(shape)
+    )
 
 
 @lru_cache(maxsize=256)
@@ -77,15 +101,23 @@ def _hull(vertices: bytes) -> Any:
 def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
     """Return the solids of the links in the joints' frames; 0 is that of links that never move."""
     links = robot_model(robot, tool).links
-    placed = [(solid, *links[solid.name]) for solid in robot_solids(robot, tool.gripper)]
-    return tuple(replace(solid, pose=at @ solid.pose, owner=ROBOT, frame=joint) for solid, joint, at in placed)
+    placed = [
+        (solid, *links[solid.name]) for solid in robot_solids(robot, tool.gripper)
+    ]
+    return tuple(
+        replace(solid, pose=at @ solid.pose, owner=ROBOT, frame=joint)
+        for solid, joint, at in placed
+    )
 
 
 def tool_solids(robot: Robot, tool: Tool) -> list[Solid]:
     """Return the solids of a tool's parts in the joints' frames."""
     links = robot_model(robot, tool).links
     placed = [(part, *links[part.bearer]) for part in tool.parts]
-    return [Solid(p.component, _geometry(p.shape), at @ p.pose, p.shape, ROBOT, joint) for p, joint, at in placed]
+    return [
+        Solid(p.component, _geometry(p.shape), at @ p.pose, p.shape, ROBOT, joint)
+        for p, joint, at in placed
+    ]
 
 
 @lru_cache(maxsize=8)
@@ -105,7 +137,9 @@ def scene_solids(scene: Scene) -> Solids:
     """
     global _last
     if _last is None or _last[0] is not scene:
-        content: list[object] = [(b.name, b.pose if b.fixed else None, b.collisions) for b in scene.bodies]
+        content: list[object] = [
+            (b.name, b.pose if b.fixed else None, b.collisions) for b in scene.bodies
+        ]
         if _last is None or _last[1] != content:
             frames = {body.name: number for number, body in enumerate(scene.free)}
             solids = [
@@ -129,5 +163,8 @@ def scene_solids(scene: Scene) -> Solids:
 def all_solids(robot: Robot, tool: Tool, bodies: Solids) -> Solids:
     """Append the solids of bodies to the robot's, and their frames to the joints'."""
     before = len(robot_model(robot, tool).parents)
-    others = [s if s.frame == WORLD else replace(s, frame=before + s.frame) for s in bodies.items]
+    others = [
+        s if s.frame == WORLD else replace(s, frame=before + s.frame)
+        for s in bodies.items
+    ]
     return Solids([*own_solids(robot, tool).items, *others])

@@ -23,8 +23,13 @@ from core.solids.tracks import Indices, Pair, Track, Tracks, angles, lengths
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
-THROUGH = 2 / 3  # share of the way to the middle that counts as a passage if the solid leaves on the other side
-CUT_M = (0.001, 0.003)  # so much farther in than the least way out: twice the thickness, within these limits
+THROUGH = (
+    2 / 3
+)  # share of the way to the middle that counts as a passage if the solid leaves on the other side
+CUT_M = (
+    0.001,
+    0.003,
+)  # so much farther in than the least way out: twice the thickness, within these limits
 # Two solids only touch while they are no deeper than this share of the thinner one's thickness, and this depth: one of
 # them the robot's, or two bodies, which may fall onto a thin wall at 4 m/s, 10 mm in an engine's step.
 SKIN, SKIN_M = 0.3, 0.005
@@ -34,7 +39,9 @@ DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
 
-Passage = tuple[float, str]  # the time when one got into the other, seconds, and a description
+Passage = tuple[
+    float, str
+]  # the time when one got into the other, seconds, and a description
 Instant = tuple[int, float]  # a sample, and the share of the way to the next
 
 
@@ -58,7 +65,11 @@ class Depths(NamedTuple):
             thick,
             np.minimum(DEEP_M, np.maximum(pressed, np.minimum(THIN_M, 0.9 * across))),
             THROUGH * across,
-            np.where(robots, np.minimum(SKIN_M, SKIN * thick), np.minimum(BODY_SKIN_M, BODY_SKIN * thick)),
+            np.where(
+                robots,
+                np.minimum(SKIN_M, SKIN * thick),
+                np.minimum(BODY_SKIN_M, BODY_SKIN * thick),
+            ),
             np.minimum(np.maximum(2 * thick, CUT_M[0]), CUT_M[1]),
         )
 
@@ -71,12 +82,17 @@ class Depths(NamedTuple):
 class Side:
     """The direction out of one solid for another when they last only touched, in the frame of either."""
 
-    def __init__(self, direction: Array, rotation: Array, others_rotation: Array) -> None:
+    def __init__(
+        self, direction: Array, rotation: Array, others_rotation: Array
+    ) -> None:
         self._own, self._others = direction @ rotation, direction @ others_rotation
 
     def same(self, direction: Array, rotation: Array, others_rotation: Array) -> bool:
         """Report whether a direction out is still about the same, for either solid: they roll on each other."""
-        own, others = float(direction @ rotation @ self._own), float(direction @ others_rotation @ self._others)
+        own, others = (
+            float(direction @ rotation @ self._own),
+            float(direction @ others_rotation @ self._others),
+        )
         return max(own, others) > SAME
 
     def overlap(self, pair: Pair, k: int, share: float) -> float:
@@ -86,11 +102,16 @@ class Side:
         instant as in `Track.at`.
         """
         one, other = pair.one, pair.other
-        (here, rotation), (there, others_rotation) = one.at(k, share), other.at(k, share)
+        (here, rotation), (there, others_rotation) = (
+            one.at(k, share),
+            other.at(k, share),
+        )
         apart = here.getTranslation() - there.getTranslation()
         depths = []
         for direction in (rotation @ self._own, others_rotation @ self._others):
-            far = _extent(one, -(direction @ rotation)) + _extent(other, direction @ others_rotation)
+            far = _extent(one, -(direction @ rotation)) + _extent(
+                other, direction @ others_rotation
+            )
             depths.append(far - float(apart @ direction))
         return min(depths)
 
@@ -109,7 +130,12 @@ def _extent(track: Track, direction: Array) -> float:
 
 
 def find_passage(
-    tracks: Tracks, number: int, others_number: int, near: Indices, depths: Sequence[float], times: Array
+    tracks: Tracks,
+    number: int,
+    others_number: int,
+    near: Indices,
+    depths: Sequence[float],
+    times: Array,
 ) -> Passage | None:
     """Find out when a solid got into another in the intervals ``near`` and how; None if it never did.
 
@@ -117,8 +143,15 @@ def find_passage(
     """
     thick, deep, through, skin, cut = depths
     limit, pair = min(deep, through), Pair(tracks[number], tracks[others_number])
-    travel = _travel(tracks, number, others_number, near).tolist()  # lists are faster one by one
-    course = _Course(near.tolist(), travel, min(limit, skin), max(min(limit / 4, cut), min(limit, thick) / 2))
+    travel = _travel(
+        tracks, number, others_number, near
+    ).tolist()  # lists are faster one by one
+    course = _Course(
+        near.tolist(),
+        travel,
+        min(limit, skin),
+        max(min(limit / 4, cut), min(limit, thick) / 2),
+    )
     encounter, instants = _Encounter(pair, depths), times.tolist()
     instant: Instant | None = (course.near[0], 0.0)
     while instant is not None:
@@ -157,10 +190,14 @@ class _Encounter:
     def look(self, k: int, share: float, now: float) -> tuple[float, Passage | None]:
         """Look at an instant, which is ``now``, seconds; return the depth, and a passage if there is one."""
         depth, out, rotation, others_rotation = self.pair.query(k, share)
-        if depth < self.skin or (self.side is not None and self.side.same(out, rotation, others_rotation)):
+        if depth < self.skin or (
+            self.side is not None and self.side.same(out, rotation, others_rotation)
+        ):
             self.side = Side(out, rotation, others_rotation)
         elif (
-            self.cut is None and self.side is not None and self.side.overlap(self.pair, k, share) > depth + self.far_in
+            self.cut is None
+            and self.side is not None
+            and self.side.overlap(self.pair, k, share) > depth + self.far_in
         ):
             self.cut = now, f"cut into {{}} at {now:.2f} s"
         if depth < (self.limit if self.entry is None else self.least):
@@ -174,7 +211,11 @@ class _Encounter:
 
     def _left(self, out: Array) -> bool:
         """Report whether the first, which only touches now, came out on another side than where it went in."""
-        return self.entry is not None and self.reached >= self.through and bool(out @ self.entry < 0.5)
+        return (
+            self.entry is not None
+            and self.reached >= self.through
+            and bool(out @ self.entry < 0.5)
+        )
 
     def _rests(self, depth: float, now: float, share: float) -> Passage | None:
         """Find out at a sample whether the first has been too deep for too long."""
@@ -183,7 +224,10 @@ class _Encounter:
         elif share == 0 and self.entry is not None:
             self.stuck = now if self.stuck is None else self.stuck
             if now - self.stuck >= DEEP_S:
-                return self.stuck, f"was {1000 * self.reached:.0f} mm deep inside {{}} at {self.stuck:.2f} s"
+                return (
+                    self.stuck,
+                    f"was {1000 * self.reached:.0f} mm deep inside {{}} at {self.stuck:.2f} s",
+                )
         return None
 
 
@@ -196,7 +240,9 @@ class _Course:
         step: the way from one look to the next while they are as deep, metres.
     """
 
-    def __init__(self, near: list[int], travel: list[float], least: float, step: float) -> None:
+    def __init__(
+        self, near: list[int], travel: list[float], least: float, step: float
+    ) -> None:
         self.near, self.travel, self.least, self.step = near, travel, least, step
         self._intervals = set(near)
 
@@ -213,9 +259,14 @@ class _Course:
                 return k + 1, 0.0
         else:
             sure = ahead + self.least - depth
-            ahead += max(self.least - depth, self.step) if -depth < _FROM_AFAR_M else -depth
+            ahead += (
+                max(self.least - depth, self.step) if -depth < _FROM_AFAR_M else -depth
+            )
             if k in self._intervals and sure < travel[k + 1] <= ahead:
-                return k + 1, 0.0  # by then they may be as deep, and stay so though neither moves
+                return (
+                    k + 1,
+                    0.0,
+                )  # by then they may be as deep, and stay so though neither moves
             number = bisect_left(self.near, bisect_right(travel, ahead) - 1)
             if ahead > travel[-1] or number == len(self.near):
                 return None
@@ -224,7 +275,9 @@ class _Course:
         return k, (ahead - travel[k]) / (travel[k + 1] - travel[k])
 
 
-def relative_ways(tracks: Tracks, one: Indices | int, other: Indices | int, near: Indices) -> Array:
+def relative_ways(
+    tracks: Tracks, one: Indices | int, other: Indices | int, near: Indices
+) -> Array:
     """Bound how far any point of a solid moves in the frame of another from samples ``near`` to the next, metres."""
     rows, reach = tracks.rows, tracks.solids.reaches[one]
     here, there = tracks.row(one, near), tracks.row(other, near)
@@ -234,8 +287,12 @@ def relative_ways(tracks: Tracks, one: Indices | int, other: Indices | int, near
     apart = rows.positions[here] - rows.positions[there]
     apart_after = rows.positions[here_after] - rows.positions[there_after]
     back, back_after = (rows.rotations[j].swapaxes(1, 2) for j in (there, there_after))
-    shift = np.einsum("nij,nj->ni", back_after, apart_after) - np.einsum("nij,nj->ni", back, apart)
-    return lengths(shift) + reach * angles(back @ rows.rotations[here], back_after @ rows.rotations[here_after])
+    shift = np.einsum("nij,nj->ni", back_after, apart_after) - np.einsum(
+        "nij,nj->ni", back, apart
+    )
+    return lengths(shift) + reach * angles(
+        back @ rows.rotations[here], back_after @ rows.rotations[here_after]
+    )
 
 
 def _travel(tracks: Tracks, number: int, others_number: int, near: Indices) -> Array:
@@ -247,6 +304,8 @@ def _travel(tracks: Tracks, number: int, others_number: int, near: Indices) -> A
     if len(other.positions) == 1:
         return one.travel
     steps = one.moved + one.reach * one.turned + other.moved
-    steps += (lengths(one.positions - other.positions) + one.moved + other.moved + one.reach) * other.turned
+    steps += (
+        lengths(one.positions - other.positions) + one.moved + other.moved + one.reach
+    ) * other.turned
     steps[near] = relative_ways(tracks, number, others_number, near)
     return np.concatenate([[0.0], np.cumsum(steps[:-1])])

@@ -17,7 +17,13 @@ import pinocchio as pin
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot.kinematics import RobotModel, finger_values, joint_values, jointed, robot_model
+from core.robot.kinematics import (
+    RobotModel,
+    finger_values,
+    joint_values,
+    jointed,
+    robot_model,
+)
 from core.robot.solids import Solid, robot_solids
 from core.solids.bodies import link_solids, tool_solids
 from core.values.robots import Robot
@@ -69,33 +75,53 @@ class SolidPairs:
         deep: (P,) the depth from which on they collide, metres.
     """
 
-    def __init__(self, robot: RobotModel, solids: Sequence[Solid], limits: dict[tuple[int, int], float]) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        solids: Sequence[Solid],
+        limits: dict[tuple[int, int], float],
+    ) -> None:
         self.names = [(solids[one].name, solids[other].name) for one, other in limits]
         self.deep = np.array(list(limits.values()))
         self._robot = robot
         self._geometry = pin.GeometryModel()
         for number, solid in enumerate(solids):
             place = pin.SE3(solid.pose.rotation.as_matrix(), solid.pose.position)
-            self._geometry.addGeometryObject(pin.GeometryObject(str(number), solid.frame, place, solid.geometry))
+            self._geometry.addGeometryObject(
+                pin.GeometryObject(str(number), solid.frame, place, solid.geometry)
+            )
         for pair in limits:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
         self._data = pin.GeometryData(self._geometry)
-        for request, deep in zip(self._data.collisionRequests, limits.values(), strict=True):
+        for request, deep in zip(
+            self._data.collisionRequests, limits.values(), strict=True
+        ):
             request.security_margin = -deep
 
     def collide(self, joints: Array) -> bool:
         """Report whether two are deeper in each other than is allowed."""
         return bool(
-            pin.computeCollisions(self._robot.model, self._robot.data, self._geometry, self._data, joints, True)
+            pin.computeCollisions(
+                self._robot.model,
+                self._robot.data,
+                self._geometry,
+                self._data,
+                joints,
+                True,
+            )
         )
 
     def depths(self, joints: Array) -> Array:
         """Measure how deep two of a pair are in each other, metres, (P,); negative if they are apart."""
-        pin.computeDistances(self._robot.model, self._robot.data, self._geometry, self._data, joints)
+        pin.computeDistances(
+            self._robot.model, self._robot.data, self._geometry, self._data, joints
+        )
         return np.array([-result.min_distance for result in self._data.distanceResults])
 
 
-def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> SelfCollision | None:
+def find_self_collision(
+    robot: Robot, tool: Tool, trajectory: JointTrajectory
+) -> SelfCollision | None:
     """Find the first two parts of the robot that a trajectory's targets drive into each other.
 
     Targets are linear between instants, and are looked at each time that the joints have moved by `STEP` in sum. Left
@@ -103,13 +129,23 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
     hangs on one finger with what hangs on the other: fingers close until they meet something.
     """
     pairs = self_pairs(robot, tool)
-    joints = joint_values(robot, tool, trajectory.arm, finger_values(robot, tool, trajectory.fingers))
-    turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1) + _PER_METRE * np.abs(np.diff(trajectory.fingers))
+    joints = joint_values(
+        robot, tool, trajectory.arm, finger_values(robot, tool, trajectory.fingers)
+    )
+    turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1) + _PER_METRE * np.abs(
+        np.diff(trajectory.fingers)
+    )
     travel = np.append(0.0, np.cumsum(turned))
     looks = np.linspace(0.0, travel[-1], int(travel[-1] / STEP) + 2)
-    rows = np.interp(looks, travel, np.arange(len(travel)))  # of the targets, with fractions
-    seen = np.stack([np.interp(rows, np.arange(len(joints)), values) for values in joints.T], axis=1)
-    first = next((look for look, values in enumerate(seen) if pairs.collide(values)), None)
+    rows = np.interp(
+        looks, travel, np.arange(len(travel))
+    )  # of the targets, with fractions
+    seen = np.stack(
+        [np.interp(rows, np.arange(len(joints)), values) for values in joints.T], axis=1
+    )
+    first = next(
+        (look for look, values in enumerate(seen) if pairs.collide(values)), None
+    )
     if first is None:
         return None
 
@@ -134,11 +170,18 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
     model = robot_model(robot, tool)
     links = link_solids(robot, jointed(tool))
     # Where a joint of the tool will be, only the engine knows.
-    loose = {name for name, (bearer, _) in tool.borne.items() if bearer not in tool.mounts}
+    loose = {
+        name for name, (bearer, _) in tool.borne.items() if bearer not in tool.mounts
+    }
     mounted = [solid for solid in tool_solids(robot, tool) if solid.name not in loose]
     count = len(mounted)
-    limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(robot, jointed(tool)).items()}
-    for (one, part), (other, link) in product(enumerate(mounted), enumerate(links, start=count)):
+    limits = {
+        (one + count, other + count): deep
+        for (one, other), deep in _link_limits(robot, jointed(tool)).items()
+    }
+    for (one, part), (other, link) in product(
+        enumerate(mounted), enumerate(links, start=count)
+    ):
         before, behind = model.supports[part.frame], model.supports[link.frame]
         on_two_fingers = before - behind and behind - before
         if part.frame != link.frame and not on_two_fingers:
@@ -151,13 +194,24 @@ def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
     model = robot_model(robot, tool)
     links = link_solids(robot, tool)
-    hand = {solid.name for solid in links} - {solid.name for solid in robot_solids(robot, False)}
+    hand = {solid.name for solid in links} - {
+        solid.name for solid in robot_solids(robot, False)
+    }
     limits = {}
     for (one, part), (other, link) in combinations(enumerate(links), 2):
         between = model.supports[part.frame] ^ model.supports[link.frame]
         apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
         if apart >= (_APART_ON_FLANGE if hand & {part.name, link.name} else _APART):
             limits[one, other] = DEEP_M if apart >= _APART else DEEP_NEAR_M
-    home = joint_values(robot, tool, np.array([robot.home]), finger_values(robot, tool, np.array([robot.opening_m])))[0]
+    home = joint_values(
+        robot,
+        tool,
+        np.array([robot.home]),
+        finger_values(robot, tool, np.array([robot.opening_m])),
+    )[0]
     depths = SolidPairs(model, links, limits).depths(home)
-    return {pair: deep for (pair, deep), depth in zip(limits.items(), depths, strict=True) if depth <= deep}
+    return {
+        pair: deep
+        for (pair, deep), depth in zip(limits.items(), depths, strict=True)
+        if depth <= deep
+    }

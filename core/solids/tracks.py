@@ -66,17 +66,38 @@ class Track:
 
     def __init__(self, solids: Solids, number: int, rows: Rows) -> None:
         solid = solids.items[number]
-        self.name, self.owner, self.shape, self.geometry = solid.name, solid.owner, solid.shape, solid.geometry
-        self.rotations, self.positions, self.middles, low, high, self.aside, self.moved, self.turned = rows
+        self.name, self.owner, self.shape, self.geometry = (
+            solid.name,
+            solid.owner,
+            solid.shape,
+            solid.geometry,
+        )
+        (
+            self.rotations,
+            self.positions,
+            self.middles,
+            low,
+            high,
+            self.aside,
+            self.moved,
+            self.turned,
+        ) = rows
         self.low, self.high = low.T, high.T
-        self.reach, self.half_width = float(solids.reaches[number]), float(solids.widths[number])
+        self.reach, self.half_width = (
+            float(solids.reaches[number]),
+            float(solids.widths[number]),
+        )
         self.box = solids.halves[number]
-        self._transforms: dict[int, tuple[Any, Array]] = {}  # results of `at`, by sample
+        self._transforms: dict[
+            int, tuple[Any, Array]
+        ] = {}  # results of `at`, by sample
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        return np.concatenate([[0.0], np.cumsum((self.moved + self.reach * self.turned)[:-1])])
+        return np.concatenate(
+            [[0.0], np.cumsum((self.moved + self.reach * self.turned)[:-1])]
+        )
 
     @cached_property
     def since(self) -> list[int]:
@@ -95,7 +116,9 @@ class Track:
         rotation, position = self.rotations[k], self.positions[k]
         if share > 0:
             position = position + share * (self.positions[k + 1] - position)
-            rotation = rotation.dot(pin.exp3(share * pin.log3(rotation.T.dot(self.rotations[k + 1]))))
+            rotation = rotation.dot(
+                pin.exp3(share * pin.log3(rotation.T.dot(self.rotations[k + 1])))
+            )
             return coal.Transform3s(rotation, position), rotation
         self._transforms[k] = coal.Transform3s(rotation, position), rotation
         return self._transforms[k]
@@ -122,16 +145,25 @@ class Pair:
 
     def gap(self, k: int) -> float:
         """Measure the gap at a sample, metres, negative if they overlap."""
-        k, j = (track.since[min(k, len(track.positions) - 1)] for track in (self.one, self.other))
+        k, j = (
+            track.since[min(k, len(track.positions) - 1)]
+            for track in (self.one, self.other)
+        )
         if (k, j) not in self._gaps:
             result = coal.DistanceResult()
-            self._gaps[k, j] = float(self._measure(self.other.at(j, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result))
+            self._gaps[k, j] = float(
+                self._measure(
+                    self.other.at(j, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result
+                )
+            )
         return self._gaps[k, j]
 
     def nearest(self, k: int) -> Array:
         """Find the point (3,) of the first that is nearest to the second at a sample."""
         result = coal.DistanceResult()
-        self._measure(self.other.at(k, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result)
+        self._measure(
+            self.other.at(k, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result
+        )
         return np.array(result.getNearestPoint2())
 
 
@@ -145,11 +177,21 @@ class Tracks:
         moves: (N,) 1 for these, 0 for the others.
     """
 
-    def __init__(self, solids: Solids, moving: Indices, moved: Rows, samples: int) -> None:
+    def __init__(
+        self, solids: Solids, moving: Indices, moved: Rows, samples: int
+    ) -> None:
         resting, rest = _at_rest(solids)
         self.solids, self.moving, self.samples = solids, moving, samples
-        self.rows = Rows(*(np.concatenate(each, axis) for *each, axis in zip(moved, rest, _AXES, strict=True)))
-        self.first, self.moves = np.full(len(self), len(self.rows.aside)), np.zeros(len(self), dtype=np.intp)
+        self.rows = Rows(
+            *(
+                np.concatenate(each, axis)
+                for *each, axis in zip(moved, rest, _AXES, strict=True)
+            )
+        )
+        self.first, self.moves = (
+            np.full(len(self), len(self.rows.aside)),
+            np.zeros(len(self), dtype=np.intp),
+        )
         self.first[moving], self.moves[moving] = samples * np.arange(len(moving)), 1
         self.first[resting] = samples * len(moving) + np.arange(len(resting))
         self._made: dict[int, Track] = {}
@@ -161,7 +203,10 @@ class Tracks:
         if number not in self._made:
             begin = int(self.first[number])
             span = slice(begin, begin + (self.samples if self.moves[number] else 1))
-            rows = (values[:, span] if axis else values[span] for values, axis in zip(self.rows, _AXES, strict=True))
+            rows = (
+                values[:, span] if axis else values[span]
+                for values, axis in zip(self.rows, _AXES, strict=True)
+            )
             self._made[number] = Track(self.solids, number, Rows(*rows))
         return self._made[number]
 
@@ -206,9 +251,13 @@ def follow(
     """
     solids = all_solids(robot, tool, scene_solids(scene))
     model = robot_model(robot, tool)
-    own = joint_frames(model, joint_values(robot, tool, recording.arm, recording.fingers))
+    own = joint_frames(
+        model, joint_values(robot, tool, recording.arm, recording.fingers)
+    )
     bodies = _body_frames(recording.states)
-    rotations, positions = (np.concatenate(pair) for pair in zip(own, bodies, strict=True))
+    rotations, positions = (
+        np.concatenate(pair) for pair in zip(own, bodies, strict=True)
+    )
     moving = solids.moving
     if only is not None:
         wanted = np.zeros(len(solids.items), dtype=bool)
@@ -217,38 +266,69 @@ def follow(
     aside = np.zeros((len(moving), len(recording.times)))
     if detour is not None:
         number = np.maximum(solids.frames[moving] + 1 - len(own[0]), 0)
-        turning = np.where(number == 0, model.reach, 0.0)  # links turn about the joints before them, too
-        aside += detour.moved[number] + (solids.far[moving] + turning)[:, None] * detour.turned[number]
-    return Tracks(solids, moving, _rows(solids, moving, rotations, positions, aside), len(recording.times))
+        turning = np.where(
+            number == 0, model.reach, 0.0
+        )  # links turn about the joints before them, too
+        aside += (
+            detour.moved[number]
+            + (solids.far[moving] + turning)[:, None] * detour.turned[number]
+        )
+    return Tracks(
+        solids,
+        moving,
+        _rows(solids, moving, rotations, positions, aside),
+        len(recording.times),
+    )
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:
     """The frames of the free bodies: (B, T, 3, 3) and (B, T, 3)."""
     quaternions = states.quaternions.swapaxes(0, 1)
-    matrices = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
-    return matrices.reshape(*quaternions.shape[:2], 3, 3), states.positions.swapaxes(0, 1)
+    matrices = Rotation.from_quat(
+        quaternions.reshape(-1, 4), scalar_first=True
+    ).as_matrix()
+    return matrices.reshape(*quaternions.shape[:2], 3, 3), states.positions.swapaxes(
+        0, 1
+    )
 
 
 @lru_cache(maxsize=8)
 def _at_rest(solids: Solids) -> tuple[Indices, Rows]:
     """The numbers of the solids that never move, and their rows."""
     numbers = np.flatnonzero(solids.frames == WORLD)
-    return numbers, _rows(solids, numbers, np.eye(3)[None, None], np.zeros((1, 1, 3)), np.zeros((len(numbers), 1)))
+    return numbers, _rows(
+        solids,
+        numbers,
+        np.eye(3)[None, None],
+        np.zeros((1, 1, 3)),
+        np.zeros((len(numbers), 1)),
+    )
 
 
-def _rows(solids: Solids, numbers: Indices, rotations: Array, positions: Array, aside: Array) -> Rows:
+def _rows(
+    solids: Solids, numbers: Indices, rotations: Array, positions: Array, aside: Array
+) -> Rows:
     """Place solids with these numbers in frames with rotations (F, T, 3, 3) and positions (F, T, 3).
 
     They get up to ``aside`` (N, T) from the straight way, by which their bounding boxes are wider.
     """
     frames, halves = solids.frames[numbers], solids.halves[numbers]
     rotations, positions = place(
-        rotations[frames], positions[frames], solids.rotations[numbers], solids.positions[numbers]
+        rotations[frames],
+        positions[frames],
+        solids.rotations[numbers],
+        solids.positions[numbers],
     )
     rotations[solids.radii[numbers] < np.inf] = np.eye(3)
-    middles, extents = positions + rotate(rotations, solids.middles[numbers]), rotate(np.abs(rotations), halves)
+    middles, extents = (
+        positions + rotate(rotations, solids.middles[numbers]),
+        rotate(np.abs(rotations), halves),
+    )
     # By axis, since numpy reduces along contiguous instants fifty times as fast.
-    across, extents = middles.transpose(2, 0, 1).copy(), extents.transpose(2, 0, 1).copy()
+    across, extents = (
+        middles.transpose(2, 0, 1).copy(),
+        extents.transpose(2, 0, 1).copy(),
+    )
     low, high = across - extents, across + extents
     np.minimum(low[..., :-1], low[..., 1:], out=low[..., :-1])
     np.maximum(high[..., :-1], high[..., 1:], out=high[..., :-1])
@@ -257,6 +337,10 @@ def _rows(solids: Solids, numbers: Indices, rotations: Array, positions: Array, 
     moved, turned = np.zeros_like(aside), np.zeros_like(aside)
     moved[:, :-1] = lengths(positions[:, 1:] - positions[:, :-1])
     turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
-    places = rotations.reshape(-1, 3, 3), positions.reshape(-1, 3), middles.reshape(-1, 3)
+    places = (
+        rotations.reshape(-1, 3, 3),
+        positions.reshape(-1, 3),
+        middles.reshape(-1, 3),
+    )
     boxes = low.reshape(3, -1), high.reshape(3, -1)
     return Rows(*places, *boxes, aside.ravel(), moved.ravel(), turned.ravel())

@@ -24,13 +24,26 @@ LOCK = "run.lock"
 SCHEMA_VERSION = 1  # until something is released
 _REFUSALS = {
     getattr(sqlite3, f"SQLITE_{name}")
-    for name in ("FULL", "IOERR", "READONLY", "CANTOPEN", "PERM", "BUSY", "CORRUPT", "NOTADB")
+    for name in (
+        "FULL",
+        "IOERR",
+        "READONLY",
+        "CANTOPEN",
+        "PERM",
+        "BUSY",
+        "CORRUPT",
+        "NOTADB",
+    )
 }
 # What runs write: files as patterns, and folders with all that is in them.
 _FILES = ("run.*", "result.json*", "scene.png", "recording*.rrd", "task.*")
 _FOLDERS = (".hydra", "requests", "replies", "best")
-_PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
-_ASKED_S = 0.2  # to wait for a lock that another process may hold for an instant, in `is_held`
+_PATIENCE_S = (
+    10.0  # with another process that has the file open, such as a SQLite shell
+)
+_ASKED_S = (
+    0.2  # to wait for a lock that another process may hold for an instant, in `is_held`
+)
 _sound: set[object] = set()  # the states of files that this process has checked
 
 
@@ -65,7 +78,9 @@ def refuse_links(folder: Path) -> None:
     written += [path for name in _FOLDERS for path in folder.glob(f"{name}/**/*")]
     for path in written:
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            raise UserError(f"{path} is a link or a device, and a run writes only within its folder; remove it")
+            raise UserError(
+                f"{path} is a link or a device, and a run writes only within its folder; remove it"
+            )
 
 
 @contextmanager
@@ -89,7 +104,9 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
         # Without a log it is at rest: SQLite needs no lock, nor a folder that can be written.
         mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
         address = f"{file.resolve().as_uri()}?{mode}"
-        with closing(sqlite3.connect(address, uri=True, timeout=_PATIENCE_S)) as database:
+        with closing(
+            sqlite3.connect(address, uri=True, timeout=_PATIENCE_S)
+        ) as database:
             database.row_factory = sqlite3.Row
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
             database.execute("PRAGMA trusted_schema = OFF")
@@ -114,7 +131,9 @@ def _check(database: sqlite3.Connection, file: Path) -> None:
         return
     for row in database.execute("SELECT schema_version FROM run"):
         if row["schema_version"] != SCHEMA_VERSION:
-            raise UserError(f"{file} was written by another version of this program; it is left as it is")
+            raise UserError(
+                f"{file} was written by another version of this program; it is left as it is"
+            )
     found = damage(database)
     if found is not None:
         raise sqlite3.DatabaseError(found)
@@ -146,7 +165,10 @@ class Database:
                     pass
             with writing(folder):
                 self._connection = sqlite3.connect(
-                    file, timeout=_PATIENCE_S, isolation_level=None, check_same_thread=False
+                    file,
+                    timeout=_PATIENCE_S,
+                    isolation_level=None,
+                    check_same_thread=False,
                 )
                 self._connection.row_factory = sqlite3.Row
                 self._connection.execute("PRAGMA journal_mode=WAL")
@@ -175,7 +197,9 @@ class Database:
             UserError: it can't be written.
         """
         with self._using, writing(self.folder):
-            self._connection.execute(f"PRAGMA synchronous={'FULL' if paid else 'NORMAL'}")
+            self._connection.execute(
+                f"PRAGMA synchronous={'FULL' if paid else 'NORMAL'}"
+            )
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -189,11 +213,16 @@ class Database:
         """Insert a row, within a `transaction`; the ``verb`` REPLACE puts it in the place of one with the same key."""
         columns = ", ".join(values)
         marks = ", ".join("?" * len(values))
-        self.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", *values.values())
+        self.execute(
+            f"{verb} INTO {table} ({columns}) VALUES ({marks})", *values.values()
+        )
 
     def execute(self, statement: str, *values: Any) -> None:
         """Change rows, within a `transaction`; keys are left out of the values."""
-        self._connection.execute(statement, [scrub(value) if isinstance(value, str) else value for value in values])
+        self._connection.execute(
+            statement,
+            [scrub(value) if isinstance(value, str) else value for value in values],
+        )
 
     def rows(self, query: str) -> list[sqlite3.Row]:
         """Return all rows of a query."""

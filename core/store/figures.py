@@ -21,14 +21,29 @@ def report(run: Run, result: Result) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     return {
         "name": run.config.get("name", ""),
-        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")},
+        **{
+            kind: run.parts[kind]
+            for kind in (
+                "task",
+                "robot",
+                "sim",
+                "vlm",
+                "tool",
+                "action",
+                "evolution",
+                "fitness",
+            )
+        },
         "material": run.representation.material.name,
         "budget": run.config["budget"]["name"],
         "seed": run.seed,
         "best": best_figures(result),
         "unseen": unseen_figures(result),
         "effort": asdict(result.effort) if result.effort is not None else None,
-        "finalists": {name: {of: list(r) for of, r in engines.items()} for name, engines in result.finals.items()},
+        "finalists": {
+            name: {of: list(r) for of, r in engines.items()}
+            for name, engines in result.finals.items()
+        },
         "tie": result.tie,
         "stopped": result.stopped,
         "generations": [summary(generation) for generation in result.generations],
@@ -45,8 +60,18 @@ def best_figures(result: Result) -> dict[str, Any] | None:
     if (best := result.best) is None:
         return None
     candidate = best.candidate
-    distance_m = None if math.isnan(best.distance_m) else best.distance_m  # of plans that were joined it is not known
-    return asdict(Best(best.reward, distance_m, candidate.generation, candidate.id, best.least_margin))
+    distance_m = (
+        None if math.isnan(best.distance_m) else best.distance_m
+    )  # of plans that were joined it is not known
+    return asdict(
+        Best(
+            best.reward,
+            distance_m,
+            candidate.generation,
+            candidate.id,
+            best.least_margin,
+        )
+    )
 
 
 def unseen_figures(result: Result) -> dict[str, Any] | None:
@@ -54,7 +79,15 @@ def unseen_figures(result: Result) -> dict[str, Any] | None:
     if not result.unseen:
         return None
     rewards = min(result.unseen.values(), key=statistics.fmean)
-    return asdict(Unseen(len(rewards), statistics.fmean(rewards), min(rewards), rewards, dict(result.unseen)))
+    return asdict(
+        Unseen(
+            len(rewards),
+            statistics.fmean(rewards),
+            min(rewards),
+            rewards,
+            dict(result.unseen),
+        )
+    )
 
 
 @lru_cache
@@ -63,7 +96,9 @@ def versions() -> dict[str, str]:
     found = {"python": sys.version.split()[0]}
     for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
         name = Requirement(requirement).name
-        with suppress(importlib.metadata.PackageNotFoundError):  # an extra, or not for this platform
+        with suppress(
+            importlib.metadata.PackageNotFoundError
+        ):  # an extra, or not for this platform
             found[name] = importlib.metadata.version(name)
     return found
 
@@ -72,4 +107,8 @@ def summary(generation: Generation) -> dict[str, Any]:
     """Return a generation's figures, as in ``result.json``."""
     earned = (generation.best_reward, generation.mean_reward)
     counts = map(generation.count, ("rejected", "failed"))
-    return asdict(GenerationFigures(generation.index, *earned, len(generation.evaluations), *counts))
+    return asdict(
+        GenerationFigures(
+            generation.index, *earned, len(generation.evaluations), *counts
+        )
+    )

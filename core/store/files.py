@@ -24,11 +24,15 @@ def write_request(folder: Path, request: Request) -> None:
     folder = folder / "requests"
     for message in request.messages:
         for part in message.parts:
-            if isinstance(part, Picture) and part.name != "scene":  # which the run's folder has already
+            if (
+                isinstance(part, Picture) and part.name != "scene"
+            ):  # which the run's folder has already
                 (folder / f"{part.name}.png").write_bytes(part.png)
     write_text(folder / f"{request.id}.md", _as_text(request))
     if not request.critique:
-        write_text(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
+        write_text(
+            folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2)
+        )
 
 
 def keep_task(folder: Path, task: Task) -> None:
@@ -52,5 +56,11 @@ def keep_task(folder: Path, task: Task) -> None:
 
 def _as_text(request: Request) -> str:
     """Write the messages as one Markdown text with links to the pictures."""
-    blocks = [f"# {message.role}\n\n{as_markdown(message).rstrip()}" for message in request.messages]
-    return "\n\n".join(blocks).replace("![scene](scene.png)", "![the scene](../scene.png)") + "\n"
+    blocks = [
+        f"# {message.role}\n\n{as_markdown(message).rstrip()}"
+        for message in request.messages
+    ]
+    return (
+        "\n\n".join(blocks).replace("![scene](scene.png)", "![the scene](../scene.png)")
+        + "\n"
+    )

@@ -40,15 +40,25 @@ class StoredProgress:
 
     def __init__(self, database: Database) -> None:
         self._folder = database.folder
-        self.again: dict[str, tuple[int, int]] = {row[0]: row[1:] for row in map(tuple, database.rows(_AGAIN))}
-        self.requests: dict[str, str] = dict(map(tuple, database.rows("SELECT id, digest FROM requests")))
+        self.again: dict[str, tuple[int, int]] = {
+            row[0]: row[1:] for row in map(tuple, database.rows(_AGAIN))
+        }
+        self.requests: dict[str, str] = dict(
+            map(tuple, database.rows("SELECT id, digest FROM requests"))
+        )
         replies = "SELECT request_id, text, model, error, prompt_tokens, completion_tokens, cost_usd FROM replies"
         stored = [Reply(*row) for row in database.rows(replies)]
-        self.replies = {reply.request_id: reply for reply in stored if reply.request_id not in self.again}
+        self.replies = {
+            reply.request_id: reply
+            for reply in stored
+            if reply.request_id not in self.again
+        }
         lost = {(*agent, "rejected") for agent in self.again.values()}
         rows = database.rows("SELECT * FROM evaluations")
         self._evaluations = {
-            row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
+            row["candidate"]: row
+            for row in rows
+            if (row["generation"], row["agent"], row["status"]) not in lost
         }
         self.candidates = set(self._evaluations)
         self.trials: dict[TrialKey, Trial] = {}
@@ -86,7 +96,11 @@ class CachedVLM(VLM):
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`."""
-        yield from (self._replies[request.id] for request in requests if request.id in self._replies)
+        yield from (
+            self._replies[request.id]
+            for request in requests
+            if request.id in self._replies
+        )
         missing = [request for request in requests if request.id not in self._replies]
         if missing:
             yield from self._vlm.complete(missing)
@@ -94,6 +108,11 @@ class CachedVLM(VLM):
 
 def digest(request: Request) -> str:
     """Return a hash of a request, with pictures by name: not every engine draws the same pixels twice."""
-    parts = [[part.text if isinstance(part, Text) else part.name for part in m.parts] for m in request.messages]
+    parts = [
+        [part.text if isinstance(part, Text) else part.name for part in m.parts]
+        for m in request.messages
+    ]
     content = json.dumps([parts, request.schema, request.temperature], sort_keys=True)
-    return hashlib.blake2b(content.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
+    return hashlib.blake2b(
+        content.encode("utf-8", "surrogatepass"), digest_size=16
+    ).hexdigest()

@@ -20,7 +20,15 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Reply, Task, ToolRepresentation
 from core.store.database import FILE, reading
-from core.store.rows import GenerationFigures, RunFigures, load_details, load_plan, load_trial, parsed, validated
+from core.store.rows import (
+    GenerationFigures,
+    RunFigures,
+    load_details,
+    load_plan,
+    load_trial,
+    parsed,
+    validated,
+)
 from core.trial import TIE, Evaluation, Score, Trial, best_first, count_rollouts
 
 Key = tuple[int, int, int]  # generation, agent and strategy of a design
@@ -99,17 +107,29 @@ class StoredRun:
 
     def config(self) -> dict[str, Any]:
         """Return the configuration; empty: the run was killed before it wrote anything."""
-        return next((as_stored(parsed(row["config"]), self._folder) for row in self._rows("run")), {})
+        return next(
+            (
+                as_stored(parsed(row["config"]), self._folder)
+                for row in self._rows("run")
+            ),
+            {},
+        )
 
     def result(self) -> RunFigures | None:
         """Return what the run came to; None: it has not ended."""
         results = [dict(row).get("result") for row in self._rows("run")]
-        return validated(RunFigures, parsed(results[0])) if results and results[0] is not None else None
+        return (
+            validated(RunFigures, parsed(results[0]))
+            if results and results[0] is not None
+            else None
+        )
 
     def generations(self) -> tuple[GenerationFigures, ...]:
         """Return the figures of the generations that are done."""
         rows = self._rows("generations ORDER BY number")
-        return tuple(validated(GenerationFigures, parsed(row["summary"])) for row in rows)
+        return tuple(
+            validated(GenerationFigures, parsed(row["summary"])) for row in rows
+        )
 
     def seconds(self) -> float:
         """Return the wall time of all sessions."""
@@ -117,24 +137,46 @@ class StoredRun:
 
     def requests(self) -> list[StoredRequest]:
         """Return all requests, in the order of their replies."""
-        rows = self._rows("requests LEFT JOIN replies ON request_id = id ORDER BY replies.rowid")
-        names = ("text", "model", "error", "prompt_tokens", "completion_tokens", "cost_usd")
+        rows = self._rows(
+            "requests LEFT JOIN replies ON request_id = id ORDER BY replies.rowid"
+        )
+        names = (
+            "text",
+            "model",
+            "error",
+            "prompt_tokens",
+            "completion_tokens",
+            "cost_usd",
+        )
         return [
             StoredRequest(
-                *(row["id"], row["generation"], row["agent"], tuple(json.loads(row["elites"]))),
-                None if row["request_id"] is None else Reply(row["id"], *(row[name] for name in names)),
+                *(
+                    row["id"],
+                    row["generation"],
+                    row["agent"],
+                    tuple(json.loads(row["elites"])),
+                ),
+                None
+                if row["request_id"] is None
+                else Reply(row["id"], *(row[name] for name in names)),
             )
             for row in rows
         ]
 
     def answers(self) -> list[tuple[StoredRequest, Reply]]:
         """Return the requests that were answered, with their replies, in the order of these."""
-        return [(request, request.reply) for request in self.requests() if request.reply is not None]
+        return [
+            (request, request.reply)
+            for request in self.requests()
+            if request.reply is not None
+        ]
 
     def designs(self) -> dict[Key, StoredDesign]:
         """Return all designs that were read, whatever became of them."""
         return {
-            _key(row): StoredDesign(json.loads(row["design"]), tuple(json.loads(row["parents"])))
+            _key(row): StoredDesign(
+                json.loads(row["design"]), tuple(json.loads(row["parents"]))
+            )
             for row in self._rows("strategies")
         }
 
@@ -179,11 +221,15 @@ def stored_config(folder: Path) -> dict[str, Any]:
     """
     config = StoredRun(folder).config()
     if not config:
-        raise UserError(f"{folder} holds a run that ended before it began; its store is empty")
+        raise UserError(
+            f"{folder} holds a run that ended before it began; its store is empty"
+        )
     return config
 
 
-def stored_evaluations(folder: Path, representation: ToolRepresentation, task: Task) -> list[Evaluation]:
+def stored_evaluations(
+    folder: Path, representation: ToolRepresentation, task: Task
+) -> list[Evaluation]:
     """Return the evaluations with status ``ok``, in the order of `Candidate.key`: candidates, rewards, distances
     and details.
 
@@ -193,36 +239,59 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, task: T
         UserError: the folder holds no run.
     """
     designs = StoredRun(folder).designs()
-    tried = [stored for stored in StoredRun(folder).evaluations() if stored.status == "ok"]
+    tried = [
+        stored for stored in StoredRun(folder).evaluations() if stored.status == "ok"
+    ]
     evaluations = []
     for key, group in groupby(tried, lambda stored: stored.design):
         alike, design = list(group), designs[key]
-        document = {"strategies": [design.written | {"action_sets": [stored.plan for stored in alike]}]}
-        candidates = read_designs(document, representation, task, generation=key[0], agent=key[1])
+        document = {
+            "strategies": [
+                design.written | {"action_sets": [stored.plan for stored in alike]}
+            ]
+        }
+        candidates = read_designs(
+            document, representation, task, generation=key[0], agent=key[1]
+        )
         for stored, candidate in zip(alike, candidates, strict=True):
-            known = replace(candidate, strategy=key[2], action=stored.number, parents=design.parents)
+            known = replace(
+                candidate, strategy=key[2], action=stored.number, parents=design.parents
+            )
             evaluations.append(stored.of(known))
     return evaluations
 
 
-def chosen_evaluations(cfg: DictConfig, representation: ToolRepresentation, task: Task) -> list[Evaluation]:
+def chosen_evaluations(
+    cfg: DictConfig, representation: ToolRepresentation, task: Task
+) -> list[Evaluation]:
     """Read all designs of the file, or the best of the run, that ``cfg.designs`` names, and what each earned: in a file
     nothing.
     """
     path = Path(cfg.designs)
     if not path.exists() and not path.suffix:
-        raise UserError(f"{path}: there is no such folder of a run, and no designs file")
+        raise UserError(
+            f"{path}: there is no such folder of a run, and no designs file"
+        )
     if not path.is_dir():
-        return [Evaluation(candidate) for candidate in read_designs(load_designs(path), representation, task)]
+        return [
+            Evaluation(candidate)
+            for candidate in read_designs(load_designs(path), representation, task)
+        ]
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
-    tie = stored_config(path).get("evolution", {}).get("tie", TIE)  # as the run chose its best
+    tie = (
+        stored_config(path).get("evolution", {}).get("tie", TIE)
+    )  # as the run chose its best
     tried = stored_evaluations(path, representation, task)
     if not tried:
         raise UserError(f"{path}: no design of this run came to the end of a rollout")
     ended = StoredRun(path).result()
-    winner = ended.best.candidate if ended is not None and ended.best is not None else None
-    ranked = sorted(best_first(tried, tie), key=lambda e: e.candidate.id != winner)  # what the run chose is first
+    winner = (
+        ended.best.candidate if ended is not None and ended.best is not None else None
+    )
+    ranked = sorted(
+        best_first(tried, tie), key=lambda e: e.candidate.id != winner
+    )  # what the run chose is first
     return ranked[: cfg.top]
 
 
@@ -242,12 +311,20 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     run = stored_config(Path(cfg.designs))
     named = {word.lstrip("+~").partition("=")[0] for word in words}
     try:
-        below = [f"{group}.{name}" for group in ("rollout", "material") for name in run.get(group, {})]
+        below = [
+            f"{group}.{name}"
+            for group in ("rollout", "material")
+            for name in run.get(group, {})
+        ]
         for key in ("seed", *below):
             if not {key, key.partition(".")[0]} & named:
                 OmegaConf.update(cfg, key, OmegaConf.select(OmegaConf.create(run), key))
-        for kind in {"task", "tool", "robot"} - {key.partition(".")[0] for key in named}:
+        for kind in {"task", "tool", "robot"} - {
+            key.partition(".")[0] for key in named
+        }:
             OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
     except (KeyError, OmegaConfBaseException) as error:
-        raise UserError(f"{cfg.designs}: its configuration can't be used here: {first_line(error)}") from error
+        raise UserError(
+            f"{cfg.designs}: its configuration can't be used here: {first_line(error)}"
+        ) from error
     return cfg

@@ -51,10 +51,17 @@ class RunStore:
         self._database = database
         ((config, result),) = database.rows("SELECT config, result FROM run")
         self.config = as_stored(json.loads(config), database.folder)
-        self.result: dict[str, Any] | None = json.loads(result) if result is not None else None
+        self.result: dict[str, Any] | None = (
+            json.loads(result) if result is not None else None
+        )
         self.past = StoredProgress(database)
         ((self.seconds,),) = database.rows("SELECT total(seconds) FROM sessions")
-        self._strategies = {tuple(row) for row in database.rows("SELECT generation, agent, strategy FROM strategies")}
+        self._strategies = {
+            tuple(row)
+            for row in database.rows(
+                "SELECT generation, agent, strategy FROM strategies"
+            )
+        }
         self.overrides: Sequence[str] = ()
         self._began = time.monotonic()
         self._open = True
@@ -79,7 +86,9 @@ class RunStore:
                 )
             with database.transaction():
                 database.create()
-                database.insert("run", schema_version=SCHEMA_VERSION, config=json.dumps(config))
+                database.insert(
+                    "run", schema_version=SCHEMA_VERSION, config=json.dumps(config)
+                )
             store = cls(database)
             on_error.pop_all()
         return store
@@ -106,19 +115,34 @@ class RunStore:
         self._run = run
         self._began = time.monotonic()
         found = versions()
-        for row in self._database.rows("SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"):
+        for row in self._database.rows(
+            "SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"
+        ):
             before = json.loads(row["versions"])
-            names = sorted(name for name in {*before, *found} if before.get(name) != found.get(name))
+            names = sorted(
+                name
+                for name in {*before, *found}
+                if before.get(name) != found.get(name)
+            )
             if names:
-                changes = ", ".join(f"{name} {before.get(name)} -> {found.get(name)}" for name in names)
-                _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
+                changes = ", ".join(
+                    f"{name} {before.get(name)} -> {found.get(name)}" for name in names
+                )
+                _log.warning(
+                    "versions have changed since this run began (%s): it may come to something else",
+                    changes,
+                )
         keep_task(self.folder, run.task)
         with self._database.transaction():
             for request, (generation, agent) in self.past.again.items():
-                self._database.execute("DELETE FROM replies WHERE request_id = ?", request)
+                self._database.execute(
+                    "DELETE FROM replies WHERE request_id = ?", request
+                )
                 rejected = "DELETE FROM evaluations WHERE generation = ? AND agent = ? AND status = 'rejected'"
                 self._database.execute(rejected, generation, agent)
-                self._database.execute("DELETE FROM generations WHERE number = ?", generation)
+                self._database.execute(
+                    "DELETE FROM generations WHERE number = ?", generation
+                )
             self._database.insert(
                 "sessions",
                 began=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -127,7 +151,9 @@ class RunStore:
                 versions=json.dumps(found),
             )
             # A session that is killed leaves no result of an earlier one behind.
-            self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
+            self._database.execute(
+                "UPDATE run SET config = ?, result = NULL", json.dumps(run.config)
+            )
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
@@ -135,7 +161,10 @@ class RunStore:
         if known and self.past.requests[request.id] == found:
             return
         if request.id in self.past.replies:
-            _log.warning("%s is composed differently now than when it was asked; its reply is kept", request.id)
+            _log.warning(
+                "%s is composed differently now than when it was asked; its reply is kept",
+                request.id,
+            )
             return
         brief = request.brief
         with writing(self.folder):
@@ -159,7 +188,10 @@ class RunStore:
             # A reply that arrives after an interrupted run has ended becomes a file only.
             if self._open and reply.request_id not in self.past.replies:
                 with self._database.transaction(paid=True):
-                    self._database.insert("replies", **vars(reply) | {"unanswered": 1 if reply.unanswered else None})
+                    self._database.insert(
+                        "replies",
+                        **vars(reply) | {"unanswered": 1 if reply.unanswered else None},
+                    )
         finally:
             file = self.folder / "replies" / f"{reply.request_id}.txt"
             with writing(self.folder):
@@ -204,16 +236,24 @@ class RunStore:
     def _details(self, evaluation: Evaluation) -> Details:
         """Name the trials of an evaluation by the numbers of their rows."""
         numbers = self.past.numbers
-        content = {task: evaluation.candidate.of(task).content for task in evaluation.tasks}
-        trials = tuple(numbers[content[trial.task], trial.where] for trial in evaluation.trials)
-        finals = tuple(numbers[content[trial.task], trial.where] for trial in evaluation.finals)
+        content = {
+            task: evaluation.candidate.of(task).content for task in evaluation.tasks
+        }
+        trials = tuple(
+            numbers[content[trial.task], trial.where] for trial in evaluation.trials
+        )
+        finals = tuple(
+            numbers[content[trial.task], trial.where] for trial in evaluation.finals
+        )
         return Details(evaluation.score, trials, finals)
 
     @hookimpl
     def finalist_tried(self, evaluation: Evaluation) -> None:
         with self._database.transaction():
             tried = "UPDATE evaluations SET details = ? WHERE candidate = ?"
-            self._database.execute(tried, dump_details(self._details(evaluation)), evaluation.candidate.id)
+            self._database.execute(
+                tried, dump_details(self._details(evaluation)), evaluation.candidate.id
+            )
             self._count_time()
 
     def _insert_strategy(self, candidate: Candidate) -> None:
@@ -241,14 +281,18 @@ class RunStore:
     def generation_finished(self, generation: Generation) -> None:
         with self._database.transaction():
             figures = json.dumps(summary(generation))
-            self._database.insert("generations", verb="REPLACE", number=generation.index, summary=figures)
+            self._database.insert(
+                "generations", verb="REPLACE", number=generation.index, summary=figures
+            )
             self._count_time()
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         outcome = report(run, result)
         with writing(self.folder):
-            write_text(self.folder / "result.json", json.dumps(outcome, indent=2) + "\n")
+            write_text(
+                self.folder / "result.json", json.dumps(outcome, indent=2) + "\n"
+            )
         with self._database.transaction():
             self._database.execute("UPDATE run SET result = ?", json.dumps(outcome))
             self._count_time()

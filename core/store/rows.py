@@ -10,7 +10,15 @@ from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar, cast
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+)
 from pydantic import model_validator as check_whole
 
 from core.support.text import clean
@@ -23,13 +31,19 @@ MAX_BYTES = 100_000_000  # of a text
 
 T = TypeVar("T")
 
-_adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(TypeAdapter)  # slow to make
+_adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(
+    TypeAdapter
+)  # slow to make
 
 
 def dump_plan(plan: ActionPlan) -> str:
     """Write a plan for the column ``waypoints``: literal ones as a list, others with their representation's name."""
     written = plan.dump()
-    return json.dumps(written if isinstance(plan, Waypoints) else {"action": plan.action, "plan": written})
+    return json.dumps(
+        written
+        if isinstance(plan, Waypoints)
+        else {"action": plan.action, "plan": written}
+    )
 
 
 def load_plan(text: str) -> list[Any]:
@@ -84,7 +98,9 @@ Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Amount = Annotated[Number, Field(ge=0, le=1e9)]
-Distance = Annotated[Amount | None, BeforeValidator(lambda value: None if value != value else value)]  # JSON has nan
+Distance = Annotated[
+    Amount | None, BeforeValidator(lambda value: None if value != value else value)
+]  # JSON has nan
 Reward = Annotated[Number, Field(ge=0, le=1)]
 Id = Annotated[str, Field(max_length=200)]
 Chosen = Annotated[dict[str, Any], AfterValidator(_named)]  # a part with its settings
@@ -124,7 +140,9 @@ class Unseen:
     mean: Reward
     worst: Reward
     rewards: tuple[Reward, ...]
-    engines: dict[str, tuple[Reward, ...]] = field(default_factory=dict)  # of runs before they were kept
+    engines: dict[str, tuple[Reward, ...]] = field(
+        default_factory=dict
+    )  # of runs before they were kept
 
 
 @dataclass(frozen=True)
@@ -157,10 +175,14 @@ class RunFigures:
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if [generation.index for generation in self.generations] != list(range(len(self.generations))):
+        if [generation.index for generation in self.generations] != list(
+            range(len(self.generations))
+        ):
             raise ValueError("generations are not numbered from 0")
         if self.best is not None and self.best.generation >= len(self.generations):
-            raise ValueError(f"best.generation is {self.best.generation}, of {len(self.generations)} generations")
+            raise ValueError(
+                f"best.generation is {self.best.generation}, of {len(self.generations)} generations"
+            )
 
 
 @dataclass(frozen=True)
@@ -175,7 +197,10 @@ class Details:
 def dump_details(details: Details) -> str:
     """Write the column ``details`` of an evaluation."""
     score = non_default_fields(details.score) | {"reward": details.score.reward}
-    return json.dumps({"score": score, "trials": details.trials, "finals": details.finals}, default=float)
+    return json.dumps(
+        {"score": score, "trials": details.trials, "finals": details.finals},
+        default=float,
+    )
 
 
 def load_details(text: str) -> Details:
@@ -192,11 +217,20 @@ def trial_row(content: str, trial: Trial) -> dict[str, Any]:
 
     An engine's numbers may be numpy's.
     """
-    row = {"candidate": trial.candidate, "status": trial.status, "reward": float(trial.reward)}
+    row = {
+        "candidate": trial.candidate,
+        "status": trial.status,
+        "reward": float(trial.reward),
+    }
     details = non_default_fields(trial)
     for name in ("where", *row):
         details.pop(name, None)
-    return {"content": content, **trial.where._asdict(), **row, "details": json.dumps(details, default=float)}
+    return {
+        "content": content,
+        **trial.where._asdict(),
+        **row,
+        "details": json.dumps(details, default=float),
+    }
 
 
 def load_trial(row: Mapping[str, Any] | sqlite3.Row) -> Trial:
@@ -213,7 +247,11 @@ def load_trial(row: Mapping[str, Any] | sqlite3.Row) -> Trial:
 def non_default_fields(value: Any) -> dict[str, Any]:
     """Return the fields of a dataclass that are not as their defaults, in plain types."""
     written = asdict(value)
-    return {each.name: written[each.name] for each in fields(value) if _differs(getattr(value, each.name), each)}
+    return {
+        each.name: written[each.name]
+        for each in fields(value)
+        if _differs(getattr(value, each.name), each)
+    }
 
 
 def _differs(value: object, field: DataclassField[Any]) -> bool:
@@ -327,7 +365,11 @@ class _Evaluation(_Schema):
     @check_whole(mode="after")
     def _fits(self) -> _Evaluation:
         literal = self.waypoints if isinstance(self.waypoints, list) else []
-        if self.status == "ok" and {len(waypoint) for waypoint in literal} not in (set(), {6}, {7}):
+        if self.status == "ok" and {len(waypoint) for waypoint in literal} not in (
+            set(),
+            {6},
+            {7},
+        ):
             raise ValueError("waypoints: 6 or 7 numbers are needed in each")
         shown = self.details.score.shown
         if not 0 <= shown < max(len(self.details.trials), 1):

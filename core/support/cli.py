@@ -27,17 +27,23 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     Keys are left out of all that it prints.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # for an encoding that has not every letter
+        sys.stdout.reconfigure(
+            errors="backslashreplace"
+        )  # for an encoding that has not every letter
     sys.stdout = Scrubbed(sys.stdout)
     sys.stderr = Scrubbed(sys.stderr)
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
+        if (
+            signal.getsignal(number) is not signal.SIG_IGN
+        ):  # ignored where a shell runs it in the background
             signal.signal(number, _Interrupt())
     try:
         status = function(sys.argv[1:])
         sys.stdout.flush()
     except BrokenPipeError:
-        _leave("", 1)  # who reads its output is gone, such as head, which reads a few lines
+        _leave(
+            "", 1
+        )  # who reads its output is gone, such as head, which reads a few lines
     except OSError as error:
         if error.filename is not None or error.errno != errno.ENOSPC:
             raise
@@ -52,13 +58,19 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
 def arguments(usage: str, given: Sequence[str]) -> list[str]:
     """Return the command line's overrides; with ``--help`` print the usage and end the process."""
     given = _help_or_words(usage, given)
-    unknown = [argument for argument in given if argument.startswith("-") or "=" not in argument]
+    unknown = [
+        argument
+        for argument in given
+        if argument.startswith("-") or "=" not in argument
+    ]
     if unknown:
         raise UsageError(f"can't read {unknown[0]!r}; {usage}")
     return given
 
 
-def folders_and_overrides(usage: str, given: Sequence[str]) -> tuple[list[Path], list[str]]:
+def folders_and_overrides(
+    usage: str, given: Sequence[str]
+) -> tuple[list[Path], list[str]]:
     """Return the folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides.
 
     A path that exists is a folder, even with a ``=`` in its name, as a multirun's jobs may have.
@@ -108,7 +120,10 @@ def write_bytes(file: Path, data: bytes) -> None:
 
 
 def print_table(
-    columns: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collection[str] = (), file: TextIO | None = None
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    numbers: Collection[str] = (),
+    file: TextIO | None = None,
 ) -> None:
     """Print a table: folded to the width of a terminal, elsewhere one line per row. No cell is cut.
 
@@ -128,7 +143,12 @@ def print_table(
     for k, name in enumerate(columns):
         number = name in numbers
         width = max((len(row[k]) for row in grid), default=0) if number else None
-        table.add_column(name, justify="right" if number else "left", overflow="fold", min_width=width)
+        table.add_column(
+            name,
+            justify="right" if number else "left",
+            overflow="fold",
+            min_width=width,
+        )
     for row in grid:
         table.add_row(*map(rich.text.Text, row))
     console = rich.console.Console(file=file, width=None if file.isatty() else 100_000)

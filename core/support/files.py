@@ -27,7 +27,13 @@ def file_mark(file: Path) -> FileMark | None:
         status = file.lstat()
     except OSError:
         return None
-    return FileMark(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    return FileMark(
+        status.st_dev,
+        status.st_ino,
+        status.st_size,
+        status.st_mtime_ns,
+        status.st_ctime_ns,
+    )
 
 
 def read_text(file: Path, what: str) -> str:
@@ -43,7 +49,9 @@ def read_text(file: Path, what: str) -> str:
     except OSError as error:
         raise UserError(f"{what} can't be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise UserError(f"{what} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+        raise UserError(
+            f"{what} is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from error
 
 
 def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
@@ -55,7 +63,9 @@ def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
     Raises:
         OSError: it can't be written.
     """
-    part = file.with_name(f".{file.name}.{secrets.token_hex(8)}.part" if shared else f"{file.name}.part")
+    part = file.with_name(
+        f".{file.name}.{secrets.token_hex(8)}.part" if shared else f"{file.name}.part"
+    )
     try:
         part.unlink(missing_ok=True)
         with part.open("xb") as stream:
@@ -73,7 +83,9 @@ def read_untrusted(file: Path, most: int) -> bytes:
         UserError: it is no such file, or can't be read; says why in one line.
     """
     try:
-        handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # opening a pipe would wait
+        handle = os.open(
+            file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
+        )  # opening a pipe would wait
         with os.fdopen(handle, "rb") as stream:
             status = os.fstat(handle)
             if not stat.S_ISREG(status.st_mode):
@@ -84,5 +96,7 @@ def read_untrusted(file: Path, most: int) -> bytes:
     except ValueError as error:  # a zero byte in its name
         raise UserError(f"{str(file)!r} can't be a file's name: {error}") from error
     if max(len(data), status.st_size) > most:
-        raise UserError(f"{file} has {status.st_size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read")
+        raise UserError(
+            f"{file} has {status.st_size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
+        )
     return data

@@ -6,5 +6,7 @@ import ctypes
 
 def release_memory() -> None:
     """Give free memory back, where the allocator is GNU's; by itself it keeps ever more."""
-    with contextlib.suppress(AttributeError, OSError, TypeError):  # other systems have other allocators
+    with contextlib.suppress(
+        AttributeError, OSError, TypeError
+    ):  # other systems have other allocators
         ctypes.CDLL(None).malloc_trim(0)

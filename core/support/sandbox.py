@@ -21,7 +21,11 @@ _REFUSED = "refused: "
 
 
 def isolated(
-    function: Callable[..., bytes], what: str, data: bytes, *words: str, limit_s: float | None = None
+    function: Callable[..., bytes],
+    what: str,
+    data: bytes,
+    *words: str,
+    limit_s: float | None = None,
 ) -> bytes:
     """Call a module's function with untrusted data, and words, in a process of its own, with limits on memory and time.
 
@@ -39,29 +43,47 @@ def isolated(
                 stderr=subprocess.PIPE,
                 timeout=limit_s or LIMIT_S,
                 cwd=folder,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path)},
+                env={
+                    **os.environ,
+                    "PYTHONPATH": os.pathsep.join(
+                        str(Path(path).absolute()) for path in sys.path
+                    ),
+                },
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
             mend = "make it smaller, a mesh by fewer triangles or by cutting it into convex pieces yourself"
-            raise UserError(f"{what} takes more than {limit_s or LIMIT_S:g} s to read; {mend}") from error
+            raise UserError(
+                f"{what} takes more than {limit_s or LIMIT_S:g} s to read; {mend}"
+            ) from error
         last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])
         if last.startswith(_REFUSED):
             raise UserError(f"{what} {last.removeprefix(_REFUSED)}")
         if done.returncode or not out.exists():
-            raise UserError(f"{what} can't be read: the process ended with {done.returncode} {last[:200]}; repair it")
+            raise UserError(
+                f"{what} can't be read: the process ended with {done.returncode} {last[:200]}; repair it"
+            )
         return out.read_bytes()
 
 
 def _main(module: str, function: str, *words: str) -> None:
     """Call a function with what is piped in, and write the bytes that it returns to the file that comes last."""
     *given, out = words
-    with contextlib.suppress(ValueError, OSError):  # a system that has no such limit, or a lower one
+    with contextlib.suppress(
+        ValueError, OSError
+    ):  # a system that has no such limit, or a lower one
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     try:
-        Path(out).write_bytes(getattr(importlib.import_module(module), function)(sys.stdin.buffer.read(), *given))
+        Path(out).write_bytes(
+            getattr(importlib.import_module(module), function)(
+                sys.stdin.buffer.read(), *given
+            )
+        )
     except (UserError, MemoryError) as error:
-        sys.exit(_REFUSED + (" ".join(str(error).split()) or "needs too much memory; make it smaller"))
+        sys.exit(
+            _REFUSED
+            + (" ".join(str(error).split()) or "needs too much memory; make it smaller")
+        )
 
 
 if __name__ == "__main__":

@@ -17,7 +17,9 @@ from core.errors import UserError
 from core.support.files import write_whole
 
 _folder: Path | None = None
-_maker: int | None = None  # the process that made the folder, and removes it: a forked one may not
+_maker: int | None = (
+    None  # the process that made the folder, and removes it: a forked one may not
+)
 _lock = threading.Lock()
 
 
@@ -36,7 +38,9 @@ def scratch() -> Path:
             _folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             mend = "make room, or set TMPDIR to a folder that has it"
-            raise UserError(f"no temporary folder can be made: {error}; {mend}") from error
+            raise UserError(
+                f"no temporary folder can be made: {error}; {mend}"
+            ) from error
         return _folder
 
 

@@ -21,7 +21,9 @@ _NAME = re.compile(
 )
 _IN_ADDRESS = re.compile(r"://[^/\s:@]*:([^/\s@]+)@")
 
-_sent: deque[str] = deque(maxlen=50)  # what requests carried lately, such as a session's token
+_sent: deque[str] = deque(
+    maxlen=50
+)  # what requests carried lately, such as a session's token
 
 
 def is_secret_name(name: str) -> bool:
@@ -38,7 +40,9 @@ def remember(value: str) -> None:
 def scrub(text: str) -> str:
     """Replace keys by stars, as they are and as they stand in an address (``%2F`` for a slash)."""
     for secret in sorted(_secrets(), key=len, reverse=True):
-        text = text.replace(secret, "***").replace(quote(secret, safe="", errors="replace"), "***")
+        text = text.replace(secret, "***").replace(
+            quote(secret, safe="", errors="replace"), "***"
+        )
     return text
 
 

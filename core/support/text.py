@@ -16,20 +16,34 @@ def clean(text: str, longest: int, *, lines: bool = False) -> str:
 
     It becomes one line, or keeps its own ``lines``.
     """
-    visible = "".join(character for character in text if character.isprintable() or character.isspace())
-    rows = [" ".join(row.split()) for row in (visible.splitlines() if lines else [visible])]
+    visible = "".join(
+        character
+        for character in text
+        if character.isprintable() or character.isspace()
+    )
+    rows = [
+        " ".join(row.split()) for row in (visible.splitlines() if lines else [visible])
+    ]
     kept = "\n".join(filter(None, rows))
     return kept if len(kept) <= longest else kept[: longest - 3] + "..."
 
 
 def visible(text: str) -> str:
     """Escape what is not printable: control characters, line breaks, marks that turn the direction, surrogates."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii")
+        for c in text
+    )
 
 
 def kind(value: object) -> str:
     """Describe the type of a JSON value, for a reason."""
-    names: dict[type, str] = {dict: "an object", list: "a list", bool: "a boolean", type(None): "null"}
+    names: dict[type, str] = {
+        dict: "an object",
+        list: "a list",
+        bool: "a boolean",
+        type(None): "null",
+    }
     if isinstance(value, str):
         return f"the text {shorten(value)}"
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -49,7 +63,10 @@ def short_numbers(values: Iterable[float], digits: int, between: str = " ") -> s
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Write a Markdown table; no text of a cell ends its cell or row."""
-    lines = [[" ".join(cell.split()).replace("|", r"\|") for cell in row] for row in (columns, *rows)]
+    lines = [
+        [" ".join(cell.split()).replace("|", r"\|") for cell in row]
+        for row in (columns, *rows)
+    ]
     lines.insert(1, ["---"] * len(columns))
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
@@ -77,9 +94,16 @@ def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
     groups: dict[str, list[tuple[str, str]]] = {}
     for name, reason in candidates:
         if reason:
-            groups.setdefault(re.sub(r"[\d.]*\d", "0", clean(reason, 300)), []).append((name, clean(reason, 300)))
+            groups.setdefault(re.sub(r"[\d.]*\d", "0", clean(reason, 300)), []).append(
+                (name, clean(reason, 300))
+            )
     ordered = sorted(groups.values(), key=lambda of: -len(of))
-    return [f"{len(of)} times, first {of[0][0]}: {of[0][1]}" if len(of) > 1 else ": ".join(of[0]) for of in ordered]
+    return [
+        f"{len(of)} times, first {of[0][0]}: {of[0][1]}"
+        if len(of) > 1
+        else ": ".join(of[0])
+        for of in ordered
+    ]
 
 
 def hydra_word(value: object) -> str:
@@ -93,13 +117,20 @@ def hydra_word(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     text = str(value)
-    return text if re.fullmatch(r"[\w./+-]+", text) else "'" + text.replace("'", "\\'") + "'"
+    return (
+        text
+        if re.fullmatch(r"[\w./+-]+", text)
+        else "'" + text.replace("'", "\\'") + "'"
+    )
 
 
 @lru_cache
 def function_source(function: Callable[..., Any]) -> str:
     """Take a function's source without its docstring."""
-    lines, (node,) = inspect.getsource(function).splitlines(), ast.parse(inspect.getsource(function)).body
+    lines, (node,) = (
+        inspect.getsource(function).splitlines(),
+        ast.parse(inspect.getsource(function)).body,
+    )
     assert isinstance(node, ast.FunctionDef)
     if ast.get_docstring(node) is not None:
         del lines[node.body[0].lineno - 1 : node.body[0].end_lineno]

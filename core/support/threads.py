@@ -6,7 +6,11 @@ import threading
 from collections.abc import Callable
 
 
-def run_in_thread(function: Callable[[], object], ended: Callable[[Exception | None], object], name: str) -> None:
+def run_in_thread(
+    function: Callable[[], object],
+    ended: Callable[[Exception | None], object],
+    name: str,
+) -> None:
     """Run ``function`` in a daemon thread, and then call ``ended`` there with what it raised; None: nothing.
 
     A thread that ended without a word, as by a plugin's ``sys.exit``, would be waited for without end.
@@ -19,8 +23,12 @@ def run_in_thread(function: Callable[[], object], ended: Callable[[Exception | N
         except Exception as error:
             raised = error
         except BaseException as error:
-            raised = RuntimeError(f"{type(error).__name__} ended the thread {name!r}: {error}")
-            raised = raised.with_traceback(error.__traceback__)  # which shows whose code it was
+            raised = RuntimeError(
+                f"{type(error).__name__} ended the thread {name!r}: {error}"
+            )
+            raised = raised.with_traceback(
+                error.__traceback__
+            )  # which shows whose code it was
             raised.__cause__ = error
         ended(raised)
 

@@ -21,7 +21,9 @@ MOVING = ("revolute", "continuous", "prismatic")
 Primitive = Box | Sphere | Cylinder | Capsule
 Triple = tuple[float, float, float]
 Scale = Triple
-Weight = tuple[float, Array, Array]  # mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all
+Weight = tuple[
+    float, Array, Array
+]  # mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all
 ZERO: Triple = (0.0, 0.0, 0.0)
 ONE: Scale = (1.0, 1.0, 1.0)
 
@@ -56,7 +58,9 @@ class Origin:
     @classmethod
     def of(cls, pose: Pose, form: str = PICOMETRES) -> Origin:
         """Make the frame of a pose, rounded."""
-        x, y, z, roll, pitch, yaw = (rounded(value, form) for value in (*pose.position, *pose.rpy))
+        x, y, z, roll, pitch, yaw = (
+            rounded(value, form) for value in (*pose.position, *pose.rpy)
+        )
         return cls((x, y, z), (roll, pitch, yaw))
 
     @cached_property
@@ -77,10 +81,14 @@ class Inertial:
     rpy: Triple = ZERO
 
     @classmethod
-    def of(cls, mass: float, center: Array, tensor: Array, form: str = PICOMETRES) -> Inertial:
+    def of(
+        cls, mass: float, center: Array, tensor: Array, form: str = PICOMETRES
+    ) -> Inertial:
         """Take an inertia in the link's axes, rounded; ``form`` is that of the centre."""
         xx, xy, xz, _, yy, yz, *_, zz = (rounded(value) for value in np.ravel(tensor))
-        return cls(rounded(mass), Origin.of(Pose(center), form).xyz, (xx, xy, xz, yy, yz, zz))
+        return cls(
+            rounded(mass), Origin.of(Pose(center), form).xyz, (xx, xy, xz, yy, yz, zz)
+        )
 
     @property
     def tensor(self) -> Array:
@@ -194,18 +202,31 @@ class Description:
 
     def without(self, *links: str) -> Description:
         """Remove links and all that they bear."""
-        kept = {name: link for name, link in self.links.items() if not {*links} & {*self.above(name)}}
+        kept = {
+            name: link
+            for name, link in self.links.items()
+            if not {*links} & {*self.above(name)}
+        }
         joints = {child: joint for child, joint in self.joints.items() if child in kept}
         return Description(self.name, kept, joints)
 
     def renamed(self, names: Mapping[str, str]) -> Description:
         """Give links other names."""
-        links = [replace(link, name=names.get(link.name, link.name)) for link in self.links.values()]
+        links = [
+            replace(link, name=names.get(link.name, link.name))
+            for link in self.links.values()
+        ]
         joints = [
-            replace(joint, parent=names.get(joint.parent, joint.parent), child=names.get(joint.child, joint.child))
+            replace(
+                joint,
+                parent=names.get(joint.parent, joint.parent),
+                child=names.get(joint.child, joint.child),
+            )
             for joint in self.joints.values()
         ]
-        return Description(self.name, {k.name: k for k in links}, {k.child: k for k in joints})
+        return Description(
+            self.name, {k.name: k for k in links}, {k.child: k for k in joints}
+        )
 
     def rigid_parts(self, heads: Iterable[str]) -> dict[str, tuple[str, Pose]]:
         """Map each link to the link in ``heads`` (or the root) that it is rigidly joined to, and its pose in it."""

@@ -37,7 +37,9 @@ class Effort:
     def __post_init__(self) -> None:
         for number in (self.motion_s, self.mass_kg, self.margin or 0.0):
             if not 0 <= number < math.inf:
-                raise ValueError(f"an effort has finite numbers from 0 on, got {number}")
+                raise ValueError(
+                    f"an effort has finite numbers from 0 on, got {number}"
+                )
         if self.margin is not None and self.margin > 1:
             raise ValueError(f"a margin is at most 1, got {self.margin}")
 

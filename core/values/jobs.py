@@ -37,7 +37,9 @@ class JointTrajectory:
 
     def sample(self, times: Array) -> tuple[Array, Array]:
         """Return arm targets (S, 7) and finger targets (S,) at instants (S,)."""
-        arm = np.stack([np.interp(times, self.times, joint) for joint in self.arm.T], axis=-1)
+        arm = np.stack(
+            [np.interp(times, self.times, joint) for joint in self.arm.T], axis=-1
+        )
         return arm, np.interp(times, self.times, self.fingers)
 
 
@@ -66,7 +68,9 @@ class Guards(Protocol):
     def begin(self) -> JointTrajectory:
         """Begin anew, and return the motion in which no guard fires."""
 
-    def feel(self, time: float, arm: Array, points: Array, forces: Array) -> JointTrajectory | None:
+    def feel(
+        self, time: float, arm: Array, points: Array, forces: Array
+    ) -> JointTrajectory | None:
         """Take what the arm feels every `FEEL_S`: its joints (J,), and forces (C, 3) at points (C, 3).
 
         Returns the motion to go on with, the same up to ``time``; None: as before.
@@ -119,9 +123,15 @@ class Perception:
     height: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in (("position", self.position), ("yaw", self.yaw), ("height", self.height)):
+        for name, value in (
+            ("position", self.position),
+            ("yaw", self.yaw),
+            ("height", self.height),
+        ):
             if not 0 <= value <= 1:
-                raise UsageError(f"rollout.perception.{name} must be between 0 and 1, got {value}")
+                raise UsageError(
+                    f"rollout.perception.{name} must be between 0 and 1, got {value}"
+                )
 
 
 @dataclass(unsafe_hash=True)
@@ -141,7 +151,9 @@ class Feel:
     def __post_init__(self) -> None:
         check_positive("rollout.feel.", threshold=self.threshold, stall=self.stall)
         if not 0 <= self.noise <= 10:
-            raise UsageError(f"rollout.feel.noise must be between 0 and 10 N m, got {self.noise}")
+            raise UsageError(
+                f"rollout.feel.noise must be between 0 and 10 N m, got {self.noise}"
+            )
 
 
 PENETRATION_MODES = ("forbid", "warn", "ignore")
@@ -172,12 +184,21 @@ class RolloutSettings:
     feel: Feel = field(default_factory=Feel)
 
     def __post_init__(self) -> None:
-        check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)
+        check_positive(
+            "rollout.",
+            segment_s=self.segment_s,
+            speed=self.speed,
+            max_motion_s=self.max_motion_s,
+        )
         for name, seconds in (("settle_s", self.settle_s), ("hold_s", self.hold_s)):
             if not 0 <= seconds <= 60:
-                raise UsageError(f"rollout.{name} must be between 0 and 60 seconds, got {seconds}")
+                raise UsageError(
+                    f"rollout.{name} must be between 0 and 60 seconds, got {seconds}"
+                )
         if self.speed > 1:
-            raise UsageError(f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}")
+            raise UsageError(
+                f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}"
+            )
         if self.penetration not in PENETRATION_MODES:
             raise choices("rollout.penetration", self.penetration, PENETRATION_MODES)
 
@@ -245,7 +266,9 @@ class World(Protocol):
 
     time_step: float
 
-    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+    def step(
+        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+    ) -> None:
         """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
 
     def joints(self) -> tuple[Array, Array]:

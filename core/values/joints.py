@@ -37,8 +37,14 @@ class Latch:
     width: float
 
     def __post_init__(self) -> None:
-        if not (abs(self.at) <= MAX_POSITION and 0 < self.force <= MAX_FORCE and 0 < self.width <= MAX_POSITION):
-            raise ValueError(f"a latch needs a place, a force up to {MAX_FORCE:g} and a width above 0, got {self}")
+        if not (
+            abs(self.at) <= MAX_POSITION
+            and 0 < self.force <= MAX_FORCE
+            and 0 < self.width <= MAX_POSITION
+        ):
+            raise ValueError(
+                f"a latch needs a place, a force up to {MAX_FORCE:g} and a width above 0, got {self}"
+            )
 
 
 @dataclass(frozen=True)
@@ -59,12 +65,19 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not self.times or self.times[0] != 0 or not all(np.diff(self.times) > 0):
-            raise ValueError(f"a drive's times must begin at 0 and rise, got {self.times}")
-        if len(self.positions) != len(self.times) or not (np.abs([*self.times, *self.positions]) <= MAX_POSITION).all():
+            raise ValueError(
+                f"a drive's times must begin at 0 and rise, got {self.times}"
+            )
+        if (
+            len(self.positions) != len(self.times)
+            or not (np.abs([*self.times, *self.positions]) <= MAX_POSITION).all()
+        ):
             needed = f"a number for each of its {len(self.times)} times, up to {MAX_POSITION:g}"
             raise ValueError(f"a drive needs {needed}, got {self.positions}")
         if not 0 < self.force <= MAX_FORCE:
-            raise ValueError(f"a drive's force must be above 0 and at most {MAX_FORCE:g}, got {self.force}")
+            raise ValueError(
+                f"a drive's force must be above 0 and at most {MAX_FORCE:g}, got {self.force}"
+            )
         if self.repeats and len(self.times) < 2:
             raise ValueError("a drive that repeats needs two times or more")
 
@@ -117,11 +130,17 @@ class Joint:
     def __post_init__(self) -> None:
         where = f"joint {self.name!r}"
         if self.kind not in ("hinge", "slider", "ball"):
-            raise ValueError(f"{where}: kind must be hinge, slider or ball, got {self.kind!r}")
+            raise ValueError(
+                f"{where}: kind must be hinge, slider or ball, got {self.kind!r}"
+            )
         length = float(np.linalg.norm(self.axis))
         if not (1e-6 < length < np.inf and np.isfinite(self.origin).all()):
-            raise ValueError(f"{where}: its axis needs a length and its origin three numbers")
-        object.__setattr__(self, "axis", tuple(float(value) / length for value in self.axis))
+            raise ValueError(
+                f"{where}: its axis needs a length and its origin three numbers"
+            )
+        object.__setattr__(
+            self, "axis", tuple(float(value) / length for value in self.axis)
+        )
         if not (self.lower <= self.start <= self.upper and self.lower < self.upper):
             raise ValueError(
                 f"{where}: it starts at {self.start:g}, outside of its range {self.lower:g}..{self.upper:g}"
@@ -129,18 +148,36 @@ class Joint:
         if math.isfinite(self.lower) != math.isfinite(self.upper):
             raise ValueError(f"{where}: give both ends of its range, or neither")
         if self.limited and max(-self.lower, self.upper) > MAX_POSITION:
-            raise ValueError(f"{where}: its range {self.lower:g}..{self.upper:g} must be within {MAX_POSITION:g} of 0")
-        if self.kind == "hinge" and self.limited and self.upper - self.lower >= 2 * math.pi:
-            raise ValueError(f"{where}: its range must be less than a whole turn, or leave it out")
+            raise ValueError(
+                f"{where}: its range {self.lower:g}..{self.upper:g} must be within {MAX_POSITION:g} of 0"
+            )
+        if (
+            self.kind == "hinge"
+            and self.limited
+            and self.upper - self.lower >= 2 * math.pi
+        ):
+            raise ValueError(
+                f"{where}: its range must be less than a whole turn, or leave it out"
+            )
         for name in ("damping", "friction", "stiffness"):
             if not 0 <= getattr(self, name) <= MAX_FORCE:
-                raise ValueError(f"{where}: {name} must be from 0 to {MAX_FORCE:g}, got {getattr(self, name)}")
+                raise ValueError(
+                    f"{where}: {name} must be from 0 to {MAX_FORCE:g}, got {getattr(self, name)}"
+                )
         if not (abs(self.rest) <= MAX_POSITION and abs(self.start) <= MAX_POSITION):
-            raise ValueError(f"{where}: rest and start must be numbers up to {MAX_POSITION:g}")
-        if self.kind == "ball" and (self.limited or self.start or self.rest or self.latches or self.drive):
-            raise ValueError(f"{where}: a ball has no range, start, rest, latches or drive")
+            raise ValueError(
+                f"{where}: rest and start must be numbers up to {MAX_POSITION:g}"
+            )
+        if self.kind == "ball" and (
+            self.limited or self.start or self.rest or self.latches or self.drive
+        ):
+            raise ValueError(
+                f"{where}: a ball has no range, start, rest, latches or drive"
+            )
         if self.drive is not None and (self.latches or self.stiffness or self.friction):
-            raise ValueError(f"{where}: a joint with a drive has no latches, spring or friction")
+            raise ValueError(
+                f"{where}: a joint with a drive has no latches, spring or friction"
+            )
 
     @property
     def limited(self) -> bool:
@@ -193,17 +230,34 @@ class PlacedJoint:
             arm = rotate(body.quaternion, np.asarray(joint.origin))
             there = body.position + arm - parent.position
             inside = rotate(parent.quaternion * _INVERSE, there)
-            moved = body.linear + np.cross(body.angular, arm) - parent.linear - np.cross(parent.angular, there)
+            moved = (
+                body.linear
+                + np.cross(body.angular, arm)
+                - parent.linear
+                - np.cross(parent.angular, there)
+            )
             axis = rotate(parent.quaternion, self.axis)
-            return JointState(joint.start + (inside - self.origin) @ self.axis, (moved * axis).sum(axis=-1))
-        turned = multiply(multiply(parent.quaternion * _INVERSE, body.quaternion), self.turn * _INVERSE)
+            return JointState(
+                joint.start + (inside - self.origin) @ self.axis,
+                (moved * axis).sum(axis=-1),
+            )
+        turned = multiply(
+            multiply(parent.quaternion * _INVERSE, body.quaternion),
+            self.turn * _INVERSE,
+        )
         if joint.kind == "ball":
-            angle = 2 * np.arctan2(np.linalg.norm(turned[..., 1:], axis=-1), np.abs(turned[..., 0]))
+            angle = 2 * np.arctan2(
+                np.linalg.norm(turned[..., 1:], axis=-1), np.abs(turned[..., 0])
+            )
             return JointState(angle, np.linalg.norm(spin, axis=-1))
         middle = (joint.lower + joint.upper) / 2 if joint.limited else 0.0
-        angle = joint.start + 2 * np.arctan2(turned[..., 1:] @ self.axis, turned[..., 0])
+        angle = joint.start + 2 * np.arctan2(
+            turned[..., 1:] @ self.axis, turned[..., 0]
+        )
         angle = middle + np.mod(angle - middle + np.pi, 2 * np.pi) - np.pi
-        return JointState(angle, (spin * rotate(parent.quaternion, self.axis)).sum(axis=-1))
+        return JointState(
+            angle, (spin * rotate(parent.quaternion, self.axis)).sum(axis=-1)
+        )
 
     def carry(self, value: Array, speed: Array, parent: Placement) -> Placement:
         """Compute where the body is, and how it moves, for the joint's value and speed, each (...).
@@ -219,7 +273,10 @@ class PlacedJoint:
             glide = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
         elif joint.kind == "hinge":
             half = (value - joint.start)[..., None] / 2
-            turn = multiply(np.concatenate([np.cos(half), np.sin(half) * self.axis], axis=-1), self.turn)
+            turn = multiply(
+                np.concatenate([np.cos(half), np.sin(half) * self.axis], axis=-1),
+                self.turn,
+            )
             spin = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
         else:
             turn, spin = multiply(value, self.turn), rotate(parent.quaternion, speed)
@@ -227,7 +284,12 @@ class PlacedJoint:
         there = rotate(parent.quaternion, inside)
         angular = parent.angular + spin
         arm = rotate(quaternion, np.asarray(joint.origin))
-        linear = parent.linear + np.cross(parent.angular, there) + glide - np.cross(angular, arm)
+        linear = (
+            parent.linear
+            + np.cross(parent.angular, there)
+            + glide
+            - np.cross(angular, arm)
+        )
         return Placement(parent.position + there - arm, quaternion, linear, angular)
 
 

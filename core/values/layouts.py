@@ -32,18 +32,28 @@ class Draw:
 
     def position(self, name: str, nominal: Vector) -> tuple[float, float, float]:
         """Return a position (3,) in metres, from the numbers NAME.x, NAME.y and NAME.z."""
-        x, y, z = (self(f"{name}.{axis}", value) for axis, value in zip("xyz", nominal, strict=True))
+        x, y, z = (
+            self(f"{name}.{axis}", value)
+            for axis, value in zip("xyz", nominal, strict=True)
+        )
         return x, y, z
 
     def pose(self, name: str, nominal: Vector = (0.0, 0.0, 0.0)) -> Pose:
         """Return an upright pose, from NAME.x, NAME.y, NAME.z and NAME.yaw."""
-        return Pose.xyz_rpy(self.position(name, nominal), (0.0, 0.0, self(f"{name}.yaw", 0.0)))
+        return Pose.xyz_rpy(
+            self.position(name, nominal), (0.0, 0.0, self(f"{name}.yaw", 0.0))
+        )
 
 
-def around(name: str, position: Sequence[float], metres: float, radians: float = 0.0) -> Ranges:
+def around(
+    name: str, position: Sequence[float], metres: float, radians: float = 0.0
+) -> Ranges:
     """Ranges for a body that stands near ``position`` (x, y, ...): up to so many metres and radians away."""
     x, y, *_ = position
-    ranges = {f"{name}.x": (x - metres, x + metres), f"{name}.y": (y - metres, y + metres)}
+    ranges = {
+        f"{name}.x": (x - metres, x + metres),
+        f"{name}.y": (y - metres, y + metres),
+    }
     return ranges | ({f"{name}.yaw": (-radians, radians)} if radians else {})
 
 

@@ -30,17 +30,29 @@ class Margin:
     @classmethod
     def at_most(cls, name: str, value: float, limit: float, unit: str) -> Margin:
         """Of what must not exceed a limit above 0: 1 where the value is 0."""
-        return cls(name, float(value), float(limit), unit, _cut(1 - float(value) / limit))
+        return cls(
+            name, float(value), float(limit), unit, _cut(1 - float(value) / limit)
+        )
 
     @classmethod
-    def at_least(cls, name: str, value: float, limit: float, unit: str, far: float) -> Margin:
+    def at_least(
+        cls, name: str, value: float, limit: float, unit: str, far: float
+    ) -> Margin:
         """Of what must reach a limit: 1 where the value exceeds it by ``far``."""
-        return cls(name, float(value), float(limit), unit, _cut((float(value) - limit) / far))
+        return cls(
+            name, float(value), float(limit), unit, _cut((float(value) - limit) / far)
+        )
 
     @classmethod
     def clearance(cls, body: str, gap_m: float) -> Margin:
         """Of a body that must not be touched; a gap of 0 is a touch."""
-        return cls(f"clearance to {body}", float(gap_m), 0.0, "m", _cut(gap_m / FAR_M) if gap_m > 0 else -1.0)
+        return cls(
+            f"clearance to {body}",
+            float(gap_m),
+            0.0,
+            "m",
+            _cut(gap_m / FAR_M) if gap_m > 0 else -1.0,
+        )
 
     def __str__(self) -> str:
         return f"{self.name} {self.value:.3g} {self.unit}, limit {self.limit:.3g} {self.unit}".replace(
@@ -50,7 +62,9 @@ class Margin:
 
 def least_first(margins: Iterable[Margin]) -> tuple[Margin, ...]:
     """Sort margins, the least first, without those that are no numbers."""
-    known = (m for m in margins if all(map(math.isfinite, (m.value, m.limit, m.margin))))
+    known = (
+        m for m in margins if all(map(math.isfinite, (m.value, m.limit, m.margin)))
+    )
     return tuple(sorted(known, key=lambda m: m.margin))
 
 

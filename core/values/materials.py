@@ -45,13 +45,19 @@ class Material:
         for name in ("density_kg_m3", "young_pa", "strength_pa", "most_g"):
             value = getattr(self, name)
             if value is not None and not 0 < value < math.inf:
-                raise UsageError(f"material.{name} must be positive and finite, got {value}")
+                raise UsageError(
+                    f"material.{name} must be positive and finite, got {value}"
+                )
         if not 0.01 <= self.infill <= 1:
-            raise UsageError(f"material.infill is a share, 0.01 to 1, got {self.infill}")
+            raise UsageError(
+                f"material.infill is a share, 0.01 to 1, got {self.infill}"
+            )
         for name in ("wall_mm", "friction"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:
-                raise UsageError(f"material.{name} must be 0 or greater, and finite, got {value}")
+                raise UsageError(
+                    f"material.{name} must be 0 or greater, and finite, got {value}"
+                )
 
     @property
     def filling(self) -> str:
@@ -76,9 +82,14 @@ class Material:
 
     def made(self, tool: Tool) -> Tool:
         """Return the tool as made of this material: with its friction, and its masses if they follow from it."""
-        changes: dict[str, Any] = {} if self.friction is None else {"friction": self.friction}
+        changes: dict[str, Any] = (
+            {} if self.friction is None else {"friction": self.friction}
+        )
         if self.density_kg_m3 is not None:
-            weighed = (replace(c, mass=self.density_kg_m3 * self.volume_of(c.shape)) for c in tool.components)
+            weighed = (
+                replace(c, mass=self.density_kg_m3 * self.volume_of(c.shape))
+                for c in tool.components
+            )
             changes["components"] = tuple(weighed)
         return replace(tool, **changes) if changes else tool
 

@@ -118,13 +118,18 @@ def checked(reply: Reply) -> Reply:
         text, error = "", error or f"the text is {kind(text)}"
     return replace(
         reply,
-        text=scrub(text.encode("utf-8", "replace").decode("utf-8")),  # JSON can hold half a pair, a UTF-8 file can't
+        text=scrub(
+            text.encode("utf-8", "replace").decode("utf-8")
+        ),  # JSON can hold half a pair, a UTF-8 file can't
         model=_line(reply.model, _LONGEST[0]),
         error=None if error is None else _line(error, _LONGEST[1]),
         prompt_tokens=_count(reply.prompt_tokens),
         completion_tokens=_count(reply.completion_tokens),
         cost_usd=_cost(reply.cost_usd),
-        unanswered=reply.unanswered is True and error is not None and not text and not reply.prompt_tokens,
+        unanswered=reply.unanswered is True
+        and error is not None
+        and not text
+        and not reply.prompt_tokens,
     )
 
 
@@ -133,9 +138,17 @@ def _line(text: object, longest: int) -> str:
 
 
 def _count(value: object) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < MOST else None
+    return (
+        value
+        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < MOST
+        else None
+    )
 
 
 def _cost(value: object) -> float | None:
-    number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < MOST_USD
+    number = (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and 0 <= value < MOST_USD
+    )
     return float(value) if number and math.isfinite(value) else None  # type: ignore[arg-type]

@@ -52,7 +52,9 @@ class Numbers:
         """
         table = np.atleast_2d(points).astype(np.float64)
         same = np.ones(table.shape)
-        each, lower, upper = (np.ravel(same * n) for n in (steps, -np.asarray(most), most))
+        each, lower, upper = (
+            np.ravel(same * n) for n in (steps, -np.asarray(most), most)
+        )
         return cls(table.ravel(), each, lower, upper, ((len(table), table.shape[1]),))
 
     def moved(self, values: Array, others: Array, rng: np.random.Generator) -> Array:
@@ -64,10 +66,15 @@ class Numbers:
         moved, points = values.copy(), self._neighbours(rng)
         if len(others) and rng.random() < 0.5:
             points = points.ravel()
-            moved[points] += rng.standard_normal() * (others[rng.integers(len(others))] - values)[points]
+            moved[points] += (
+                rng.standard_normal()
+                * (others[rng.integers(len(others))] - values)[points]
+            )
         else:
             points = points[:, rng.integers(points.shape[1])]
-            size = np.exp(rng.uniform(*np.log(SHIFTS)))  # small and large ones as often: nobody knows the scale
+            size = np.exp(
+                rng.uniform(*np.log(SHIFTS))
+            )  # small and large ones as often: nobody knows the scale
             moved[points] += rng.choice((-size, size)) * self.steps[points]
         return np.clip(moved, self.lower, self.upper)
 
@@ -77,12 +84,16 @@ class Numbers:
         table = int(np.searchsorted(ends, rng.integers(len(self)), side="right"))
         count, each = self.shapes[table]
         begin, end = np.sort(rng.choice(count + 1, 2, replace=False))
-        found: npt.NDArray[np.intp] = ends[table] + np.arange((begin - count) * each, (end - count) * each)
+        found: npt.NDArray[np.intp] = ends[table] + np.arange(
+            (begin - count) * each, (end - count) * each
+        )
         return found.reshape(-1, each)
 
     def __add__(self, other: Numbers) -> Numbers:
         ours, theirs = ((n.values, n.steps, n.lower, n.upper) for n in (self, other))
-        values, steps, lower, upper = (np.concatenate(pair) for pair in zip(ours, theirs, strict=True))
+        values, steps, lower, upper = (
+            np.concatenate(pair) for pair in zip(ours, theirs, strict=True)
+        )
         return Numbers(values, steps, lower, upper, self.shapes + other.shapes)
 
     def __len__(self) -> int:
@@ -110,4 +121,8 @@ class Variable(Generic[D]):
         None: the two differ in more than numbers. By default these are the values of ``other``.
         """
         ours, theirs = self.parameters(design), self.parameters(other)
-        return theirs.values if type(design) is type(other) and len(ours) == len(theirs) else None
+        return (
+            theirs.values
+            if type(design) is type(other) and len(ours) == len(theirs)
+            else None
+        )

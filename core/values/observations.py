@@ -11,7 +11,17 @@ from typing import ClassVar, Literal
 
 from core.support.text import short_numbers
 
-Class = Literal["solved", "placed", "forbidden", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
+Class = Literal[
+    "solved",
+    "placed",
+    "forbidden",
+    "never touched",
+    "missed",
+    "dropped",
+    "tipped",
+    "stuck",
+    "unreachable",
+]
 
 Point = tuple[float, float, float]
 Offset = tuple[float | None, float | None, float | None]

@@ -67,7 +67,9 @@ class ActionPlan(ABC):
     A plan with guards resolves again, with more that was felt, each time a guard ends.
     """
 
-    action: ClassVar[str]  # the name of the representation that reads it, as in ``action=NAME``
+    action: ClassVar[
+        str
+    ]  # the name of the representation that reads it, as in ``action=NAME``
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:
@@ -113,7 +115,11 @@ class TaskPlans(ActionPlan):
         return [
             {
                 "task": task,
-                **({"problem": plan} if isinstance(plan, str) else {"action": plan.action, "plan": plan.dump()}),
+                **(
+                    {"problem": plan}
+                    if isinstance(plan, str)
+                    else {"action": plan.action, "plan": plan.dump()}
+                ),
             }
             for task, plan in self.plans
         ]
@@ -167,7 +173,9 @@ class Waypoints(ActionPlan):
     @property
     def grips(self) -> Array:
         """How far the gripper is closed at each, (N,); 0 for plans without it."""
-        return self.poses[:, 6] if self.poses.shape[1] == 7 else np.zeros(len(self.poses))
+        return (
+            self.poses[:, 6] if self.poses.shape[1] == 7 else np.zeros(len(self.poses))
+        )
 
     def resolve(self, seen: Seen) -> Waypoints:
         return self
@@ -177,7 +185,11 @@ class Waypoints(ActionPlan):
 
     @property
     def content(self) -> object:
-        return content_of(self) if self.tempo is not None or self.guards else content_of(self.poses)
+        return (
+            content_of(self)
+            if self.tempo is not None or self.guards
+            else content_of(self.poses)
+        )
 
 
 def digest(content: object) -> str:
@@ -189,7 +201,11 @@ def content_of(value: object) -> object:
     """Write a value as nested tuples. Fields with their default are left out, so that a new field changes no hash."""
     if is_dataclass(value):
         named = [(field, getattr(value, field.name)) for field in fields(value)]
-        given = [(f.name, content_of(v)) for f, v in named if not (type(v) is type(f.default) and v == f.default)]
+        given = [
+            (f.name, content_of(v))
+            for f, v in named
+            if not (type(v) is type(f.default) and v == f.default)
+        ]
         return type(value).__name__, *given
     if isinstance(value, np.ndarray):
         return value.shape, value.dtype.str, value.tobytes()

@@ -52,7 +52,9 @@ class Flange:
 
 # ISO 9409-1-50-4-M6: four M6 on a circle of 50 mm at 45 degrees from the pin (6 H7, on the same circle), a disc of
 # 63 mm, a recess of 31.5 H7 at least 3.5 mm deep. Threads of 6 mm are a cautious guess.
-ISO_9409_1_50 = Flange(Cylinder(radius=0.0315, length=0.01), 0.05, 4, "M6", centring_m=0.0315)
+ISO_9409_1_50 = Flange(
+    Cylinder(radius=0.0315, length=0.01), 0.05, 4, "M6", centring_m=0.0315
+)
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,9 @@ class Robot:
     friction: float = LINK_FRICTION
     aliases: tuple[tuple[str, str], ...] = ()
     base: Pose = field(default_factory=Pose)
-    measured: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict, compare=False, repr=False)
+    measured: Mapping[str, Mapping[str, float | None]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
     programs: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -132,13 +136,21 @@ class Robot:
         for name in ("home", "acceleration_limits", "motor_inertia"):
             values = getattr(self, name)
             if len(values) != count:
-                raise UsageError(f"robot {self.name}: {name} has {len(values)} numbers for {count} joints")
+                raise UsageError(
+                    f"robot {self.name}: {name} has {len(values)} numbers for {count} joints"
+                )
             if not all(map(math.isfinite, values)):
-                raise UsageError(f"robot {self.name}: {name} has a number that is not finite")
+                raise UsageError(
+                    f"robot {self.name}: {name} has a number that is not finite"
+                )
         if not min(self.acceleration_limits) > 0 or min(self.motor_inertia) < 0:
-            raise UsageError(f"robot {self.name}: acceleration limits must be positive, inertias 0 or more")
+            raise UsageError(
+                f"robot {self.name}: acceleration limits must be positive, inertias 0 or more"
+            )
         if not 0 < self.payload_kg < math.inf:
-            raise UsageError(f"robot {self.name}: payload_kg must be positive, got {self.payload_kg}")
+            raise UsageError(
+                f"robot {self.name}: payload_kg must be positive, got {self.payload_kg}"
+            )
 
     def __hash__(self) -> int:
         return hash((self.name, self.base, self.mount, self.home))

@@ -17,10 +17,19 @@ from core.geometry import Array, Mesh, Shape, Vector, frozen_array
 Elements = npt.NDArray[np.int64]
 
 MAX_NODES = 150  # the time of a step grows with them
-MOST_YOUNG = {"rope": 1e8, "cloth": 3e7, "solid": 3e5}  # Pa; above, an engine's step does not converge
+MOST_YOUNG = {
+    "rope": 1e8,
+    "cloth": 3e7,
+    "solid": 3e5,
+}  # Pa; above, an engine's step does not converge
 SKIN_M = 0.002  # the thickness of a solid's skin, which collides; others are at least as thick
 _CORNERS = 8  # of a rope's cross-section, as it is drawn
-_STIFF = ((2e4, "very soft, as dough"), (2e5, "soft, as a sponge"), (2e6, "as soft rubber"), (2e7, "as rubber"))
+_STIFF = (
+    (2e4, "very soft, as dough"),
+    (2e5, "soft, as a sponge"),
+    (2e6, "as soft rubber"),
+    (2e7, "as rubber"),
+)
 
 
 @dataclass(frozen=True)
@@ -45,14 +54,26 @@ class Elastic:
     friction: float = 0.5
 
     def __post_init__(self) -> None:
-        limits = {"density": (1, 1e4), "young": (1e3, max(MOST_YOUNG.values())), "poisson": (0, 0.45)}
-        for name, (low, high) in {**limits, "damping": (0, 1), "friction": (0, 10)}.items():
+        limits = {
+            "density": (1, 1e4),
+            "young": (1e3, max(MOST_YOUNG.values())),
+            "poisson": (0, 0.45),
+        }
+        for name, (low, high) in {
+            **limits,
+            "damping": (0, 1),
+            "friction": (0, 10),
+        }.items():
             if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} must be from {low:g} to {high:g}, got {getattr(self, name)}")
+                raise ValueError(
+                    f"{name} must be from {low:g} to {high:g}, got {getattr(self, name)}"
+                )
 
     def in_words(self) -> str:
         """Say how stiff it is."""
-        return next((words for most, words in _STIFF if self.young < most), "stiff, as plastic")
+        return next(
+            (words for most, words in _STIFF if self.young < most), "stiff, as plastic"
+        )
 
 
 @dataclass(frozen=True)
@@ -68,16 +89,24 @@ class _Divided:
     elements: Elements = field(init=False, repr=False, compare=False)
     thickness: float = field(default=SKIN_M, kw_only=True)
 
-    def _divide(self, counts: Sequence[int], place: Callable[[Sequence[int]], Array]) -> None:
+    def _divide(
+        self, counts: Sequence[int], place: Callable[[Sequence[int]], Array]
+    ) -> None:
         if min(counts) < 2 or math.prod(counts) > MAX_NODES:
-            raise ValueError(f"a {self.kind} needs 2 nodes or more along each axis, and at most {MAX_NODES} in all")
+            raise ValueError(
+                f"a {self.kind} needs 2 nodes or more along each axis, and at most {MAX_NODES} in all"
+            )
         if not self.thickness >= SKIN_M:
-            raise ValueError(f"a {self.kind} must be {SKIN_M} m thick or more; use a lighter, softer material instead")
+            raise ValueError(
+                f"a {self.kind} must be {SKIN_M} m thick or more; use a lighter, softer material instead"
+            )
         nodes = frozen_array(place(counts))
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "elements", facing(nodes, simplices(counts)))
         if not sizes(nodes, self.elements).min() > 1e-12:
-            raise ValueError(f"a {self.kind} needs a size: two of its nodes are in one place")
+            raise ValueError(
+                f"a {self.kind} needs a size: two of its nodes are in one place"
+            )
 
     @property
     def section(self) -> float:
@@ -92,13 +121,19 @@ class _Divided:
     def weights(self) -> Array:
         """The share (N,) of the mass that each node has."""
         found, size = np.zeros(len(self.nodes)), sizes(self.nodes, self.elements)
-        np.add.at(found, self.elements, (size / size.sum() / self.elements.shape[1])[:, None])
+        np.add.at(
+            found, self.elements, (size / size.sum() / self.elements.shape[1])[:, None]
+        )
         return found
 
     def surface(self, nodes: Array) -> Mesh:
         """Make the surface that is drawn with nodes (N, 3) at these places: the faces of a solid."""
-        faces = self.elements[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
-        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+        faces = self.elements[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(
+            -1, 3
+        )
+        _, first, count = np.unique(
+            np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+        )
         return Mesh(nodes, faces[first[count == 1]])
 
 
@@ -115,8 +150,16 @@ class Rope(_Divided):
 
     def _along(self, counts: Sequence[int]) -> Array:
         points = np.array(self.path, dtype=np.float64).reshape(-1, 3)
-        ways = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-        return np.stack([np.interp(np.linspace(0, ways[-1], counts[0]), ways, axis) for axis in points.T], axis=1)
+        ways = np.append(
+            0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))
+        )
+        return np.stack(
+            [
+                np.interp(np.linspace(0, ways[-1], counts[0]), ways, axis)
+                for axis in points.T
+            ],
+            axis=1,
+        )
 
     @property
     def section(self) -> float:
@@ -126,17 +169,32 @@ class Rope(_Divided):
         """Make a tube with closed ends."""
         along = np.gradient(nodes, axis=0)
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-        aside = np.eye(3)[np.abs(along).max(axis=0).argmin()]  # the axis that the rope follows least
+        aside = np.eye(3)[
+            np.abs(along).max(axis=0).argmin()
+        ]  # the axis that the rope follows least
         across = np.cross(along, aside)
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
         angles = np.arange(_CORNERS)[:, None] * 2 * np.pi / _CORNERS
-        wheel = np.cos(angles) * across[:, None] + np.sin(angles) * np.cross(along, across)[:, None]
-        wide = np.concatenate([[0.0], np.ones(len(nodes)), [0.0]])[:, None, None] * self.thickness / 2
+        wheel = (
+            np.cos(angles) * across[:, None]
+            + np.sin(angles) * np.cross(along, across)[:, None]
+        )
+        wide = (
+            np.concatenate([[0.0], np.ones(len(nodes)), [0.0]])[:, None, None]
+            * self.thickness
+            / 2
+        )
         order = [0, *range(len(nodes)), -1]
         at = np.arange(_CORNERS * (len(nodes) + 1)).reshape(-1, _CORNERS)
         beside = np.roll(at, -1, axis=1)
-        faces = np.stack([at, beside, beside + _CORNERS, at, beside + _CORNERS, at + _CORNERS], axis=-1)
-        return Mesh((nodes[order, None] + wide * wheel[order]).reshape(-1, 3), faces.reshape(-1, 3))
+        faces = np.stack(
+            [at, beside, beside + _CORNERS, at, beside + _CORNERS, at + _CORNERS],
+            axis=-1,
+        )
+        return Mesh(
+            (nodes[order, None] + wide * wheel[order]).reshape(-1, 3),
+            faces.reshape(-1, 3),
+        )
 
 
 @dataclass(frozen=True)
@@ -148,7 +206,10 @@ class Cloth(_Divided):
     counts: tuple[int, int] = (9, 9)
 
     def __post_init__(self) -> None:
-        self._divide(self.counts, lambda counts: lattice(counts) * [self.size[0] / 2, self.size[1] / 2, 0.0])
+        self._divide(
+            self.counts,
+            lambda counts: lattice(counts) * [self.size[0] / 2, self.size[1] / 2, 0.0],
+        )
 
     @property
     def section(self) -> float:
@@ -159,9 +220,16 @@ class Cloth(_Divided):
         outward, corners = np.zeros_like(nodes), nodes[self.elements]
         crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         np.add.at(outward, self.elements, crossed[:, None])
-        outward *= self.thickness / 2 / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+        outward *= (
+            self.thickness
+            / 2
+            / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+        )
         below = self.elements[:, ::-1] + len(nodes)
-        return Mesh(np.concatenate([nodes + outward, nodes - outward]), np.concatenate([self.elements, below]))
+        return Mesh(
+            np.concatenate([nodes + outward, nodes - outward]),
+            np.concatenate([self.elements, below]),
+        )
 
 
 @dataclass(frozen=True)
@@ -182,7 +250,9 @@ class Filling(_Divided):
         out = np.abs(unit).max(axis=1, keepdims=True)  # 1: on the surface
         toward = ways / np.where(out > 0, out, 1.0) @ hull.face_normals.T
         far = ((hull.triangles[:, 0] - middle) * hull.face_normals).sum(axis=1)
-        reach = np.divide(far, toward, out=np.full_like(toward, np.inf), where=toward > 1e-9).min(axis=1, keepdims=True)
+        reach = np.divide(
+            far, toward, out=np.full_like(toward, np.inf), where=toward > 1e-9
+        ).min(axis=1, keepdims=True)
         nodes: Array = middle + ways * np.where(out > 0, reach, 0.0)
         return nodes
 
@@ -196,7 +266,10 @@ def _three(counts: Sequence[int]) -> tuple[int, ...]:
 
 def lattice(counts: Sequence[int]) -> Array:
     """Place nodes (N, 3) evenly in the cube from -1 to 1, or in a square or line of it."""
-    axes = [np.linspace(-1, 1, count) if count > 1 else np.zeros(1) for count in _three(counts)]
+    axes = [
+        np.linspace(-1, 1, count) if count > 1 else np.zeros(1)
+        for count in _three(counts)
+    ]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
@@ -204,8 +277,13 @@ def simplices(counts: Sequence[int]) -> Elements:
     """Divide the cells of a `lattice` into segments, triangles or tetrahedra (E, D + 1)."""
     counts = _three(counts)
     numbers = np.arange(math.prod(counts)).reshape(counts)
-    cells = np.stack(np.meshgrid(*(np.arange(max(n - 1, 1)) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
-    mirrored, found = cells % 2, []  # every second cell, so that both sides of a body are alike
+    cells = np.stack(
+        np.meshgrid(*(np.arange(max(n - 1, 1)) for n in counts), indexing="ij"), axis=-1
+    ).reshape(-1, 3)
+    mirrored, found = (
+        cells % 2,
+        [],
+    )  # every second cell, so that both sides of a body are alike
     for axes in permutations([axis for axis, count in enumerate(counts) if count > 1]):
         corner = cells + mirrored
         element = [numbers[tuple(corner.T)]]
@@ -230,5 +308,9 @@ def facing(nodes: Array, elements: Elements) -> Elements:
     edges, corners = nodes[elements[:, 1:]] - nodes[elements[:, :1]], elements.shape[1]
     if corners == 2:
         return elements
-    signs = np.linalg.det(edges) if corners == 4 else np.cross(edges[:, 0], edges[:, 1])[:, 2]
+    signs = (
+        np.linalg.det(edges)
+        if corners == 4
+        else np.cross(edges[:, 0], edges[:, 1])[:, 2]
+    )
     return np.where((signs < 0)[:, None], elements[:, [0, 2, 1, 3][:corners]], elements)

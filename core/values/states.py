@@ -39,7 +39,9 @@ class State:
     def _number(self, name: str) -> int:
         if name not in self.names:
             known = ", ".join((*self.names, *self.places))
-            raise KeyError(f"no body {name!r} that moves in the state; there are: {known}")
+            raise KeyError(
+                f"no body {name!r} that moves in the state; there are: {known}"
+            )
         return self.names.index(name)
 
     def position(self, name: str, node: int | None = None) -> Array:
@@ -47,18 +49,25 @@ class State:
         if node is not None:
             return self.nodes(name)[..., node, :]
         if name in self.places:
-            return np.broadcast_to(self.places[name].position, (*self.positions.shape[:-2], 3))
+            return np.broadcast_to(
+                self.places[name].position, (*self.positions.shape[:-2], 3)
+            )
         return self.positions[..., self._number(name), :]
 
     def quaternion(self, name: str) -> Array:
         """The quaternion of one body or mark, (..., 4)."""
         if name in self.places:
-            return np.broadcast_to(self.places[name].quaternion, (*self.quaternions.shape[:-2], 4))
+            return np.broadcast_to(
+                self.places[name].quaternion, (*self.quaternions.shape[:-2], 4)
+            )
         return self.quaternions[..., self._number(name), :]
 
     def relative(self, name: str, to: str) -> Array:
         """The position of one body or mark in the frame of another, (..., 3)."""
-        return rotate(self.quaternion(to) * [1.0, -1.0, -1.0, -1.0], self.position(name) - self.position(to))
+        return rotate(
+            self.quaternion(to) * [1.0, -1.0, -1.0, -1.0],
+            self.position(name) - self.position(to),
+        )
 
     def joint(self, name: str) -> JointState:
         """The position and speed of a joint, each (...).
@@ -67,9 +76,13 @@ class State:
             KeyError: there is no such joint, or the state is an engine's, without joints (`Scene.complete`).
         """
         if name not in self.joints:
-            raise KeyError(f"no joint {name!r} in the state; there are: {', '.join(self.joints) or 'none'}")
+            raise KeyError(
+                f"no joint {name!r} in the state; there are: {', '.join(self.joints) or 'none'}"
+            )
         placed = self.joints[name]
-        return placed.read(self.placement(placed.joint.body), self.placement(placed.joint.parent))
+        return placed.read(
+            self.placement(placed.joint.body), self.placement(placed.joint.parent)
+        )
 
     def placement(self, name: str | None) -> Placement:
         """The pose and the velocities of a body, (..., 3) and (..., 4); None: of the world."""
@@ -89,10 +102,14 @@ class State:
     def nodes(self, name: str, to: str | None = None) -> Array:
         """The nodes of a soft body, (..., N, 3), in the world or in the frame of another body; a rope's in order."""
         if name not in self.soft:
-            raise KeyError(f"no soft body {name!r} in the state; there are: {', '.join(self.soft) or 'none'}")
+            raise KeyError(
+                f"no soft body {name!r} in the state; there are: {', '.join(self.soft) or 'none'}"
+            )
         if to is None:
             return self.soft[name]
-        turn, place = (array[..., None, :] for array in (self.quaternion(to), self.position(to)))
+        turn, place = (
+            array[..., None, :] for array in (self.quaternion(to), self.position(to))
+        )
         return rotate(turn * [1.0, -1.0, -1.0, -1.0], self.soft[name] - place)
 
     def extent(self, name: str) -> Array:
@@ -109,18 +126,28 @@ class State:
 
     def covered_area(self, name: str) -> Array:
         """The area of the convex hull of a soft body's nodes as seen from above, m^2, (...)."""
-        from scipy.spatial import ConvexHull  # only here: the lists of parts import this file
+        from scipy.spatial import (
+            ConvexHull,
+        )  # only here: the lists of parts import this file
 
         nodes = self.nodes(name)[..., :2]
         if nodes.shape[-2] < 3:
             return np.zeros(nodes.shape[:-2])
-        areas = [ConvexHull(one, qhull_options="QJ").volume for one in nodes.reshape(-1, *nodes.shape[-2:])]
+        areas = [
+            ConvexHull(one, qhull_options="QJ").volume
+            for one in nodes.reshape(-1, *nodes.shape[-2:])
+        ]
         return np.reshape(np.array(areas), nodes.shape[:-2])
 
     @property
     def arrays(self) -> tuple[Array, Array, Array, Array]:
         """Positions, quaternions, linear and angular velocities."""
-        return self.positions, self.quaternions, self.linear_velocities, self.angular_velocities
+        return (
+            self.positions,
+            self.quaternions,
+            self.linear_velocities,
+            self.angular_velocities,
+        )
 
     def __getitem__(self, index: int) -> State:
         """One world (or time) of many."""
@@ -129,15 +156,27 @@ class State:
     def each(self, change: Callable[[Array], Array]) -> State:
         """Change all arrays alike: those of bodies, and the nodes of soft ones."""
         soft = {name: change(nodes) for name, nodes in self.soft.items()}
-        return State(self.names, *map(change, self.arrays), places=self.places, joints=self.joints, soft=soft)
+        return State(
+            self.names,
+            *map(change, self.arrays),
+            places=self.places,
+            joints=self.joints,
+            soft=soft,
+        )
 
     @staticmethod
-    def merged(states: Sequence[State], how: Callable[[Sequence[Array]], Array]) -> State:
+    def merged(
+        states: Sequence[State], how: Callable[[Sequence[Array]], Array]
+    ) -> State:
         """Merge the arrays of states of one layout with a function such as `numpy.stack`."""
         first = states[0]
-        soft = {name: how([state.soft[name] for state in states]) for name in first.soft}
+        soft = {
+            name: how([state.soft[name] for state in states]) for name in first.soft
+        }
         arrays = map(how, zip(*(state.arrays for state in states), strict=True))
-        return State(first.names, *arrays, places=first.places, joints=first.joints, soft=soft)
+        return State(
+            first.names, *arrays, places=first.places, joints=first.joints, soft=soft
+        )
 
     @staticmethod
     def stack(states: Sequence[State]) -> State:
@@ -147,7 +186,9 @@ class State:
             ValueError: there are no states, or their bodies differ.
         """
         if not states or any(state.names != states[0].names for state in states):
-            raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
+            raise ValueError(
+                "only states of the same bodies can be stacked, and at least one is needed"
+            )
         return State.merged(states, np.stack)
 
 
@@ -197,7 +238,9 @@ class Trace:
         """
         self._check(body)
         if self.forces is None and {body, by} & self.states.soft.keys():
-            raise ValueError("the trace has no forces, by which contacts of soft bodies are known")
+            raise ValueError(
+                "the trace has no forces, by which contacts of soft bodies are known"
+            )
         found = np.zeros(self.shape, dtype=bool)
         for (kind, one, other), flags in self.touching.items():
             if _about(kind, one, other, body, by):
@@ -236,11 +279,19 @@ class Trace:
         """
         self._check(body)
         if self.forces is None:
-            raise ValueError("the trace has no forces; this engine or environment measures none")
+            raise ValueError(
+                "the trace has no forces; this engine or environment measures none"
+            )
         found = np.zeros(self.shape)
         for (one, other), forces in self.forces.items():
-            part = self.touching.get(("tool", by or "", body)) if (one, other) == ("tool", body) else None
-            if part is not None or _about(self._kind(one), one, other, body, by):  # of a component: while it touches
+            part = (
+                self.touching.get(("tool", by or "", body))
+                if (one, other) == ("tool", body)
+                else None
+            )
+            if part is not None or _about(
+                self._kind(one), one, other, body, by
+            ):  # of a component: while it touches
                 found = np.maximum(found, forces if part is None else forces * part)
         if by in ("robot", "tool"):
             found = found + self.passed_on(body, by)
@@ -254,21 +305,38 @@ class Trace:
         """
         forces = self.forces or {}
         pairs = [pair for pair in forces if self._kind(pair[0]) == "body"]
-        pressed = {name: np.zeros(self.shape) for name in self.states.names if name != body}
+        pressed = {
+            name: np.zeros(self.shape) for name in self.states.names if name != body
+        }
         for (one, other), force in forces.items():
-            if other in pressed and one not in pressed and _about(self._kind(one), one, other, other, by):
+            if (
+                other in pressed
+                and one not in pressed
+                and _about(self._kind(one), one, other, other, by)
+            ):
                 pressed[other] = pressed[other] + force
         _spread(pressed, [(*pair, forces[pair]) for pair in pairs])
         total = np.zeros(self.shape)
         for one, other in pairs:
-            if body in (one, other) and (through := other if one == body else one) in pressed:
-                borne = np.maximum(forces[one, other] - forces[one, other][..., :1], 0.0)
+            if (
+                body in (one, other)
+                and (through := other if one == body else one) in pressed
+            ):
+                borne = np.maximum(
+                    forces[one, other] - forces[one, other][..., :1], 0.0
+                )
                 total = total + np.minimum(pressed[through], borne)
         return total
 
     def _kind(self, one: str) -> str:
         """The kind of a pair of forces by its first name, see `touching`."""
-        return "tool" if one == "tool" else "body" if one in (*self.states.names, *self.states.places) else "arm"
+        return (
+            "tool"
+            if one == "tool"
+            else "body"
+            if one in (*self.states.names, *self.states.places)
+            else "arm"
+        )
 
     def held(self, body: str) -> Flags:
         """Report at which instants (..., T) the robot carries a body.
@@ -278,8 +346,18 @@ class Trace:
         self._check(body)
         group = dict.fromkeys(self.states.names, np.zeros(self.shape, dtype=bool))
         group[body] = np.ones(self.shape, dtype=bool)
-        _spread(group, [(one, other, flags) for (kind, one, other), flags in self.touching.items() if kind == "body"])
-        robot, fixed = np.zeros(self.shape, dtype=bool), np.zeros(self.shape, dtype=bool)
+        _spread(
+            group,
+            [
+                (one, other, flags)
+                for (kind, one, other), flags in self.touching.items()
+                if kind == "body"
+            ],
+        )
+        robot, fixed = (
+            np.zeros(self.shape, dtype=bool),
+            np.zeros(self.shape, dtype=bool),
+        )
         for name, within in group.items():
             robot |= within & self.contact(name, "robot")
             for place in self.states.places:
@@ -288,10 +366,20 @@ class Trace:
 
     def __getitem__(self, index: int) -> Trace:
         """One world of many."""
-        forces = None if self.forces is None else {key: of[index] for key, of in self.forces.items()}
+        forces = (
+            None
+            if self.forces is None
+            else {key: of[index] for key, of in self.forces.items()}
+        )
         touching = {key: of[index] for key, of in self.touching.items()}
         clearances = {body: of[index] for body, of in self.clearances.items()}
-        return replace(self, states=self.states[index], touching=touching, forces=forces, clearances=clearances)
+        return replace(
+            self,
+            states=self.states[index],
+            touching=touching,
+            forces=forces,
+            clearances=clearances,
+        )
 
     @classmethod
     def of(cls, *states: State, **given: Any) -> Trace:
@@ -302,10 +390,15 @@ class Trace:
     def _check(self, body: str) -> None:
         known = (*self.states.names, *self.states.places)
         if body not in known:
-            raise KeyError(f"no body {body!r} in the trace; there are: {', '.join(known)}")
+            raise KeyError(
+                f"no body {body!r} in the trace; there are: {', '.join(known)}"
+            )
 
 
-def _spread(values: dict[str, npt.NDArray[Any]], links: Sequence[tuple[str, str, npt.NDArray[Any]]]) -> None:
+def _spread(
+    values: dict[str, npt.NDArray[Any]],
+    links: Sequence[tuple[str, str, npt.NDArray[Any]]],
+) -> None:
     """Pass each body's value on through links to others, as much as the weakest link of a chain lets through."""
     changed = True
     while changed:
@@ -327,4 +420,9 @@ def _about(kind: str, one: str, other: str, body: str, by: str | None) -> bool:
         return False
     if by == "arm":
         return kind == "arm" or (kind == "tool" and one in GRIPPER_MOUNTS)
-    return by is None or by == one or (kind != "body" and by == "robot") or (kind == "tool" and by == "tool")
+    return (
+        by is None
+        or by == one
+        or (kind != "body" and by == "robot")
+        or (kind == "tool" and by == "tool")
+    )

@@ -55,10 +55,14 @@ class ToolJoint:
         x, y, z = (float(value) / length for value in self.axis)
         object.__setattr__(self, "axis", (x, y, z))
         if not self.lower <= 0 <= self.upper or self.lower == self.upper:
-            raise DesignError(f"a joint's range must hold 0, and more than 0; it is {self.lower:g} to {self.upper:g}")
+            raise DesignError(
+                f"a joint's range must hold 0, and more than 0; it is {self.lower:g} to {self.upper:g}"
+            )
         for name in ("damping", "friction", "stiffness"):
             if not getattr(self, name) >= 0:
-                raise DesignError(f"a joint's {name} must be 0 or more, not {getattr(self, name):g}")
+                raise DesignError(
+                    f"a joint's {name} must be 0 or more, not {getattr(self, name):g}"
+                )
 
 
 @dataclass(frozen=True)
@@ -121,13 +125,17 @@ class Tool:
     friction: float = TOOL_FRICTION
 
     def __hash__(self) -> int:  # many things are kept by tool, and poses take long
-        return hash((self.name, self.gripper, tuple((c.name, c.mass) for c in self.components)))
+        return hash(
+            (self.name, self.gripper, tuple((c.name, c.mass) for c in self.components))
+        )
 
     def __post_init__(self) -> None:
         known = set(self.mounts)
         for component in self.components:
             if component.name in known:
-                raise DesignError(f"two parts of the tool are named {component.name!r}; each needs its own name")
+                raise DesignError(
+                    f"two parts of the tool are named {component.name!r}; each needs its own name"
+                )
             if component.parent not in known:
                 raise DesignError(
                     f"component {component.name!r} hangs from {component.parent!r}, which is neither a component "
@@ -154,7 +162,9 @@ class Tool:
 
     @cached_property
     def _placed(self) -> dict[str, tuple[str, Pose]]:
-        placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
+        placed: dict[str, tuple[str, Pose]] = {
+            mount: (mount, Pose()) for mount in self.mounts
+        }
         for component in self.components:
             mount, pose = placed[component.parent]
             placed[component.name] = (mount, pose @ component.pose)
@@ -165,16 +175,24 @@ class Tool:
         """The convex shapes that collide, in the order of the components."""
         borne = self.borne
         return tuple(
-            ConvexPart(c.name, shape, *borne[c.name]) for c in self.components for shape in c.shape.convex_parts()
+            ConvexPart(c.name, shape, *borne[c.name])
+            for c in self.components
+            for shape in c.shape.convex_parts()
         )
 
     @cached_property
     def borne(self) -> dict[str, tuple[str, Pose]]:
         """For each component the mount or the component with a joint that bears it, and its pose in that frame."""
-        borne: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
+        borne: dict[str, tuple[str, Pose]] = {
+            mount: (mount, Pose()) for mount in self.mounts
+        }
         for c in self.components:
             bearer, pose = borne[c.parent]
-            borne[c.name] = (bearer, pose @ c.pose) if c.joint is None else (c.name, c.link.inverse())
+            borne[c.name] = (
+                (bearer, pose @ c.pose)
+                if c.joint is None
+                else (c.name, c.link.inverse())
+            )
         return {component.name: borne[component.name] for component in self.components}
 
     @property
@@ -187,7 +205,9 @@ class Tool:
         """The K components with a joint, in the order of the joints' values."""
         ends = {mount: (mount, Pose()) for mount in self.mounts} | self.borne
         return tuple(
-            Bearer(c.name, ends[c.parent][0], ends[c.parent][1] @ c.pose @ c.link, c.joint)
+            Bearer(
+                c.name, ends[c.parent][0], ends[c.parent][1] @ c.pose @ c.link, c.joint
+            )
             for c in self.components
             if c.joint is not None
         )

@@ -47,8 +47,12 @@ MAX_SECONDS = 60.0
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
-Length = Annotated[float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)]
-Angle = Annotated[float, Strict(), Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False)]
+Length = Annotated[
+    float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)
+]
+Angle = Annotated[
+    float, Strict(), Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False)
+]
 Seconds = Annotated[float, Strict(), Field(ge=0, le=MAX_SECONDS, allow_inf_nan=False)]
 Speed = Annotated[float, Strict(), Field(ge=0, le=MAX_SPEED, allow_inf_nan=False)]
 Share = Annotated[float, Strict(), Field(ge=0, le=1, allow_inf_nan=False)]
@@ -92,7 +96,9 @@ class Step:
     newtons: Newtons = 0.0
     otherwise: Literal["go_on", "end"] = "go_on"
     corrects: Annotated[tuple[Name, ...], Field(max_length=MAX_CORRECTED)] = ()
-    beyond: Annotated[float, Strict(), Field(ge=0, le=MAX_BEYOND_M, allow_inf_nan=False)] = 0.0
+    beyond: Annotated[
+        float, Strict(), Field(ge=0, le=MAX_BEYOND_M, allow_inf_nan=False)
+    ] = 0.0
 
     def frame(self, seen: Seen, where: str) -> Pose:
         """The frame of the offset in the world.
@@ -108,10 +114,14 @@ class Step:
         if self.axes == "anchor":
             return Pose(origin, anchor.quaternion)
         if math.hypot(way[0], way[1]) < _APART_M:
-            raise DesignError(f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction")
+            raise DesignError(
+                f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction"
+            )
         return Pose.xyz_rpy(origin, (0.0, 0.0, math.atan2(way[1], way[0])))
 
-    def corrected(self, seen: Seen, way: Array, missed: Array, where: str) -> dict[str, Pose]:
+    def corrected(
+        self, seen: Seen, way: Array, missed: Array, where: str
+    ) -> dict[str, Pose]:
         """Return where the bodies in ``corrects`` are, as the arm ended at ``missed`` (3,) from the waypoint.
 
         ``way`` (3,) leads there from the waypoint before, metres.
@@ -120,10 +130,15 @@ class Step:
             DesignError: a name is not there, or there is no way.
         """
         if (length := float(np.linalg.norm(way))) < _APART_M:
-            raise DesignError(f"{where}: 'corrects' needs a way there, and the waypoint before is at the same place")
+            raise DesignError(
+                f"{where}: 'corrects' needs a way there, and the waypoint before is at the same place"
+            )
         shift = (missed @ way / length + self.beyond) * way / length
         places = {name: _place(name, seen, where) for name in self.corrects}
-        return {name: Pose(place.position + shift, place.quaternion) for name, place in places.items()}
+        return {
+            name: Pose(place.position + shift, place.quaternion)
+            for name, place in places.items()
+        }
 
     @property
     def guard(self) -> Guard | None:
@@ -132,8 +147,15 @@ class Step:
     def dump(self) -> dict[str, Any]:
         """Return what was written, without what has its default."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
-        written = {name: value for name, value in given.items() if name == "offset" or value != _DEFAULTS[name]}
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in written.items()}
+        written = {
+            name: value
+            for name, value in given.items()
+            if name == "offset" or value != _DEFAULTS[name]
+        }
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in written.items()
+        }
 
 
 _DEFAULTS = {f.name: f.default for f in fields(Step)}
@@ -153,14 +175,23 @@ class AnchoredPlan(ActionPlan):
         known = seen
         felt = [*seen.felt]
         for number, step in enumerate(self.steps, start=1):
-            pose = step.frame(known, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
-            rows.append([*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])])
+            pose = step.frame(known, f"waypoint {number}") @ Pose.xyz_rpy(
+                step.offset, step.rpy
+            )
+            rows.append(
+                [*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])]
+            )
             if step.until:
                 here = felt.pop(0) if felt else None
                 poses = dict(known.poses)
                 if step.corrects:
                     missed = (here or pose).position - pose.position
-                    found = step.corrected(known, pose.position - rows[-2][:3], missed, f"waypoint {number}")
+                    found = step.corrected(
+                        known,
+                        pose.position - rows[-2][:3],
+                        missed,
+                        f"waypoint {number}",
+                    )
                     poses |= found if here else {}
                 known = Seen({**poses, HERE: here or pose})
         guards = tuple(step.guard for step in self.steps)
@@ -168,11 +199,16 @@ class AnchoredPlan(ActionPlan):
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:
-        return tuple(Anchor(step.anchor, step.axes, step.toward, step.share) for step in self.steps)
+        return tuple(
+            Anchor(step.anchor, step.axes, step.toward, step.share)
+            for step in self.steps
+        )
 
     def _tempo(self) -> Tempo | None:
         steps = self.steps
-        if not any(step.speed or step.seconds or step.through or step.wait for step in steps):
+        if not any(
+            step.speed or step.seconds or step.through or step.wait for step in steps
+        ):
             return None
         return Tempo(
             np.array([step.seconds or math.nan for step in steps]),
@@ -196,44 +232,83 @@ class AnchoredActions(ActionRepresentation):
         self.guards = guards
 
     def instructions(self, brief: Brief) -> str:
-        names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
+        names = ", ".join(
+            f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies
+        )
         most = MAX_GUARDS if self.guards else 0
-        return fill("plugins.actions", "anchored", names=names, gripper=brief.gripper, guards=most)
+        return fill(
+            "plugins.actions",
+            "anchored",
+            names=names,
+            gripper=brief.gripper,
+            guards=most,
+        )
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         step = _STEPS.json_schema()
         hidden = {
             *(() if gripper else ("grip",)),
-            *(() if self.guards else ("until", "newtons", "otherwise", "corrects", "beyond")),
+            *(
+                ()
+                if self.guards
+                else ("until", "newtons", "otherwise", "corrects", "beyond")
+            ),
         }
-        properties = {name: _plain(of) for name, of in step["properties"].items() if name not in hidden}
-        waypoint = {"type": "object", "properties": properties, "required": ["offset"], "additionalProperties": False}
+        properties = {
+            name: _plain(of)
+            for name, of in step["properties"].items()
+            if name not in hidden
+        }
+        waypoint = {
+            "type": "object",
+            "properties": properties,
+            "required": ["offset"],
+            "additionalProperties": False,
+        }
         return {"type": "array", "items": waypoint, "minItems": 1}
 
     def parse(self, data: object, *, gripper: bool) -> AnchoredPlan:
         if not isinstance(data, list):
-            raise DesignError(f"an action plan must be a list of waypoints, not {kind(data)}")
+            raise DesignError(
+                f"an action plan must be a list of waypoints, not {kind(data)}"
+            )
         if not 1 <= len(data) <= MAX_WAYPOINTS:
-            raise DesignError(f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
-        steps = tuple(_step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1))
+            raise DesignError(
+                f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
+            )
+        steps = tuple(
+            _step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1)
+        )
         if (count := sum(bool(step.until) for step in steps)) > MAX_GUARDS:
-            raise DesignError(f"the action plan has {count} guards; at most {MAX_GUARDS} are allowed")
-        first = next((number for number, step in enumerate(steps, 1) if step.until), len(steps))
+            raise DesignError(
+                f"the action plan has {count} guards; at most {MAX_GUARDS} are allowed"
+            )
+        first = next(
+            (number for number, step in enumerate(steps, 1) if step.until), len(steps)
+        )
         for number, step in enumerate(steps[:first], 1):
             if HERE in (step.anchor, step.toward):
-                raise DesignError(f"waypoint {number}: 'here' is where a guard ended; none comes before")
+                raise DesignError(
+                    f"waypoint {number}: 'here' is where a guard ended; none comes before"
+                )
         if steps[0].corrects:
-            raise DesignError("waypoint 1: 'corrects' needs a waypoint before, from which the way leads there")
+            raise DesignError(
+                "waypoint 1: 'corrects' needs a waypoint before, from which the way leads there"
+            )
         return AnchoredPlan(steps, gripper)
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
         """Anchor them to the world; a tempo is left out."""
         return self.anchor(waypoints, [Anchor()] * len(waypoints), Seen({}))
 
-    def anchor(self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen) -> list[Any]:
+    def anchor(
+        self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen
+    ) -> list[Any]:
         guards = waypoints.guards or (None,) * len(waypoints)
         steps = []
-        rows = zip(waypoints.poses, waypoints.grips.tolist(), anchors, guards, strict=True)
+        rows = zip(
+            waypoints.poses, waypoints.grips.tolist(), anchors, guards, strict=True
+        )
         for number, (row, grip, at, guard) in enumerate(rows, start=1):
             step = Step(
                 (0.0, 0.0, 0.0),
@@ -251,19 +326,32 @@ class AnchoredActions(ActionRepresentation):
             if guard:
                 seen = Seen({**seen.poses, HERE: at_row})
             try:
-                steps.append(replace(step, offset=tuple(row[:3].tolist()), rpy=tuple(row[3:6].tolist())).dump())
+                steps.append(
+                    replace(
+                        step,
+                        offset=tuple(row[:3].tolist()),
+                        rpy=tuple(row[3:6].tolist()),
+                    ).dump()
+                )
             except ValidationError as error:
-                raise DesignError(f"waypoint {number}: {error.errors(include_url=False)[0]['msg']}") from error
+                raise DesignError(
+                    f"waypoint {number}: {error.errors(include_url=False)[0]['msg']}"
+                ) from error
         return steps
 
     def parameters(self, plan: ActionPlan) -> Numbers:
         """Return offsets and angles of all steps, and the logarithms of speeds, times and waits that are given."""
         if not isinstance(plan, AnchoredPlan):
             return Numbers()
-        found = Numbers.near(np.array([[*step.offset, *step.rpy] for step in plan.steps]), STEPS, MOST)
+        found = Numbers.near(
+            np.array([[*step.offset, *step.rpy] for step in plan.steps]), STEPS, MOST
+        )
         for _, name, value in _tempi(plan):
             most = np.log(MAX_SPEED if name == "speed" else MAX_SECONDS)
-            now, step, least, longest = (np.array([n]) for n in (np.log(value), STEP_LOG, np.log(MIN_TEMPO), most))
+            now, step, least, longest = (
+                np.array([n])
+                for n in (np.log(value), STEP_LOG, np.log(MIN_TEMPO), most)
+            )
             found += Numbers(now, step, least, longest)
         return found
 
@@ -271,9 +359,15 @@ class AnchoredActions(ActionRepresentation):
         assert isinstance(plan, AnchoredPlan)
         count = 6 * len(plan.steps)
         rows = np.round(values[:count], _DIGITS).reshape(-1, 2, 3).tolist()
-        placed: list[dict[str, Any]] = [{"offset": tuple(offset), "rpy": tuple(rpy)} for offset, rpy in rows]
-        steps = [replace(step, **at) for step, at in zip(plan.steps, placed, strict=True)]
-        for (number, name, _), value in zip(_tempi(plan), np.exp(values[count:]).tolist(), strict=True):
+        placed: list[dict[str, Any]] = [
+            {"offset": tuple(offset), "rpy": tuple(rpy)} for offset, rpy in rows
+        ]
+        steps = [
+            replace(step, **at) for step, at in zip(plan.steps, placed, strict=True)
+        ]
+        for (number, name, _), value in zip(
+            _tempi(plan), np.exp(values[count:]).tolist(), strict=True
+        ):
             tempo: dict[str, Any] = {name: round(value, _DIGITS)}
             steps[number] = replace(steps[number], **tempo)
         return replace(plan, steps=tuple(steps))
@@ -282,7 +376,11 @@ class AnchoredActions(ActionRepresentation):
 def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
     """The speeds, times and waits of a plan that are above 0: number of the step, name, value."""
     names = ("speed", "seconds", "wait")
-    found = ((n, name, getattr(step, name)) for n, step in enumerate(plan.steps) for name in names)
+    found = (
+        (n, name, getattr(step, name))
+        for n, step in enumerate(plan.steps)
+        for name in names
+    )
     return [(number, name, value) for number, name, value in found if value > MIN_TEMPO]
 
 
@@ -303,11 +401,17 @@ def _step(data: object, where: str, gripper: bool) -> Step:
     if step.speed and step.seconds:
         raise DesignError(f"{where}: give speed or seconds, not both")
     if step.through and step.wait:
-        raise DesignError(f"{where}: a waypoint that is passed through has no wait; leave one of them out")
+        raise DesignError(
+            f"{where}: a waypoint that is passed through has no wait; leave one of them out"
+        )
     if step.through and step.until:
-        raise DesignError(f"{where}: a waypoint that is passed through has no guard; leave one of them out")
+        raise DesignError(
+            f"{where}: a waypoint that is passed through has no guard; leave one of them out"
+        )
     if (step.until == "force") != (step.newtons > 0):
-        raise DesignError(f"{where}: until 'force' needs 'newtons' above 0, and nothing else has them")
+        raise DesignError(
+            f"{where}: until 'force' needs 'newtons' above 0, and nothing else has them"
+        )
     if step.otherwise != "go_on" and not step.until:
         raise DesignError(f"{where}: 'otherwise' is for a guard; give 'until', too")
     if (step.corrects and not step.until) or (step.beyond and not step.corrects):
@@ -315,11 +419,17 @@ def _step(data: object, where: str, gripper: bool) -> Step:
             f"{where}: 'corrects' is for a guard, and 'beyond' for what it corrects; give both others, too"
         )
     if {WORLD, HERE} & {*step.corrects}:
-        raise DesignError(f"{where}: 'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'")
+        raise DesignError(
+            f"{where}: 'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'"
+        )
     if step.toward and step.axes == "anchor" and not step.share:
-        raise DesignError(f"{where}: toward turns the world's axes; leave 'axes' out, or give a share of the way")
+        raise DesignError(
+            f"{where}: toward turns the world's axes; leave 'axes' out, or give a share of the way"
+        )
     if step.share and not step.toward:
-        raise DesignError(f"{where}: a share is one of the way to a second anchor; name it in 'toward'")
+        raise DesignError(
+            f"{where}: a share is one of the way to a second anchor; name it in 'toward'"
+        )
     return step
 
 
@@ -332,11 +442,17 @@ def _place(name: str, seen: Seen, where: str) -> Pose:
     if name == WORLD:
         return Pose()
     if name not in seen.poses:
-        raise DesignError(f"{where}: no anchor {shorten(name)}; possible: {', '.join((*seen.poses, WORLD))}")
+        raise DesignError(
+            f"{where}: no anchor {shorten(name)}; possible: {', '.join((*seen.poses, WORLD))}"
+        )
     return seen.poses[name]
 
 
 def _plain(schema: dict[str, Any]) -> dict[str, Any]:
     """A field's schema in the words that all providers know: without titles, defaults and prefixes."""
-    plain = {key: value for key, value in schema.items() if key not in ("title", "default", "prefixItems")}
+    plain = {
+        key: value
+        for key, value in schema.items()
+        if key not in ("title", "default", "prefixItems")
+    }
     return plain | ({"items": {"type": "number"}} if "prefixItems" in schema else {})

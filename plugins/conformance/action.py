@@ -29,17 +29,26 @@ _DRAWS = 200
 def check_the_schema_is_of_json(representation: ActionRepresentation) -> None:
     for gripper in (False, True):
         schema = representation.schema(gripper=gripper)
-        expect(isinstance(schema, dict) and schema, f"the schema is {schema!r}, not an object")
+        expect(
+            isinstance(schema, dict) and schema,
+            f"the schema is {schema!r}, not an object",
+        )
         as_json(schema, "the schema")
 
 
 def check_there_are_instructions(representation: ActionRepresentation) -> None:
     for gripper in (False, True):
-        text = representation.instructions(brief(some_task(), LengthOnly(), gripper=gripper))
-        expect(text.strip(), "the instructions are empty, so a model can't write a plan")
+        text = representation.instructions(
+            brief(some_task(), LengthOnly(), gripper=gripper)
+        )
+        expect(
+            text.strip(), "the instructions are empty, so a model can't write a plan"
+        )
 
 
-def check_plans_that_fit_the_schema_are_read(representation: ActionRepresentation) -> None:
+def check_plans_that_fit_the_schema_are_read(
+    representation: ActionRepresentation,
+) -> None:
     """Of documents of the schema's form some are read; those keep their meaning through dump, parse and pickle."""
     seen = look(some_task(), 0, Perception())
     sound = 0
@@ -49,22 +58,39 @@ def check_plans_that_fit_the_schema_are_read(representation: ActionRepresentatio
                 plan = representation.parse(data, gripper=gripper)
                 waypoints = plan.resolve(seen)
             except DesignError as error:
-                expect(str(error).strip(), f"{shorten(repr(data))} was refused without a reason")
+                expect(
+                    str(error).strip(),
+                    f"{shorten(repr(data))} was refused without a reason",
+                )
                 continue
             sound += 1
-            expect(isinstance(plan, ActionPlan), f"parse returned a {type(plan).__name__}, not an ActionPlan")
-            expect(isinstance(waypoints, Waypoints), f"resolve returned a {type(waypoints).__name__}, no Waypoints")
+            expect(
+                isinstance(plan, ActionPlan),
+                f"parse returned a {type(plan).__name__}, not an ActionPlan",
+            )
+            expect(
+                isinstance(waypoints, Waypoints),
+                f"resolve returned a {type(waypoints).__name__}, no Waypoints",
+            )
             check_plan(waypoints.poses, gripper=gripper)
             dumped = plan.dump()
             as_json(dumped, "what dump returned")
             again = representation.parse(dumped, gripper=gripper)
-            expect(again.content == plan.content, "a plan that is written and read again is another plan")
+            expect(
+                again.content == plan.content,
+                "a plan that is written and read again is another plan",
+            )
             same = pickle.loads(pickle.dumps(plan)).resolve(seen)  # noqa: S301  # our own
-            expect(np.array_equal(same.poses, waypoints.poses), "a plan that was pickled means other waypoints")
+            expect(
+                np.array_equal(same.poses, waypoints.poses),
+                "a plan that was pickled means other waypoints",
+            )
     expect(sound, f"of {2 * _DRAWS} plans of the schema's form none was read")
 
 
-def check_nonsense_is_refused_with_a_reason(representation: ActionRepresentation) -> None:
+def check_nonsense_is_refused_with_a_reason(
+    representation: ActionRepresentation,
+) -> None:
     deep: object = 0
     for _ in range(500):
         deep = [deep]
@@ -90,12 +116,24 @@ def _draw(schema: dict[str, Any], rng: np.random.Generator, names: list[str]) ->
         case "array":
             least = int(schema.get("minItems", 0))
             most = min(schema.get("maxItems", least + 3), least + 3)
-            return [_draw(schema["items"], rng, names) for _ in range(rng.integers(least, most + 1))]
+            return [
+                _draw(schema["items"], rng, names)
+                for _ in range(rng.integers(least, most + 1))
+            ]
         case "object":
-            chosen = [key for key in schema["properties"] if key in schema.get("required", ()) or rng.random() < 0.3]
+            chosen = [
+                key
+                for key in schema["properties"]
+                if key in schema.get("required", ()) or rng.random() < 0.3
+            ]
             return {key: _draw(schema["properties"][key], rng, names) for key in chosen}
         case "number" | "integer":
-            return round(float(rng.uniform(schema.get("minimum", -0.6), schema.get("maximum", 0.6))), 4)
+            return round(
+                float(
+                    rng.uniform(schema.get("minimum", -0.6), schema.get("maximum", 0.6))
+                ),
+                4,
+            )
         case "boolean":
             return bool(rng.random() < 0.5)
         case _:

@@ -13,7 +13,15 @@ from core.scene import Body, Scene, table
 from plugins.conformance.cases import Case, compare, moved, place, play, velocity
 from plugins.conformance.checking import near
 from plugins.conformance.shapes import arch
-from plugins.conformance.worlds import GRAVITY, compound, cube, make_body, part, slope, turn
+from plugins.conformance.worlds import (
+    GRAVITY,
+    compound,
+    cube,
+    make_body,
+    part,
+    slope,
+    turn,
+)
 
 LYING = (math.pi / 2, 0.0, 0.0)
 L_SHAPE = (  # its frame is at a corner
@@ -28,13 +36,32 @@ def check_free_fall() -> Iterator[Case]:
     bodies = (cube(at=(3, 3, 5)),)
     speed = GRAVITY * 0.5
     due = (3, 3, 5 - speed * 0.5 / 2)
-    yield Case("where a cube is after 0.5 s of free fall, m", bodies, place("cube"), due, (1e-6, 1e-6, 0.02), 0.5)
+    yield Case(
+        "where a cube is after 0.5 s of free fall, m",
+        bodies,
+        place("cube"),
+        due,
+        (1e-6, 1e-6, 0.02),
+        0.5,
+    )
     due = (0, 0, -speed)
-    yield Case("the velocity after 0.5 s of free fall, m/s", bodies, velocity("cube"), due, 1e-4 * speed, 0.5)
+    yield Case(
+        "the velocity after 0.5 s of free fall, m/s",
+        bodies,
+        velocity("cube"),
+        due,
+        1e-4 * speed,
+        0.5,
+    )
 
 
 def on_slope(
-    shape: Shape, high: float, tilt: float, rpy: Vector = (0.0, 0.0, 0.0), slope_friction: float = 1.0, **more: float
+    shape: Shape,
+    high: float,
+    tilt: float,
+    rpy: Vector = (0.0, 0.0, 0.0),
+    slope_friction: float = 1.0,
+    **more: float,
 ) -> tuple[Body, Body]:
     """A slope, and ``body`` on it, whose middle is ``high`` above it."""
     hill = slope(tilt, slope_friction)
@@ -75,7 +102,9 @@ def check_round_bodies_roll() -> Iterator[Case]:
         (Sphere(0.1), 0.1, 5 / 7, 0.01, 0.29),
     ):
         what = f"the way of {shape} in 1 s, rolling friction {arm} m, on a slope of {tilt} rad, m"
-        bodies = on_slope(shape, radius, tilt, LYING, 0.5, friction=0.5, rolling_friction=arm)
+        bodies = on_slope(
+            shape, radius, tilt, LYING, 0.5, friction=0.5, rolling_friction=arm
+        )
         due = way(share * GRAVITY * (math.sin(tilt) - arm / radius * math.cos(tilt)))
         yield Case(what, bodies, moved("body"), due, 0.01 + 0.05 * due)
 
@@ -86,7 +115,13 @@ def check_hollow_body_is_hollow() -> Iterator[Case]:
     hollow = compound("arch", *map(part, arch().parts), at=(0.5, 0, 0.03), mass=0.5)
     bodies = (table(), hollow, cube(at=(0.5, 0, 0.02), side=0.04))
     for name in ("arch", "cube"):
-        yield Case(f"how far the {name} moves of an arch over a cube, m", bodies, moved(name), 0.0, 1e-3)
+        yield Case(
+            f"how far the {name} moves of an arch over a cube, m",
+            bodies,
+            moved(name),
+            0.0,
+            1e-3,
+        )
 
 
 @compare
@@ -99,9 +134,26 @@ def check_shapes_rest_where_they_are_put() -> Iterator[Case]:
         (Capsule(0.02, 0.1), 0.02, (math.pi / 2, 0.0, 0.4)),
     ):
         body = make_body("body", shape, (0.6, 0.1, high), mass=0.3, rpy=rpy)
-        yield Case(f"how far {shape} on the table moves by itself, m", (table(), body), moved("body"), 0.0, 1e-3, 2.0)
-    stack = [cube(f"brick{i}", (0.6, 0, 0.03 + 0.06 * i), side=0.06, mass=0.4) for i in range(4)]
-    yield Case("how far the top of a stack moves by itself, m", (table(), *stack), moved("brick3"), 0.0, 2e-3, 3.0)
+        yield Case(
+            f"how far {shape} on the table moves by itself, m",
+            (table(), body),
+            moved("body"),
+            0.0,
+            1e-3,
+            2.0,
+        )
+    stack = [
+        cube(f"brick{i}", (0.6, 0, 0.03 + 0.06 * i), side=0.06, mass=0.4)
+        for i in range(4)
+    ]
+    yield Case(
+        "how far the top of a stack moves by itself, m",
+        (table(), *stack),
+        moved("brick3"),
+        0.0,
+        2e-3,
+        3.0,
+    )
 
 
 def check_states_are_those_of_frames(simulator: Simulator) -> None:
@@ -110,7 +162,17 @@ def check_states_are_those_of_frames(simulator: Simulator) -> None:
     body = compound("L", *L_SHAPE, at=(3.02, 3, 0.1), mass=1.0, rpy=(0.0, 0.0, 0.1))
     played = play(simulator, Scene((edge, body)), 0.5)
     places = played.states.position("L")
-    near("where the frame of a body begins that tumbles, m", places[0], body.pose.position, 1e-4)
-    near("by how much a body is turned at the start, rad", turn(played.states[0].pose("L"), body.pose), 0.0, 1e-3)
+    near(
+        "where the frame of a body begins that tumbles, m",
+        places[0],
+        body.pose.position,
+        1e-4,
+    )
+    near(
+        "by how much a body is turned at the start, rad",
+        turn(played.states[0].pose("L"), body.pose),
+        0.0,
+        1e-3,
+    )
     way = np.trapezoid(played.states.linear_velocity("L"), played.times, axis=0)
     near("the way of a body, by its velocities, m", way, places[-1] - places[0], 0.01)

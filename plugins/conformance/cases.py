@@ -66,7 +66,9 @@ def compare(make: Callable[[], Iterable[Case]]) -> Callable[[Simulator], None]:
     return check
 
 
-def play(simulator: Simulator, scene: Scene, seconds: float, settle_s: float = 0.0) -> Film:
+def play(
+    simulator: Simulator, scene: Scene, seconds: float, settle_s: float = 0.0
+) -> Film:
     """Let the arm wait beside a scene."""
     job = Rollout(BARE, still(), 0, settle_s, seconds, FILM_HZ)
     recording = film(run(simulator, scene.bodies, job, scene.joints))

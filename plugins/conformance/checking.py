@@ -17,7 +17,15 @@ from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.errors import RAISED, UserError
 from core.geometry import Box, Pose
 from core.hooks import PROJECT
-from core.interfaces import Brief, Message, Request, Simulator, Task, Text, ToolRepresentation
+from core.interfaces import (
+    Brief,
+    Message,
+    Request,
+    Simulator,
+    Task,
+    Text,
+    ToolRepresentation,
+)
 from core.plugins import PluginPart, installed
 from core.support.text import shorten
 
@@ -51,10 +59,15 @@ def near(what: str, found: ArrayLike, due: ArrayLike, within: ArrayLike) -> None
     found, due, within = np.broadcast_arrays(found, due, within)
     wrong = ~(np.abs(found - due) <= within)
     allowed = f"at most {_digits(within[wrong][:3])} of difference is allowed"
-    expect(not wrong.any(), f"{what}: {_digits(found[wrong][:3])} instead of {_digits(due[wrong][:3])}; {allowed}")
+    expect(
+        not wrong.any(),
+        f"{what}: {_digits(found[wrong][:3])} instead of {_digits(due[wrong][:3])}; {allowed}",
+    )
 
 
-def between(what: str, found: SupportsFloat, low: float = -math.inf, high: float = math.inf) -> None:
+def between(
+    what: str, found: SupportsFloat, low: float = -math.inf, high: float = math.inf
+) -> None:
     """Check that a figure lies between two bounds.
 
     Raises:
@@ -78,15 +91,27 @@ def describe_error(error: BaseException) -> str:
 
 def rigid() -> Tool:
     """An L of two boxes under the flange."""
-    down = Component("down", RIGID_MOUNT, Pose.xyz_rpy((0.0, 0.0, -0.1)), Box((0.02, 0.02, 0.2)))
-    ahead = Component("ahead", "down", Pose.xyz_rpy((0.05, 0.0, -0.1), (0.0, 0.0, 0.2)), Box((0.1, 0.02, 0.02)))
+    down = Component(
+        "down", RIGID_MOUNT, Pose.xyz_rpy((0.0, 0.0, -0.1)), Box((0.02, 0.02, 0.2))
+    )
+    ahead = Component(
+        "ahead",
+        "down",
+        Pose.xyz_rpy((0.05, 0.0, -0.1), (0.0, 0.0, 0.2)),
+        Box((0.1, 0.02, 0.02)),
+    )
     return Tool((down, ahead), name="L")
 
 
 def fingers() -> Tool:
     """A box on each finger."""
     left, right = (
-        Component(f"tip_{side}", f"{side}_finger", Pose.xyz_rpy((0.0, y, 0.06)), Box((0.01, 0.01, 0.05)))
+        Component(
+            f"tip_{side}",
+            f"{side}_finger",
+            Pose.xyz_rpy((0.0, y, 0.06)),
+            Box((0.01, 0.01, 0.05)),
+        )
         for side, y in (("left", 0.008), ("right", -0.008))
     )
     return Tool((left, right), gripper=True, name="tips")
@@ -108,37 +133,73 @@ class LengthOnly(ToolRepresentation):
         return {"length": 0.2}
 
 
-WILD: tuple[object, ...] = (None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50)
+WILD: tuple[object, ...] = (
+    None,
+    True,
+    1,
+    -1e400,
+    "",
+    "x" * 1000,
+    "<a>",
+    [],
+    [[]],
+    [None],
+    {},
+    {"a": {}},
+    [1] * 50,
+)
 
 
-def read_or_refused(parse: Callable[..., object], made: type, documents: Iterable[object]) -> None:
+def read_or_refused(
+    parse: Callable[..., object], made: type, documents: Iterable[object]
+) -> None:
     """Check that whatever a model may write is read as a ``made``, or refused with a DesignError that says why."""
     for data in documents:
         try:
             found = parse(data, gripper=False)
         except DesignError as error:
-            expect(str(error).strip(), f"{shorten(repr(data))} was refused without a reason")
+            expect(
+                str(error).strip(),
+                f"{shorten(repr(data))} was refused without a reason",
+            )
         except RAISED as error:
             what = f"parse raised {type(error).__name__} on {shorten(repr(data))}, not a DesignError"
             raise AssertionError(what) from error
         else:
-            expect(isinstance(found, made), f"parse returned a {type(found).__name__} for {shorten(repr(data))}")
+            expect(
+                isinstance(found, made),
+                f"parse returned a {type(found).__name__} for {shorten(repr(data))}",
+            )
 
 
-def brief(task: Task, representation: ToolRepresentation, *, agent: int = 0, gripper: bool = False) -> Brief:
+def brief(
+    task: Task,
+    representation: ToolRepresentation,
+    *,
+    agent: int = 0,
+    gripper: bool = False,
+) -> Brief:
     """The brief of a first generation: two tools with two plans each."""
     given = representation.given(task)
     n_tool = 2 if given is None else 1
     gripper = gripper if given is None else given.gripper
     actions = installed().create("action", "waypoints")
-    return Brief(task, 0, representation, gripper, n_tool, 2, 0, agent, agent, actions=actions)
+    return Brief(
+        task, 0, representation, gripper, n_tool, 2, 0, agent, agent, actions=actions
+    )
 
 
 def request(of: Brief) -> Request:
     """A short request for a brief."""
     fields = ", ".join([*of.representation.schema(), "gripper", "action_sets"])
     text = f"{of.task.description} Answer with JSON: strategies, a list of {of.n_tool} objects with {fields}."
-    return Request(f"g{of.generation}-a{of.agent}", of, (Message("user", (Text(text),)),), {"type": "object"}, 1.0)
+    return Request(
+        f"g{of.generation}-a{of.agent}",
+        of,
+        (Message("user", (Text(text),)),),
+        {"type": "object"},
+        1.0,
+    )
 
 
 def some_task() -> Task:
@@ -175,12 +236,18 @@ def simulators() -> Iterator[tuple[str, Simulator]]:
     """
     made = False
     offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
-    for offer in sorted(offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)):
-        with suppress(UserError):  # for example an engine whose library is not installed
+    for offer in sorted(
+        offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)
+    ):
+        with suppress(
+            UserError
+        ):  # for example an engine whose library is not installed
             yield offer.name, PluginPart("sim", offer.name).create()
             made = True
     if not made:
-        raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
+        raise UserError(
+            "no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed"
+        )
 
 
 def as_json(value: object, what: str) -> str:

@@ -16,7 +16,9 @@ from core.support.cli import arguments, say
 from core.values.materials import Material
 from plugins.conformance.suites import SUITES, examine, subject
 
-USAGE = f"usage: vlmgineer conformance {{{'|'.join(SUITES)}}}=NAME [KIND.SETTING=VALUE ...]"
+USAGE = (
+    f"usage: vlmgineer conformance {{{'|'.join(SUITES)}}}=NAME [KIND.SETTING=VALUE ...]"
+)
 
 
 ConformanceConfig = make_dataclass(
@@ -39,7 +41,9 @@ def main(words: list[str]) -> None:
         UsageError: no part is named.
         UserError: checks failed; says how many.
     """
-    parts = list(_named(load("conformance", arguments(USAGE, words), ConformanceConfig)))
+    parts = list(
+        _named(load("conformance", arguments(USAGE, words), ConformanceConfig))
+    )
     if not parts:
         raise UsageError(f"name a part to check; {USAGE}")
     failed = count = 0
@@ -50,7 +54,11 @@ def main(words: list[str]) -> None:
             count += 1
             failed += verdict.problem is not None
             remark = f" ({verdict.remark})" if verdict.remark else ""
-            result = f"ok{remark}" if verdict.problem is None else f"FAILED: {verdict.problem}"
+            result = (
+                f"ok{remark}"
+                if verdict.problem is None
+                else f"FAILED: {verdict.problem}"
+            )
             say(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}")
             sys.stdout.flush()
     if failed:

@@ -30,7 +30,8 @@ def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:
 def check_its_help_is_one_line(part: PluginPart[Command]) -> None:
     text = part.create().help
     expect(
-        isinstance(text, str) and text.strip(), f"help is {text!r}; a line that says what the command does is needed"
+        isinstance(text, str) and text.strip(),
+        f"help is {text!r}; a line that says what the command does is needed",
     )
     expect(len(text.splitlines()) == 1, "help has more than one line")
 
@@ -38,7 +39,10 @@ def check_its_help_is_one_line(part: PluginPart[Command]) -> None:
 def check_help_prints_its_usage(part: PluginPart[Command]) -> None:
     status, printed = _call(part, "--help")
     expect(status == 0, f"with --help its exit status is {status} instead of 0")
-    expect(printed.startswith("usage: "), f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'")
+    expect(
+        printed.startswith("usage: "),
+        f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'",
+    )
 
 
 def check_an_unknown_word_is_one_line(part: PluginPart[Command]) -> None:
@@ -46,8 +50,15 @@ def check_an_unknown_word_is_one_line(part: PluginPart[Command]) -> None:
     try:
         status, _ = _call(part, "no_such_key=1")
     except UsageError as error:
-        expect(len(str(error).splitlines()) == 1, f"an unknown word is reported in more than one line: {error}")
+        expect(
+            len(str(error).splitlines()) == 1,
+            f"an unknown word is reported in more than one line: {error}",
+        )
     except UserError as error:
-        raise AssertionError(f"an unknown word raises a UserError, not a UsageError: {error}") from error
+        raise AssertionError(
+            f"an unknown word raises a UserError, not a UsageError: {error}"
+        ) from error
     else:
-        raise AssertionError(f"an unknown word raises no UsageError; the exit status is {status}")
+        raise AssertionError(
+            f"an unknown word raises no UsageError; the exit status is {status}"
+        )

@@ -11,13 +11,22 @@ import numpy as np
 from core.design import Candidate
 from core.errors import LimitReached
 from core.geometry import Array
-from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, Seen, Waypoints
+from core.interfaces import (
+    Budget,
+    Designer,
+    EvolutionStrategy,
+    Numbers,
+    Seen,
+    Waypoints,
+)
 from core.search.agent_groups import Team
 from core.trial import Evaluation, tried_once
 from plugins.conformance.checking import expect, rigid
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
-BUDGET = Budget(n_agent=2, n_tool=1, n_action=3, n_iteration=2, k_top=2, reward_save=0.2)
+BUDGET = Budget(
+    n_agent=2, n_tool=1, n_action=3, n_iteration=2, k_top=2, reward_save=0.2
+)
 
 
 class FreeDesigner:
@@ -26,7 +35,9 @@ class FreeDesigner:
     def __init__(self, limit: int | None = None) -> None:
         self.limit = limit
 
-    def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
+    def design(
+        self, generation: int, elites: Sequence[Evaluation] = ()
+    ) -> Iterator[Candidate]:
         rng = np.random.default_rng([generation, len(elites)])
         for agent in range(BUDGET.n_agent):
             if self.limit is not None and agent >= self.limit:
@@ -42,9 +53,17 @@ class FreeDesigner:
     def parameters(self, candidate: Candidate) -> Numbers:
         return Numbers.near(_plan(candidate), 0.01, 1.0)
 
-    def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
+    def vary(
+        self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]
+    ) -> Candidate:
         generation, agent, strategy, action = key
-        named = replace(candidate, generation=generation, agent=agent, strategy=strategy, action=action)
+        named = replace(
+            candidate,
+            generation=generation,
+            agent=agent,
+            strategy=strategy,
+            action=action,
+        )
         return replace(named, plan=Waypoints(values[None]), parents=(candidate.id,))
 
     def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
@@ -56,17 +75,27 @@ def _plan(candidate: Candidate) -> Array:
     return first
 
 
-def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(_plan(c)[0])) -> list[list[Candidate]]:
+def search(
+    make: Make, earns: Callable[[Candidate], float] = lambda c: float(_plan(c)[0])
+) -> list[list[Candidate]]:
     """Ask and tell for three generations, as the loop does, and return their candidates."""
     strategy = make(FreeDesigner(), BUDGET)
     generations = []
     for _ in range(3):
         candidates = list(strategy.ask())
         for candidate in candidates:
-            expect(isinstance(candidate, Candidate), f"ask returned a {type(candidate).__name__}, not a Candidate")
+            expect(
+                isinstance(candidate, Candidate),
+                f"ask returned a {type(candidate).__name__}, not a Candidate",
+            )
         generations.append(candidates)
         ordered = sorted(candidates, key=lambda candidate: candidate.key)
-        strategy.tell([tried_once(candidate, "ok", earns(candidate), 1.0) for candidate in ordered])
+        strategy.tell(
+            [
+                tried_once(candidate, "ok", earns(candidate), 1.0)
+                for candidate in ordered
+            ]
+        )
     return generations
 
 
@@ -76,11 +105,17 @@ def check_each_generation_has_candidates(make: Make) -> None:
         expect(candidates, f"generation {number} has no candidates")
     ids = [candidate.id for candidates in generations for candidate in candidates]
     twice = sorted({one for one in ids if ids.count(one) > 1})
-    expect(not twice, f"candidates of one run share the ids {', '.join(twice)}; number generations")
+    expect(
+        not twice,
+        f"candidates of one run share the ids {', '.join(twice)}; number generations",
+    )
 
 
 def check_a_search_goes_on_when_nothing_is_earned(make: Make) -> None:
-    expect(all(search(make, lambda _: 0.0)), "after generations that earned nothing there are no candidates")
+    expect(
+        all(search(make, lambda _: 0.0)),
+        "after generations that earned nothing there are no candidates",
+    )
 
 
 def check_generations_may_be_empty_or_broken(make: Make) -> None:
@@ -88,15 +123,24 @@ def check_generations_may_be_empty_or_broken(make: Make) -> None:
     strategy.tell([])
     candidates = list(strategy.ask())
     expect(candidates, "after an empty generation there are no candidates")
-    strategy.tell([tried_once(candidate, "failed", reason="it broke") for candidate in candidates])
-    expect(list(strategy.ask()), "after a generation that failed there are no candidates")
+    strategy.tell(
+        [tried_once(candidate, "failed", reason="it broke") for candidate in candidates]
+    )
+    expect(
+        list(strategy.ask()), "after a generation that failed there are no candidates"
+    )
 
 
 def check_the_same_again(make: Make) -> None:
     """The same evaluations give the same candidates, so that a run can be repeated and resumed."""
     one, other = (search(make) for _ in range(2))
-    same = [[c.content for c in generation] for generation in one] == [[c.content for c in g] for g in other]
-    expect(same, "the same evaluations gave different candidates; draw from a seed that is a setting")
+    same = [[c.content for c in generation] for generation in one] == [
+        [c.content for c in g] for g in other
+    ]
+    expect(
+        same,
+        "the same evaluations gave different candidates; draw from a seed that is a setting",
+    )
 
 
 def check_a_limit_is_passed_on(make: Make) -> None:

@@ -22,16 +22,27 @@ def check_each_chunk_comes_back_with_its_result(make: Make) -> None:
     due = [(chunk, roots(chunk)) for chunk in chunks]
     with make() as executor:
         pairs = sorted(executor.map(roots, chunks))
-        expect(len(pairs) == len(due), f"{len(due)} chunks went in, {len(pairs)} came out")
+        expect(
+            len(pairs) == len(due), f"{len(due)} chunks went in, {len(pairs)} came out"
+        )
         expect(pairs == due, f"chunks came back with other results: {pairs}")
 
 
 def check_an_exception_belongs_to_its_chunk(make: Make) -> None:
     with make() as executor:
-        results = {chunk[0]: result for chunk, result in executor.map(roots, [[1.0], [-1.0], [4.0]])}
-    expect(results.get(1.0) == [1.0] and results.get(4.0) == [2.0], "a chunk that raised affects other chunks")
+        results = {
+            chunk[0]: result
+            for chunk, result in executor.map(roots, [[1.0], [-1.0], [4.0]])
+        }
+    expect(
+        results.get(1.0) == [1.0] and results.get(4.0) == [2.0],
+        "a chunk that raised affects other chunks",
+    )
     result = results.get(-1.0)
-    expect(isinstance(result, ValueError), f"a chunk that raised ValueError has the result {result!r}")
+    expect(
+        isinstance(result, ValueError),
+        f"a chunk that raised ValueError has the result {result!r}",
+    )
 
 
 def check_chunks_are_not_read_all_at_once(make: Make) -> None:
@@ -47,7 +58,10 @@ def check_chunks_are_not_read_all_at_once(make: Make) -> None:
     with make() as executor:
         results = executor.map(roots, chunks())
         next(results)
-        expect(read < 500, f"before the first result was taken, {read} of 1000 chunks were read")
+        expect(
+            read < 500,
+            f"before the first result was taken, {read} of 1000 chunks were read",
+        )
 
 
 def check_an_exception_of_the_source_is_raised(make: Make) -> None:

@@ -15,6 +15,7 @@ from core.design import Candidate
 from core.errors import RAISED
 from core.interfaces import Condition, Fitness, Score, Trial, Waypoints
 from core.plugins import PluginPart, installed
+from core.trial import Status
 from plugins.conformance.checking import as_json, expect, some_simulator, some_task
 from plugins.conformance.worlds import stick
 
@@ -24,7 +25,10 @@ MOST_FINALS = 100  # that are looked at: there may be no end to them
 
 def condition() -> Condition:
     """The first task and the first engine that are installed."""
-    return Condition(PluginPart("task", installed().ready("task")[0]), PluginPart("sim", some_simulator()[0]))
+    return Condition(
+        PluginPart("task", installed().ready("task")[0]),
+        PluginPart("sim", some_simulator()[0]),
+    )
 
 
 def candidate() -> Candidate:
@@ -33,14 +37,17 @@ def candidate() -> Candidate:
     return Candidate(stick(0.1), Waypoints(np.array([[*home.position, *home.rpy]])))
 
 
-def trials(fitness: Fitness, rewards: Sequence[float], status: str = "ok") -> list[Trial]:
+def trials(
+    fitness: Fitness, rewards: Sequence[float], status: Status = "ok"
+) -> list[Trial]:
     """A trial in each condition of a fitness, with these rewards in turn."""
     name = candidate().id
     found = []
     for number, where in enumerate(each.where for each in fitness.conditions()):
         reward = rewards[number % len(rewards)]
         reason = "" if status == "ok" else "it broke"
-        found.append(Trial(where, name, status, reward, reason, distance_m=1.0, motion_s=2.0))  # type: ignore[arg-type]
+        trial = Trial(where, name, status, reward, reason, distance_m=1.0, motion_s=2.0)
+        found.append(trial)
     return found
 
 
@@ -52,18 +59,31 @@ def scores(make: Make) -> Iterator[Score]:
 
 def check_it_names_conditions(make: Make) -> None:
     fitness = make(condition())
-    expect(isinstance(said := fitness.instructions(), str), f"instructions returned {said!r}, not a text")
+    expect(
+        isinstance(said := fitness.instructions(), str),
+        f"instructions returned {said!r}, not a text",
+    )
     for what, found in {
         "conditions": fitness.conditions(),
         "unseen": fitness.unseen(),
-        "finals": [each for alike in islice(fitness.finals(), MOST_FINALS) for each in alike],
+        "finals": [
+            each for alike in islice(fitness.finals(), MOST_FINALS) for each in alike
+        ],
     }.items():
         for each in found:
-            expect(isinstance(each, Condition), f"{what} has a {type(each).__name__}, not a Condition")
+            expect(
+                isinstance(each, Condition),
+                f"{what} has a {type(each).__name__}, not a Condition",
+            )
         places = [each.where for each in found]
         twice = sorted({str(place) for place in places if places.count(place) > 1})
-        expect(not twice, f"{what} repeats {', '.join(twice)}; each place is tried once")
-    expect(len(fitness.conditions()) > 0, "conditions is empty: a candidate is tried nowhere")
+        expect(
+            not twice, f"{what} repeats {', '.join(twice)}; each place is tried once"
+        )
+    expect(
+        len(fitness.conditions()) > 0,
+        "conditions is empty: a candidate is tried nowhere",
+    )
 
 
 def check_the_search_does_not_see_the_unseen(make: Make) -> None:
@@ -78,20 +98,31 @@ def check_conditions_travel_to_workers(make: Make) -> None:
         try:
             copy = pickle.loads(pickle.dumps(each))  # noqa: S301 - written in this line
         except RAISED as error:
-            raise AssertionError(f"a condition can't be pickled, and workers need a copy: {error}") from error
-        expect(copy == each, "a pickled condition is another one; let what it holds be compared by value")
+            raise AssertionError(
+                f"a condition can't be pickled, and workers need a copy: {error}"
+            ) from error
+        expect(
+            copy == each,
+            "a pickled condition is another one; let what it holds be compared by value",
+        )
 
 
 def check_scores_are_rewards(make: Make) -> None:
     for score in scores(make):
-        expect(isinstance(score, Score), f"score returned a {type(score).__name__}, not a Score")
+        expect(
+            isinstance(score, Score),
+            f"score returned a {type(score).__name__}, not a Score",
+        )
         expect(0 <= score.reward <= 1, f"a reward is {score.reward}, not in [0, 1]")
         as_json(dict(score.figures), "what a score has as figures")
 
 
 def check_the_same_trials_score_the_same(make: Make) -> None:
     one, other = ([score.reward for score in scores(make)] for _ in range(2))
-    expect(one == other, f"the same trials scored {one}, then {other}; a score follows from the trials alone")
+    expect(
+        one == other,
+        f"the same trials scored {one}, then {other}; a score follows from the trials alone",
+    )
 
 
 def check_what_fails_earns_nothing(make: Make) -> None:
@@ -99,4 +130,7 @@ def check_what_fails_earns_nothing(make: Make) -> None:
     fitness = make(condition())
     for status in ("rejected", "failed"):
         score = fitness.score(candidate(), trials(fitness, (0.0,), status))
-        expect(score.reward == 0, f"a candidate whose trials were all {status} scores {score.reward}, not 0")
+        expect(
+            score.reward == 0,
+            f"a candidate whose trials were all {status} scores {score.reward}, not 0",
+        )

@@ -7,13 +7,30 @@ from dataclasses import replace
 import numpy as np
 
 from core.geometry import Array, Box
-from core.interfaces import Feel, Guard, Outcome, RolloutSettings, Simulator, Tempo, Waypoints
+from core.interfaces import (
+    Feel,
+    Guard,
+    Outcome,
+    RolloutSettings,
+    Simulator,
+    Tempo,
+    Waypoints,
+)
 from core.robot.tempo import plan_task_motion
 from core.scene import Body
 from core.simulation.guards import PlannedGuards
 from core.values.jobs import FEEL_S, Rollout
 from plugins.conformance.checking import LeftOut, expect, near
-from plugins.conformance.worlds import HOME, Bodies, arm, cube, film, make_body, play, stick
+from plugins.conformance.worlds import (
+    HOME,
+    Bodies,
+    arm,
+    cube,
+    film,
+    make_body,
+    play,
+    stick,
+)
 
 _STICK, _TOP, _FROM, _SPEED = 0.2, 0.1, 0.35, 0.05  # metres, and m/s
 _STOP_M = 0.003  # within so much of the wall a touch ends: the way in two readings, and what the contact yields
@@ -24,16 +41,27 @@ class _Home(Bodies):
     home = HOME
 
 
-def _played(simulator: Simulator, rows: Array, guards: tuple[Guard | None, ...], *bodies: Body) -> Outcome:
+def _played(
+    simulator: Simulator, rows: Array, guards: tuple[Guard | None, ...], *bodies: Body
+) -> Outcome:
     """Play waypoints (N, 6), each approached slowly, with guards; literal ones are the same wherever a guard ends."""
     if not simulator.supports_guards:
         raise LeftOut("it plays no motions with guards")
-    count, task, settings = len(rows), _Home(*bodies), RolloutSettings(feel=Feel(noise=0.05))
-    tempo = replace(Tempo.usual(count), speeds=np.where([guard is None for guard in guards], np.nan, _SPEED))
+    count, task, settings = (
+        len(rows),
+        _Home(*bodies),
+        RolloutSettings(feel=Feel(noise=0.05)),
+    )
+    tempo = replace(
+        Tempo.usual(count),
+        speeds=np.where([guard is None for guard in guards], np.nan, _SPEED),
+    )
     plan = Waypoints(rows, tempo, guards)
     motion = plan_task_motion(plan, task, settings)
     playing = PlannedGuards(plan, plan, motion, task, 0, settings)
-    job = Rollout(stick(_STICK), motion.trajectory, 0, 0.1, 0.3, 1 / FEEL_S, guards=playing)
+    job = Rollout(
+        stick(_STICK), motion.trajectory, 0, 0.1, 0.3, 1 / FEEL_S, guards=playing
+    )
     return play(simulator, task, job)
 
 
@@ -44,7 +72,9 @@ def _rows(*places: tuple[float, float, float]) -> Array:
 def _mount(outcome: Outcome, at_s: float) -> Array:
     """Where the mount was at an instant."""
     recording = film(outcome)
-    place: Array = arm().positions(recording.arm[[int(np.searchsorted(recording.times[:-1], at_s - 1e-6))]])[0]
+    place: Array = arm().positions(
+        recording.arm[[int(np.searchsorted(recording.times[:-1], at_s - 1e-6))]]
+    )[0]
     return place
 
 
@@ -53,10 +83,20 @@ def check_that_touch_ends_at_a_wall(simulator: Simulator) -> None:
     block = make_body("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2))
     high, low = (0.55, 0.0, _FROM), (0.55, 0.0, _STICK + _TOP / 2)
     touch = Guard("touch")
-    outcome = _played(simulator, _rows(high, low, high, low), (None, touch, None, touch), block)
+    outcome = _played(
+        simulator, _rows(high, low, high, low), (None, touch, None, touch), block
+    )
     _expect_fired(outcome, "touch", "touch")
-    ends = [_mount(outcome, at_s)[2] for at_s in (*(felt.at_s for felt in outcome.felt), np.inf)]
-    near("where two touches of a block end, and the arm rests, m", ends, _STICK + _TOP, _STOP_M)
+    ends = [
+        _mount(outcome, at_s)[2]
+        for at_s in (*(felt.at_s for felt in outcome.felt), np.inf)
+    ]
+    near(
+        "where two touches of a block end, and the arm rests, m",
+        ends,
+        _STICK + _TOP,
+        _STOP_M,
+    )
 
 
 def check_that_force_ends_a_push(simulator: Simulator) -> None:
@@ -65,7 +105,9 @@ def check_that_force_ends_a_push(simulator: Simulator) -> None:
     pushed = cube("cube", (0.55, 0.0, 0.05), mass=1.0)
     wall = make_body("wall", Box((0.05, 0.6, 0.2)), (0.75, 0.0, 0.1))
     rows = _rows((0.42, 0.0, _STICK + 0.03), (0.72, 0.0, _STICK + 0.03))
-    outcome = _played(simulator, rows, (None, Guard("force", newtons=_STRONG_N)), pushed, wall, floor)
+    outcome = _played(
+        simulator, rows, (None, Guard("force", newtons=_STRONG_N)), pushed, wall, floor
+    )
     _expect_fired(outcome, "force")
     ended = _mount(outcome, outcome.felt[0].at_s)[0]
     near(f"where a push of a cube to {_STRONG_N} N ends, x in m", ended, 0.615, 0.005)

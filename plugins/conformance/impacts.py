@@ -59,12 +59,21 @@ def check_oblique_impact_on_a_slope() -> Iterator[Case]:
         at = np.add(hill.pose.apply([0, 0, 0.05 + radius]), [0, 0, 0.5])
         ball = make_body("ball", Sphere(radius), at, mass=1.0, friction=friction)
 
-        braked = min(friction * (1 + restitution) * math.cos(tilt), 2 / 7 * math.sin(tilt))
+        braked = min(
+            friction * (1 + restitution) * math.cos(tilt), 2 / 7 * math.sin(tilt)
+        )
         along = math.sin(tilt) * (1 + gained) - braked
         up = (restitution - gained) * math.cos(tilt)
         due = speed * hill.pose.rotation.apply([along, 0.0, up])
         what = f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s"
-        yield Case(what, (hill, replace(ball, restitution=1.0)), velocity("ball"), due, _OFF * speed, fall + after)
+        yield Case(
+            what,
+            (hill, replace(ball, restitution=1.0)),
+            velocity("ball"),
+            due,
+            _OFF * speed,
+            fall + after,
+        )
 
 
 def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> None:
@@ -82,15 +91,35 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     times = np.array([0.0, 0.05, 0.1, struck + 0.02])
     turned = rate * np.array([0.0, 0.0125, 0.05, struck - 0.03])
     joints = np.tile(arm().home_for(Pose(np.array([0.5, 0.0, 0.3]))), (len(times), 1))
-    joints[:, 6] += rate * (struck - 0.05) - turned  # the flange looks down: about z this is to the left
-    job = Rollout(Tool((post, bar)), JointTrajectory(times, joints, opened(len(times))), 0, 0.1, 0.0, record_hz=200)
+    joints[:, 6] += (
+        rate * (struck - 0.05) - turned
+    )  # the flange looks down: about z this is to the left
+    job = Rollout(
+        Tool((post, bar)),
+        JointTrajectory(times, joints, opened(len(times))),
+        0,
+        0.1,
+        0.0,
+        record_hz=200,
+    )
     inertia = arm().robot.motor_inertia[-1] + _LINK
-    puck = make_body("puck", Cylinder(radius, 0.06), (0.5 + reach, 0.005 + radius, 0.03), mass=mass, friction=0.0)
+    puck = make_body(
+        "puck",
+        Cylinder(radius, 0.06),
+        (0.5 + reach, 0.005 + radius, 0.03),
+        mass=mass,
+        friction=0.0,
+    )
     recording = film(run(simulator, (_ICE, puck), job))
     since = float(recording.times[-1]) - struck
     due = reach * (inertia * rate + _TORQUE * since) / (inertia + mass * reach**2)
     speed = np.linalg.norm(recording.states.linear_velocity("puck")[-1])
-    near("the speed of a puck of 0.5 kg after a blow of the wrist at 1.6 m/s, m/s", speed, due, _LIGHTER * due)
+    near(
+        "the speed of a puck of 0.5 kg after a blow of the wrist at 1.6 m/s, m/s",
+        speed,
+        due,
+        _LIGHTER * due,
+    )
 
 
 def check_forces_are_those_that_press(simulator: Simulator) -> str | None:
@@ -104,5 +133,10 @@ def check_forces_are_those_that_press(simulator: Simulator) -> str | None:
     above = recording.forces["tool", "cube"][late].mean()
     below = recording.forces["table", "cube"][late].mean()
     between("the force of a tool that is driven 5 mm into a cube, N", above, 1, 1000)
-    near("the force of a cube on the table that a tool presses, N", below, above + GRAVITY, 0.1 * below)
+    near(
+        "the force of a cube on the table that a tool presses, N",
+        below,
+        above + GRAVITY,
+        0.1 * below,
+    )
     return None

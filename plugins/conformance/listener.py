@@ -26,7 +26,14 @@ from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub, installed
 from core.trial import Evaluation, Score, Trial, Where, tried_once
-from plugins.conformance.checking import LengthOnly, brief, describe_error, request, rigid, some_simulator
+from plugins.conformance.checking import (
+    LengthOnly,
+    brief,
+    describe_error,
+    request,
+    rigid,
+    some_simulator,
+)
 
 Make = Callable[[], Any]
 PLAIN = "a stick"
@@ -38,14 +45,25 @@ ODD = "[bold]{0} %s </td> \x1b[31m\x00\r\n| \u202e 柄 ```" + "long " * 1000
 def _config() -> tuple[str, dict[str, Any]]:
     """The first task's name, and the configuration of a run of it."""
     name = installed().ready("task")[0]
-    return name, cast(dict[str, Any], OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True))
+    return name, cast(
+        dict[str, Any],
+        OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True),
+    )
 
 
-def script(folder: Path, text: str = PLAIN, simulator: Simulator | None = None) -> list[tuple[str, dict[str, Any]]]:
+def script(
+    folder: Path, text: str = PLAIN, simulator: Simulator | None = None
+) -> list[tuple[str, dict[str, Any]]]:
     """The events of a run in ``folder`` of two generations and an empty one; ``text`` is all that the model writes."""
     name, config = _config()
-    budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
-    parts = {kind: node["name"] for kind, node in config.items() if isinstance(node, dict) and "name" in node}
+    budget = Budget(
+        **{field.name: config["budget"][field.name] for field in fields(Budget)}
+    )
+    parts = {
+        kind: node["name"]
+        for kind, node in config.items()
+        if isinstance(node, dict) and "name" in node
+    }
     task, tools = installed().create("task", name), LengthOnly()
     run = Run(folder, config, parts, "a model", task, tools, budget, 0, simulator)
     events: list[tuple[str, dict[str, Any]]] = [("run_started", {"run": run})]
@@ -59,13 +77,19 @@ def script(folder: Path, text: str = PLAIN, simulator: Simulator | None = None) 
             ("generation_started", {"index": index}),
             ("request_composed", {"request": sent}),
             ("reply_received", {"request": sent, "reply": reply}),
-            *(("candidate_evaluated", {"evaluation": evaluation}) for evaluation in evaluations),
+            *(
+                ("candidate_evaluated", {"evaluation": evaluation})
+                for evaluation in evaluations
+            ),
             ("generation_finished", {"generation": generations[-1]}),
         ]
     first = generations[0].evaluations[0]
     finalist = replace(first, finals=first.trials)
     events.append(("finalist_tried", {"evaluation": finalist}))
-    return [*events, ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)})]
+    return [
+        *events,
+        ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)}),
+    ]
 
 
 def _evaluations(generation: int, text: str) -> tuple[Evaluation, ...]:
@@ -76,7 +100,19 @@ def _evaluations(generation: int, text: str) -> tuple[Evaluation, ...]:
     whole = Candidate(tool, plan, generation, 0, 0, 0, text, text, text, parents)
     unread = Candidate(None, NO_PLAN, generation, 1, problem=text)
     where = Where(text, text, 0)
-    trial = Trial(where, whole.id, "ok", 0.25, text, 0.3, 0.001, 0.01, 0.002, moved_m={text: 0.1}, warnings=(text,))
+    trial = Trial(
+        where,
+        whole.id,
+        "ok",
+        0.25,
+        text,
+        0.3,
+        0.001,
+        0.01,
+        0.002,
+        moved_m={text: 0.1},
+        warnings=(text,),
+    )
     return (
         Evaluation(whole, (trial,), Score(0.25, {text: 1})),
         Evaluation(unread),
@@ -98,14 +134,20 @@ def play(listener: object, events: Sequence[tuple[str, dict[str, Any]]]) -> None
             try:
                 pool.submit(send).result() if event == "reply_received" else send()
             except RAISED as error:
-                raise AssertionError(f"{event} raised {describe_error(error)}") from error
+                raise AssertionError(
+                    f"{event} raised {describe_error(error)}"
+                ) from error
 
 
 @contextlib.contextmanager
 def scratch() -> Iterator[Path]:
     """A folder for a run; what listeners print meanwhile is left out."""
     quiet = io.StringIO()
-    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        contextlib.redirect_stdout(quiet),
+        contextlib.redirect_stderr(quiet),
+    ):
         yield Path(folder)
 
 
@@ -128,7 +170,12 @@ def check_a_run_may_break_off(make: Make) -> None:
     """After an error ``run_ended`` comes, wherever the run was; the same folder then sees the run go on."""
     with scratch() as folder:
         events = script(folder)
-        for count in (1, 3, 5, 8):  # until it started, a request, an evaluation, a generation
+        for count in (
+            1,
+            3,
+            5,
+            8,
+        ):  # until it started, a request, an evaluation, a generation
             play(make(), events[:count])
         play(make(), events)
 

@@ -25,10 +25,17 @@ _SPREAD = 1.5
 _WHOLE = 0.02  # radians between the axes of the mount at home and the world's
 _ROOM = 0.01  # radians between home and the limits
 _LINES = 200
-_LINE_M, _LINE_RAD = (0.3, 0.4, 0.3), (0.4, 0.8, 0.8)  # the farthest end of a line from home, by axis
+_LINE_M, _LINE_RAD = (
+    (0.3, 0.4, 0.3),
+    (0.4, 0.8, 0.8),
+)  # the farthest end of a line from home, by axis
 _KNOTS = 33  # of a line, some 2 cm apart, as in motions
 _REACHED = (0.003, 0.02)  # m, and radians
-_LAG_RAD, _END_M, _REST_RAD = 0.02, 1e-3, 2e-3  # as for the default robot in every engine
+_LAG_RAD, _END_M, _REST_RAD = (
+    0.02,
+    1e-3,
+    2e-3,
+)  # as for the default robot in every engine
 _LEAST_REACHED = 0.4  # of lines around home
 
 
@@ -36,18 +43,32 @@ def check_limits_are_there(robot: Robot) -> None:
     for name in robot.joints(robot.gripper is not None):
         joint = robot.description.named[name]
         kind = "prismatic" if name in robot.finger_joints else "revolute"
-        expect(joint.kind == kind, f"joint {name!r} is {joint.kind}; it must be {kind}, with limits")
+        expect(
+            joint.kind == kind,
+            f"joint {name!r} is {joint.kind}; it must be {kind}, with limits",
+        )
         low, high, effort, speed = np.array(joint.limits, dtype=np.float64)
-        expect(low < high and min(effort, speed) > 0, f"joint {name!r} can't move: {joint.limits}")
+        expect(
+            low < high and min(effort, speed) > 0,
+            f"joint {name!r} can't move: {joint.limits}",
+        )
 
 
 def check_home_points_the_mount_down(robot: Robot) -> None:
     """At home the joints are within their limits, and the mount's axes are the base's."""
     arm = arm_of(robot)
-    for name, low, here, high in zip(robot.arm_joints, arm.lower, arm.home, arm.upper, strict=True):
-        between(f"home of {name!r} within its limits, rad", here, low + _ROOM, high - _ROOM)
+    for name, low, here, high in zip(
+        robot.arm_joints, arm.lower, arm.home, arm.upper, strict=True
+    ):
+        between(
+            f"home of {name!r} within its limits, rad", here, low + _ROOM, high - _ROOM
+        )
     turn = robot.base.rotation.inv() * arm.forward(arm.home).rotation
-    between("the turn of the mount at home from the base's axes, rad", turn.magnitude(), high=_WHOLE)
+    between(
+        "the turn of the mount at home from the base's axes, rad",
+        turn.magnitude(),
+        high=_WHOLE,
+    )
 
 
 def check_inertias_are_physical(robot: Robot) -> None:
@@ -55,12 +76,18 @@ def check_inertias_are_physical(robot: Robot) -> None:
     for name, link in assembled(robot).links.items():
         mass, center, tensor = link.inertial.placed()
         bounds = [solid.bounds() for solid in solids if solid.name == name]
-        expect(bool(mass) == bool(bounds), f"link {name!r} has {mass:g} kg and {len(bounds)} shapes; give it both")
+        expect(
+            bool(mass) == bool(bounds),
+            f"link {name!r} has {mass:g} kg and {len(bounds)} shapes; give it both",
+        )
         if not mass:
             continue
         moments = np.linalg.eigvalsh(tensor)
         real = moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - 1e-6)
-        expect(real, f"inertias {', '.join(map('{:g}'.format, moments))} of {name!r}: no body has")
+        expect(
+            real,
+            f"inertias {', '.join(map('{:g}'.format, moments))} of {name!r}: no body has",
+        )
 
         middles, halves = np.swapaxes(bounds, 0, 1)
         low = np.min(middles - halves, axis=0)
@@ -68,11 +95,17 @@ def check_inertias_are_physical(robot: Robot) -> None:
         away = np.linalg.norm(center - (low + high) / 2)
         spread = np.sqrt(moments[2] / mass + away**2)
         most = _SPREAD * float(np.linalg.norm(high - low))
-        between(f"how far the mass of {name!r} lies from the middle of its shapes on average, m", spread, high=most)
+        between(
+            f"how far the mass of {name!r} lies from the middle of its shapes on average, m",
+            spread,
+            high=most,
+        )
 
 
 def _still(robot: Robot) -> JointTrajectory:
-    return JointTrajectory(np.zeros(1), arm_of(robot).home[None], np.array([robot.opening_m]))
+    return JointTrajectory(
+        np.zeros(1), arm_of(robot).home[None], np.array([robot.opening_m])
+    )
 
 
 def check_straight_lines_are_reached(robot: Robot) -> str:
@@ -86,18 +119,25 @@ def check_straight_lines_are_reached(robot: Robot) -> str:
         turn = rng.uniform(-1, 1, 3) * _LINE_RAD
         share = np.linspace(0.0, 1.0, _KNOTS)[1:, None]
         rotations = Rotation.from_rotvec(share * turn) * home.rotation
-        _, errors = arm.follow(home.position + share * way, rotations.as_matrix(), arm.home)
+        _, errors = arm.follow(
+            home.position + share * way, rotations.as_matrix(), arm.home
+        )
         reached = np.all(errors < _REACHED, axis=1)
         shares.append(np.argmin([*reached, False]) / len(reached))
     mean = float(np.mean(shares))
     mend = "choose a home away from limits and from an outstretched arm"
-    between(f"the share of lines around home that is reached ({mend})", mean, _LEAST_REACHED)
+    between(
+        f"the share of lines around home that is reached ({mend})", mean, _LEAST_REACHED
+    )
     return f"{mean:.0%} of lines reached"
 
 
 def check_every_engine_tracks_a_trajectory(robot: Robot) -> str:
     """Without contact the arm follows a motion with the error that simulators are allowed for the default robot."""
-    return ", ".join(f"{name} {follow(simulator, robot, f'in {name} '):.4f} rad" for name, simulator in _engines())
+    return ", ".join(
+        f"{name} {follow(simulator, robot, f'in {name} '):.4f} rad"
+        for name, simulator in _engines()
+    )
 
 
 def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
@@ -112,15 +152,28 @@ def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
     targets, _ = planned.trajectory.sample(recording.times)
     lag = float(np.abs(recording.arm - targets).max())
     between(f"{where}how far the arm is off its trajectory, rad", lag, high=_LAG_RAD)
-    near(f"{where}the tracking error, rad", outcome.tracking_error_rad, lag, max(2e-3, 0.5 * lag))
-    near(f"{where}where the end-effector ends, m", arm.forward(recording.arm[-1]).position, plan[-1, :3], _END_M)
+    near(
+        f"{where}the tracking error, rad",
+        outcome.tracking_error_rad,
+        lag,
+        max(2e-3, 0.5 * lag),
+    )
+    near(
+        f"{where}where the end-effector ends, m",
+        arm.forward(recording.arm[-1]).position,
+        plan[-1, :3],
+        _END_M,
+    )
     return lag
 
 
 def check_every_engine_holds_the_arm_at_home(robot: Robot) -> str:
     """It holds the bare arm, and the payload; the payload's centre is 5 cm below the flange."""
     weight = box("weight", (0.1, 0.1, 0.1), (0.0, 0.0, -0.05), mass=robot.payload_kg)
-    tools = {"the bare arm": Tool(), f"the arm with {robot.payload_kg:g} kg": Tool((weight,))}
+    tools = {
+        "the bare arm": Tool(),
+        f"the arm with {robot.payload_kg:g} kg": Tool((weight,)),
+    }
     sags = []
     for what, tool in tools.items():
         for name, simulator in _engines():
@@ -141,12 +194,20 @@ def hold(simulator: Simulator, robot: Robot, tool: Tool, what: str) -> float:
 @lru_cache(maxsize=1)
 def _engines() -> tuple[tuple[str, Simulator], ...]:
     """Make every engine that is installed and plays one job at a time."""
-    found = tuple((name, simulator) for name, simulator in simulators() if simulator.batch == 1)
+    found = tuple(
+        (name, simulator) for name, simulator in simulators() if simulator.batch == 1
+    )
     expect(found, "no simulator plays one job at a time; a check needs one")
     return found
 
 
-def _play(simulator: Simulator, robot: Robot, tool: Tool, trajectory: JointTrajectory, hold_s: float) -> Outcome:
+def _play(
+    simulator: Simulator,
+    robot: Robot,
+    tool: Tool,
+    trajectory: JointTrajectory,
+    hold_s: float,
+) -> Outcome:
     task = Bodies(robot=robot)
     task.home = arm_of(robot).forward(arm_of(robot).home)  # type: ignore[misc]  # a class variable elsewhere
     return play(simulator, task, Rollout(tool, trajectory, 0, 0.1, hold_s, 100.0))

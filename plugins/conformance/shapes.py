@@ -7,7 +7,17 @@ import math
 import trimesh
 
 from core.design import Component, Tool
-from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere, Vector
+from core.geometry import (
+    Box,
+    Capsule,
+    Compound,
+    Cylinder,
+    Mesh,
+    Pose,
+    Shape,
+    Sphere,
+    Vector,
+)
 from core.interfaces import Simulator
 from core.scene import table
 from plugins.conformance.checking import near
@@ -21,14 +31,20 @@ def arch() -> Compound:
     boxes = [((0.006, 0.06, 0.06), (x, 0.0, 0.0)) for x in (-0.03, 0.03)]
     boxes.append(((0.066, 0.06, 0.006), (0.0, 0.0, 0.033)))
     meshes = [Box(size).to_trimesh().apply_translation(place) for size, place in boxes]
-    return Compound(Mesh.from_trimesh(trimesh.util.concatenate(meshes)), tuple(map(Mesh.from_trimesh, meshes)))
+    return Compound(
+        Mesh.from_trimesh(trimesh.util.concatenate(meshes)),
+        tuple(map(Mesh.from_trimesh, meshes)),
+    )
 
 
 HEADS: list[tuple[Shape | Compound, Vector]] = [  # and how they are turned
     (Box((0.04, 0.06, 0.05)), (0.0, 0.0, 0.0)),
     (Cylinder(0.02, 0.12), (math.pi / 2, 0.0, 0.0)),
     (Capsule(0.02, 0.08), (math.pi / 2, 0.0, 0.0)),
-    (Mesh.from_trimesh(trimesh.creation.cylinder(0.04, 0.05, sections=6)), (0.0, 0.0, math.pi / 6)),
+    (
+        Mesh.from_trimesh(trimesh.creation.cylinder(0.04, 0.05, sections=6)),
+        (0.0, 0.0, math.pi / 6),
+    ),
     (arch(), (0.0, 0.0, 0.0)),
 ]
 
@@ -36,22 +52,47 @@ HEADS: list[tuple[Shape | Compound, Vector]] = [  # and how they are turned
 def check_tools_of_every_shape_push_where_they_are(simulator: Simulator) -> None:
     """A head that moves sideways by 0.2 m meets a puck after 0.02 m: so it pushes it by the rest."""
     for shape, rpy in HEADS:
-        head = Component("head", "stick", Pose.xyz_rpy((0.0, 0.0, -_SHAFT / 2), rpy), shape, 0.02)
+        head = Component(
+            "head", "stick", Pose.xyz_rpy((0.0, 0.0, -_SHAFT / 2), rpy), shape, 0.02
+        )
         tool = Tool((*stick(_SHAFT).components, head))
         pose = tool.placed()["head"][1]
         front = float(pose.apply(shape.to_trimesh().vertices)[:, 0].max())
         at = (0.45 + front + 0.05, 0.0, 0.03)
         puck = make_body("puck", Cylinder(0.03, 0.06), at, mass=0.2, friction=1)
-        plan = [[x, 0.0, z, 0, 0, 0] for x, z in ((0.45, 0.4), (0.45, 0.035 + _SHAFT), (0.65, 0.035 + _SHAFT))]
-        pushed = end(move(simulator, plan, table(), puck, tool=tool)).position("puck")[0] - at[0]
-        near(f"how far a head of the shape {type(shape).__name__} pushes a puck, m", pushed, 0.18, 0.005)
+        plan = [
+            [x, 0.0, z, 0, 0, 0]
+            for x, z in ((0.45, 0.4), (0.45, 0.035 + _SHAFT), (0.65, 0.035 + _SHAFT))
+        ]
+        pushed = (
+            end(move(simulator, plan, table(), puck, tool=tool)).position("puck")[0]
+            - at[0]
+        )
+        near(
+            f"how far a head of the shape {type(shape).__name__} pushes a puck, m",
+            pushed,
+            0.18,
+            0.005,
+        )
 
 
 def check_hollow_tool_is_hollow(simulator: Simulator) -> None:
     """An arch over a ball drags it along by a wall."""
-    head = Component("head", "stick", Pose.xyz_rpy((0.0, 0.0, -_SHAFT / 2 - 0.033)), arch(), 0.02)
+    head = Component(
+        "head", "stick", Pose.xyz_rpy((0.0, 0.0, -_SHAFT / 2 - 0.033)), arch(), 0.02
+    )
     tool = Tool((*stick(_SHAFT).components, head))
-    plan = [[x, 0.0, z, 0, 0, 0] for x, z in ((0.45, 0.5), (0.45, 0.064 + _SHAFT), (0.6, 0.064 + _SHAFT))]
-    ball = make_body("ball", Sphere(0.02), (0.45, 0.0, 0.02), mass=0.05, rolling_friction=0.005)
+    plan = [
+        [x, 0.0, z, 0, 0, 0]
+        for x, z in ((0.45, 0.5), (0.45, 0.064 + _SHAFT), (0.6, 0.064 + _SHAFT))
+    ]
+    ball = make_body(
+        "ball", Sphere(0.02), (0.45, 0.0, 0.02), mass=0.05, rolling_friction=0.005
+    )
     place = end(move(simulator, plan, table(), ball, tool=tool)).position("ball")
-    near("where a ball is under an arch that moved, m", place, (0.6, 0.0, 0.02), (0.03, 0.03, 0.003))
+    near(
+        "where a ball is under an arch that moved, m",
+        place,
+        (0.6, 0.0, 0.02),
+        (0.03, 0.03, 0.003),
+    )

@@ -13,8 +13,17 @@ from plugins.conformance.cases import Case, Film, compare
 from plugins.conformance.worlds import FAR, GRAVITY, GREY
 
 
-def soft(form: Form, elastic: Elastic, height: float, pinned: tuple[int, ...] = ()) -> Soft:
-    return Soft.make("soft", form, elastic, Pose(np.array([FAR[0], FAR[1], height])), color=GREY, pinned=pinned)
+def soft(
+    form: Form, elastic: Elastic, height: float, pinned: tuple[int, ...] = ()
+) -> Soft:
+    return Soft.make(
+        "soft",
+        form,
+        elastic,
+        Pose(np.array([FAR[0], FAR[1], height])),
+        color=GREY,
+        pinned=pinned,
+    )
 
 
 @compare
@@ -30,7 +39,9 @@ def check_soft_rod_bends() -> Iterator[Case]:
     stiffness = elastic.young * math.pi * wide**4 / 64
     due = 1.0 - load * free**4 / (8 * stiffness)
     what = "how high the end of a soft rod comes to rest that is clamped at 1 m, m"
-    yield Case(what, (soft(rope, elastic, 1.0, (0, 1)),), _end, due, 0.1 * (1.0 - due), 3.0)
+    yield Case(
+        what, (soft(rope, elastic, 1.0, (0, 1)),), _end, due, 0.1 * (1.0 - due), 3.0
+    )
 
 
 def _end(played: Film) -> float:

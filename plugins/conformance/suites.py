@@ -39,8 +39,14 @@ Check = Callable[[Any], str | None]
 
 def _checks(*modules: ModuleType) -> tuple[Check, ...]:
     """The checks that the modules define, in order."""
-    named = ((module, name, f) for module in modules for name, f in vars(module).items())
-    return tuple(f for module, name, f in named if name.startswith("check_") and f.__module__ == module.__name__)
+    named = (
+        (module, name, f) for module in modules for name, f in vars(module).items()
+    )
+    return tuple(
+        f
+        for module, name, f in named
+        if name.startswith("check_") and f.__module__ == module.__name__
+    )
 
 
 SUITES = {
@@ -100,6 +106,10 @@ def examine(kind: str, checked: Any) -> Iterator[Verdict]:
         except LeftOut as reason:
             remark = f"left out: {reason}"
         except RAISED as error:  # anything that the part's code raises is a result
-            problem = str(error) if isinstance(error, AssertionError) else describe_error(error)
+            problem = (
+                str(error)
+                if isinstance(error, AssertionError)
+                else describe_error(error)
+            )
         name = check.__name__.removeprefix("check_").replace("_", " ")
         yield Verdict(name, time.perf_counter() - began, problem, remark)

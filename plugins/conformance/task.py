@@ -34,32 +34,69 @@ MAX_IDLE_REWARD = 0.02
 
 
 def check_it_is_described(task: Task) -> None:
-    expect(task.name.isidentifier(), f"the name {task.name!r} must be one word, for configs and folders")
-    expect(len(task.description.split()) >= 5, f"the description for the model is {task.description!r}")
-    expect("\n" not in task.description, "the description is one paragraph, without line breaks")
-    expect(task.name in task.source(), "the source that a model is shown does not hold the task's name")
+    expect(
+        task.name.isidentifier(),
+        f"the name {task.name!r} must be one word, for configs and folders",
+    )
+    expect(
+        len(task.description.split()) >= 5,
+        f"the description for the model is {task.description!r}",
+    )
+    expect(
+        "\n" not in task.description,
+        "the description is one paragraph, without line breaks",
+    )
+    expect(
+        task.name in task.source(),
+        "the source that a model is shown does not hold the task's name",
+    )
     between("success_reward", task.success_reward, 1e-9, 1.0)
 
 
 def _layout(scene: Scene) -> list[tuple[object, ...]]:
     """What a seed draws of each body."""
-    return [(body.name, body.pose, body.mass, getattr(body, "elastic", None)) for body in scene.bodies]
+    return [
+        (body.name, body.pose, body.mass, getattr(body, "elastic", None))
+        for body in scene.bodies
+    ]
 
 
 def check_one_seed_gives_one_layout(task: Task) -> None:
     scene = task.scene(3)
-    expect(isinstance(scene, Scene), f"scene returned a {type(scene).__name__}, not a Scene")
+    expect(
+        isinstance(scene, Scene),
+        f"scene returned a {type(scene).__name__}, not a Scene",
+    )
     same = _layout(scene) == _layout(task.scene(3))
-    expect(same, "one seed gives different layouts; draw from np.random.default_rng(seed)")
-    expect(scene.free, "nothing in the scene can move, so nothing can be earned; give a body a mass")
+    expect(
+        same, "one seed gives different layouts; draw from np.random.default_rng(seed)"
+    )
+    expect(
+        scene.free,
+        "nothing in the scene can move, so nothing can be earned; give a body a mass",
+    )
 
 
 def check_goals_name_bodies_of_the_scene(task: Task) -> None:
     scene = task.scene(0)
-    expect(isinstance(task.goals, tuple), f"goals is a {type(task.goals).__name__}, not a tuple")
-    there = {None, "", *(body.name for body in scene.bodies), *(joint.name for joint in scene.joints)}
+    expect(
+        isinstance(task.goals, tuple),
+        f"goals is a {type(task.goals).__name__}, not a tuple",
+    )
+    there = {
+        None,
+        "",
+        *(body.name for body in scene.bodies),
+        *(joint.name for joint in scene.joints),
+    }
     for goal in task.goals:
-        unknown = {*goal.bodies, *goal.keep, *goal.untouched, goal.at, goal.joint} - there
+        unknown = {
+            *goal.bodies,
+            *goal.keep,
+            *goal.untouched,
+            goal.at,
+            goal.joint,
+        } - there
         expect(not unknown, f"a goal names {unknown}; the scene has {there}")
 
 
@@ -67,10 +104,16 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
     """They are in [0, 1] wherever bodies end, far away too, and the same for each world alone."""
     begin = task.scene(0).state()
     rng = np.random.default_rng(0)
-    shifts = [rng.normal(0, reach, begin.positions.shape) for reach in (0.0, 0.05, 0.3, 1.0, 30.0)]
+    shifts = [
+        rng.normal(0, reach, begin.positions.shape)
+        for reach in (0.0, 0.05, 0.3, 1.0, 30.0)
+    ]
     ends = [replace(begin, positions=begin.positions + shift) for shift in shifts]
     many = _reward(task, State.stack([begin] * len(ends)), State.stack(ends))
-    expect(many.shape == (5,), f"the reward of 5 worlds has the shape {many.shape}, not (5,)")
+    expect(
+        many.shape == (5,),
+        f"the reward of 5 worlds has the shape {many.shape}, not (5,)",
+    )
     near("rewards", many, 0.5, 0.5)
     alone = [float(_reward(task, begin, last)) for last in ends]
     near("what worlds earn together, and one by one", many, alone, 1e-9)
@@ -97,10 +140,17 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
             joined = frozenset((other.name, body.name)) in scene.joined
             if joined or (other.fixed and body.fixed):
                 continue
-            gaps = [gap for solid in body_solids(body) for _, gap in Obstacles(body_solids(other)).gaps(solid, 0.0)]
+            gaps = [
+                gap
+                for solid in body_solids(body)
+                for _, gap in Obstacles(body_solids(other)).gaps(solid, 0.0)
+            ]
             deep = -min(gaps, default=0.0)
             what = f"with seed {seed} {body.name!r} starts {1000 * deep:.1f} mm inside {other.name!r}"
-            expect(deep < MAX_OVERLAP_M, f"{what}; an engine pushes them apart, so leave a clearance")
+            expect(
+                deep < MAX_OVERLAP_M,
+                f"{what}; an engine pushes them apart, so leave a clearance",
+            )
 
 
 def check_variations_draw_layouts(task: Task) -> str:
@@ -108,7 +158,10 @@ def check_variations_draw_layouts(task: Task) -> str:
         varied = copy(task)
         varied.variation = name
         differ = _layout(varied.scene(0)) != _layout(varied.scene(1))
-        expect(differ, f"variation {name!r}: two seeds give the same layout; use self.draw(seed)")
+        expect(
+            differ,
+            f"variation {name!r}: two seeds give the same layout; use self.draw(seed)",
+        )
         check_nothing_overlaps_at_spawn(varied)
     return ", ".join(task.variations) or "it has none"
 
@@ -121,19 +174,43 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
         raise LeftOut("the arm does not reach home") from error
     scene = task.scene(SEEDS[0])
     spawn = scene.state()
-    between("what doing nothing earns at spawn", _reward(task, spawn, spawn), 0.0, MAX_IDLE_REWARD)
+    between(
+        "what doing nothing earns at spawn",
+        _reward(task, spawn, spawn),
+        0.0,
+        MAX_IDLE_REWARD,
+    )
 
     name, simulator = some_simulator(soft=bool(scene.softs))
-    job = Rollout(Tool(), still, SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ, forces=task.reads_trace)
+    job = Rollout(
+        Tool(),
+        still,
+        SEEDS[0],
+        hold_s=REST_S,
+        record_hz=SAMPLE_HZ,
+        forces=task.reads_trace,
+    )
     outcome = play(simulator, task, job)
     begin = scene.complete(start(outcome))
     last = scene.complete(end(outcome))
-    moving = any(body.launched for body in scene.bodies) or any(joint.drive is not None for joint in scene.joints)
+    moving = any(body.launched for body in scene.bodies) or any(
+        joint.drive is not None for joint in scene.joints
+    )
     ways = np.linalg.norm(last.positions - begin.positions, axis=-1)
     for body, way in zip(begin.names, ways, strict=True):
         what = f"in {name} {body!r} moves {1000 * way:.0f} mm within {REST_S:g} s while the arm waits at home"
-        expect(moving or way < MAX_DRIFT_M, f"{what}; put it where it can rest, or give it friction")
-    trace = make_trace(scene, [find_contacts(scene, task.robot, Tool(), film(outcome))])[0]
+        expect(
+            moving or way < MAX_DRIFT_M,
+            f"{what}; put it where it can rest, or give it friction",
+        )
+    trace = make_trace(
+        scene, [find_contacts(scene, task.robot, Tool(), film(outcome))]
+    )[0]
     earned = _reward(task, begin, last, trace)
-    between(f"what doing nothing earns after {REST_S:g} s in {name}", earned, 0.0, MAX_IDLE_REWARD)
+    between(
+        f"what doing nothing earns after {REST_S:g} s in {name}",
+        earned,
+        0.0,
+        MAX_IDLE_REWARD,
+    )
     return f"in {name}"

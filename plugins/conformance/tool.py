@@ -11,7 +11,17 @@ from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
 from core.plugins import installed
-from plugins.conformance.checking import WILD, as_json, brief, expect, fingers, near, read_or_refused, rigid, some_task
+from plugins.conformance.checking import (
+    WILD,
+    as_json,
+    brief,
+    expect,
+    fingers,
+    near,
+    read_or_refused,
+    rigid,
+    some_task,
+)
 
 
 def designs(representation: ToolRepresentation) -> bool:
@@ -35,12 +45,18 @@ def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None
             count += given_tool(representation, task) is not None
         except UserError as error:
             raise AssertionError(str(error)) from error
-    expect(count or designs(representation), "it gives no tool for any task, and writes none")
+    expect(
+        count or designs(representation),
+        "it gives no tool for any task, and writes none",
+    )
 
 
 def check_the_schema_is_of_json(representation: ToolRepresentation) -> None:
     fields = representation.schema()
-    expect(isinstance(fields, dict), f"schema returned a {type(fields).__name__}, not the properties of an object")
+    expect(
+        isinstance(fields, dict),
+        f"schema returned a {type(fields).__name__}, not the properties of an object",
+    )
     as_json(fields, "the schema")
     if designs(representation):
         expect(fields, "the schema has no fields, so a model can't describe a tool")
@@ -50,9 +66,14 @@ def check_the_instructions_name_every_field(representation: ToolRepresentation) 
     if not designs(representation):
         return
     for gripper in (False, True):
-        text = representation.instructions(brief(some_task(), representation, gripper=gripper))
+        text = representation.instructions(
+            brief(some_task(), representation, gripper=gripper)
+        )
         for name in representation.schema():
-            expect(name in text, f"the instructions don't name {name!r}, which the schema asks for")
+            expect(
+                name in text,
+                f"the instructions don't name {name!r}, which the schema asks for",
+            )
 
 
 def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> None:
@@ -62,7 +83,10 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
     for tool in (rigid(), fingers()):
         data = representation.dump(tool)
         as_json(data, "what dump returned")
-        expect(set(data) == set(representation.schema()), f"dump returned {sorted(data)}; the schema has other fields")
+        expect(
+            set(data) == set(representation.schema()),
+            f"dump returned {sorted(data)}; the schema has other fields",
+        )
         as_json(representation.abridge(tool), "what abridge returned")
         back = representation.parse(data, gripper=tool.gripper)
         check_tool(back, installed().default_robot)
@@ -71,9 +95,22 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
         for part, again in zip(tool.components, back.components, strict=True):
             mount, pose = wrote[part.name]
             mount_again, pose_again = read[again.name]
-            expect(mount_again == mount, f"a component on {mount} came back on {mount_again}")
-            near("where a component is, m, and its axes", pose_again.matrix, pose.matrix, 1e-4)
-            near("the size of a component, m", again.shape.bounds[1], part.shape.bounds[1], 1e-4)
+            expect(
+                mount_again == mount,
+                f"a component on {mount} came back on {mount_again}",
+            )
+            near(
+                "where a component is, m, and its axes",
+                pose_again.matrix,
+                pose.matrix,
+                1e-4,
+            )
+            near(
+                "the size of a component, m",
+                again.shape.bounds[1],
+                part.shape.bounds[1],
+                1e-4,
+            )
             near("the mass of a component, kg", again.mass, part.mass, 1e-6)
 
 

@@ -7,7 +7,14 @@ checked.
 from __future__ import annotations
 
 from core.interfaces import VLM, Estimate, Reply, Request
-from plugins.conformance.checking import LengthOnly, between, brief, expect, request, some_task
+from plugins.conformance.checking import (
+    LengthOnly,
+    between,
+    brief,
+    expect,
+    request,
+    some_task,
+)
 
 
 def requests() -> list[Request]:
@@ -17,14 +24,20 @@ def requests() -> list[Request]:
 
 
 def check_it_has_a_name(vlm: VLM) -> None:
-    expect(isinstance(vlm.model, str) and vlm.model.strip(), f"model is {vlm.model!r}; a name for people is needed")
+    expect(
+        isinstance(vlm.model, str) and vlm.model.strip(),
+        f"model is {vlm.model!r}; a name for people is needed",
+    )
 
 
 def check_each_request_has_its_reply(vlm: VLM) -> None:
     sent = requests()
     replies = list(vlm.complete(sent))
     for reply in replies:
-        expect(isinstance(reply, Reply), f"complete returned a {type(reply).__name__}, not a Reply")
+        expect(
+            isinstance(reply, Reply),
+            f"complete returned a {type(reply).__name__}, not a Reply",
+        )
         for count in (reply.prompt_tokens, reply.completion_tokens, reply.cost_usd):
             between("what a reply counts, tokens or dollars", count or 0, 0)
     ids = ", ".join(sorted(reply.request_id for reply in replies))
@@ -34,5 +47,8 @@ def check_each_request_has_its_reply(vlm: VLM) -> None:
 
 def check_a_request_has_an_estimate(vlm: VLM) -> None:
     estimate = vlm.estimate(requests()[0], vlm.model)
-    expect(isinstance(estimate, Estimate), f"estimate returned a {type(estimate).__name__}, not an Estimate")
+    expect(
+        isinstance(estimate, Estimate),
+        f"estimate returned a {type(estimate).__name__}, not an Estimate",
+    )
     between("how many tokens a request is estimated to take", estimate.prompt_tokens, 1)

@@ -10,7 +10,15 @@ import numpy as np
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Box, Pose, Shape, Vector
-from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Simulator, Task
+from core.interfaces import (
+    JointTrajectory,
+    Outcome,
+    Recording,
+    Robot,
+    Rollout,
+    Simulator,
+    Task,
+)
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
@@ -34,7 +42,9 @@ class Bodies(Task):
     description = "Bodies."
     goals = ()
 
-    def __init__(self, *bodies: Body, joints: tuple[Joint, ...] = (), robot: Robot | None = None) -> None:
+    def __init__(
+        self, *bodies: Body, joints: tuple[Joint, ...] = (), robot: Robot | None = None
+    ) -> None:
         self.robot = robot or installed().default_robot
         self._scene = Scene(bodies, joints)
 
@@ -45,19 +55,30 @@ class Bodies(Task):
         return np.zeros(start.positions.shape[:-2])
 
 
-def make_body(name: str, shape: Shape, position: Vector, mass: float = 0.0, **more: Any) -> Body:
+def make_body(
+    name: str, shape: Shape, position: Vector, mass: float = 0.0, **more: Any
+) -> Body:
     """A grey body of one shape; without a mass it is fixed."""
     return Body.of(name, shape, position, mass=mass, color=GREY, **more)
 
 
 def box(
-    name: str, size: tuple[float, float, float], position: Vector, mount: str = RIGID_MOUNT, **more: Any
+    name: str,
+    size: tuple[float, float, float],
+    position: Vector,
+    mount: str = RIGID_MOUNT,
+    **more: Any,
 ) -> Component:
     """A box of a tool."""
     return Component(name, mount, Pose.xyz_rpy(position), Box(size), **more)
 
 
-def cube(name: str = "cube", at: Vector = (0.0, 0.0, 0.0), side: float = 0.1, mass: float = 1.0) -> Body:
+def cube(
+    name: str = "cube",
+    at: Vector = (0.0, 0.0, 0.0),
+    side: float = 0.1,
+    mass: float = 1.0,
+) -> Body:
     return make_body(name, Box((side, side, side)), at, mass=mass)
 
 
@@ -70,18 +91,24 @@ def ground() -> Body:
     return make_body("ground", Box((2.0, 2.0, 0.1)), (FAR[0], FAR[1], -0.05))
 
 
-def compound(name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)) -> Body:
+def compound(
+    name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)
+) -> Body:
     return Body(name, Pose.xyz_rpy(at, rpy), mass, parts, parts)
 
 
 def slope(tilt: float, friction: float) -> Body:
     """A fixed slab 0.1 thick, far from the arm, that falls ``tilt`` radians toward +x; its frame is in its middle."""
-    return make_body("slope", Box((4.0, 1.0, 0.1)), FAR, rpy=(0.0, tilt, 0.0), friction=friction)
+    return make_body(
+        "slope", Box((4.0, 1.0, 0.1)), FAR, rpy=(0.0, tilt, 0.0), friction=friction
+    )
 
 
 def stick(length: float, mass: float = 0.005) -> Tool:
     """A rigid tool: a box 0.02 m wide that hangs down from the flange."""
-    return Tool((box("stick", (0.02, 0.02, length), (0.0, 0.0, -length / 2), mass=mass),))
+    return Tool(
+        (box("stick", (0.02, 0.02, length), (0.0, 0.0, -length / 2), mass=mass),)
+    )
 
 
 def arm(robot: Robot | None = None) -> Arm:
@@ -98,7 +125,9 @@ def opened(count: int = 1) -> Array:
 def still(robot: Robot | None = None) -> JointTrajectory:
     """A trajectory that holds the arm at home, with open fingers."""
     here = arm(robot)
-    return JointTrajectory(np.zeros(1), here.home_for(HOME)[None], np.array([here.robot.opening_m]))
+    return JointTrajectory(
+        np.zeros(1), here.home_for(HOME)[None], np.array([here.robot.opening_m])
+    )
 
 
 def motion(plan: object, robot: Robot | None = None) -> JointTrajectory:
@@ -115,17 +144,31 @@ def wait(
     tool: Tool = BARE,
 ) -> Outcome:
     """Simulate bodies while the arm stays at home."""
-    return run(simulator, bodies, Rollout(tool, still(), 0, settle_s, seconds, record_hz))
+    return run(
+        simulator, bodies, Rollout(tool, still(), 0, settle_s, seconds, record_hz)
+    )
 
 
 def move(
-    simulator: Simulator, plan: object, *bodies: Body, tool: Tool = BARE, record_hz: float = 0.0, hold_s: float = 0.5
+    simulator: Simulator,
+    plan: object,
+    *bodies: Body,
+    tool: Tool = BARE,
+    record_hz: float = 0.0,
+    hold_s: float = 0.5,
 ) -> Outcome:
     """Simulate a motion through waypoints."""
-    return run(simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz))
+    return run(
+        simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz)
+    )
 
 
-def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout, joints: tuple[Joint, ...] = ()) -> Outcome:
+def run(
+    simulator: Simulator,
+    bodies: tuple[Body, ...],
+    job: Rollout,
+    joints: tuple[Joint, ...] = (),
+) -> Outcome:
     """Simulate one job in a world of these bodies; it must not break.
 
     Raises:

@@ -7,4 +7,7 @@ from core.hooks import hookimpl
 
 @hookimpl
 def executors() -> Mapping[str, str]:
-    return {"local": "plugins.executors.local:LocalExecutor", "ray": "plugins.executors.ray:RayExecutor"}
+    return {
+        "local": "plugins.executors.local:LocalExecutor",
+        "ray": "plugins.executors.ray:RayExecutor",
+    }

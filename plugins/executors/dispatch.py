@@ -35,15 +35,21 @@ def time_limit(timeout_s: float | None, chunk: object) -> float | None:
     return None if timeout_s is None else timeout_s * max(1, -(-count // CHUNK))
 
 
-def dispatch(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
+def dispatch(
+    workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]
+) -> Iterator[tuple[A, B | Exception]]:
     """Yield each chunk with a worker's result, in the order in which they finish.
 
     ``chunks`` is read in a thread of its own, so that results come while the next chunk is awaited. At most two chunks
     for each worker are read and not yet taken. What a worker or ``chunks`` raises is raised here.
     """
     ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
-    results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = queue.SimpleQueue()
-    room = threading.Semaphore(2 * len(workers))  # a chunk holds it until its result is taken
+    results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = (
+        queue.SimpleQueue()
+    )
+    room = threading.Semaphore(
+        2 * len(workers)
+    )  # a chunk holds it until its result is taken
     stop = threading.Event()
 
     def read() -> None:
@@ -101,7 +107,11 @@ def check_limits(workers: int | None, timeout_s: float | None) -> None:
 
 def cores() -> int:
     """Count the cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
 
 
 def portable(error: BaseException) -> Exception:

@@ -26,17 +26,27 @@ from core.errors import RAISED, Fault, UserError, check_positive
 from core.interfaces import Executor
 from core.support.memory import release_memory
 from core.support.scratch import scratch, use_scratch
-from plugins.executors.dispatch import check_limits, cores, dispatch, portable, time_limit
+from plugins.executors.dispatch import (
+    check_limits,
+    cores,
+    dispatch,
+    portable,
+    time_limit,
+)
 
 A = TypeVar("A")
 B = TypeVar("B")
 
 # Threads of libraries in several workers would compete for the same cores. Read when a worker imports a library.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)
 _START_S = 120.0  # for a process to take its first chunk
 
 _spawn = multiprocessing.get_context("spawn")
-_reaping = threading.Lock()  # if two threads wait for one process, one does not get its exit code
+_reaping = (
+    threading.Lock()
+)  # if two threads wait for one process, one does not get its exit code
 
 
 class LocalExecutor(Executor):
@@ -51,7 +61,10 @@ class LocalExecutor(Executor):
     """
 
     def __init__(
-        self, workers: int | None = None, timeout_s: float | None = 300.0, memory_mb: int | None = 4096
+        self,
+        workers: int | None = None,
+        timeout_s: float | None = 300.0,
+        memory_mb: int | None = 4096,
     ) -> None:
         check_limits(workers, timeout_s)
         if memory_mb is not None:
@@ -62,11 +75,19 @@ class LocalExecutor(Executor):
         self._memory_mb = memory_mb
         self._pool: list[_Worker] = []
 
-    def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
+    def map(
+        self, function: Callable[[A], B], chunks: Iterable[A]
+    ) -> Iterator[tuple[A, B | Exception]]:
         """See `Executor.map` and `plugins.executors.dispatch.dispatch`."""
-        count = 1 if self._choose and getattr(function, "batch", 1) > 1 else self.workers
-        self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(count)]
-        return dispatch([partial(worker.call, function) for worker in self._pool], chunks)
+        count = (
+            1 if self._choose and getattr(function, "batch", 1) > 1 else self.workers
+        )
+        self._pool = self._pool or [
+            _Worker(self._timeout_s, self._memory_mb) for _ in range(count)
+        ]
+        return dispatch(
+            [partial(worker.call, function) for worker in self._pool], chunks
+        )
 
     def close(self) -> None:
         for worker in self._pool:
@@ -108,7 +129,9 @@ class _Worker:
             if isinstance(result, MemoryError | Fault):
                 self._bury()
             if isinstance(result, MemoryError):
-                return RuntimeError(f"it took more memory than executor.memory_mb={self._memory_mb} allows")
+                return RuntimeError(
+                    f"it took more memory than executor.memory_mb={self._memory_mb} allows"
+                )
             return RuntimeError(str(result)) if isinstance(result, _Died) else result
 
     def _hand_over(self, job: bytes) -> bool:
@@ -144,7 +167,9 @@ class _Worker:
             return death
         except TimeoutError:
             self._bury()
-            return RuntimeError(f"the rollout took longer than executor.timeout_s={self._timeout_s:g} and was given up")
+            return RuntimeError(
+                f"the rollout took longer than executor.timeout_s={self._timeout_s:g} and was given up"
+            )
 
     def _start(self) -> None:
         self._bury()
@@ -156,13 +181,18 @@ class _Worker:
                 resource_tracker.ensure_running()  # or it is started below, and lets signals through again
                 # The process inherits it: Ctrl-C is not for it, not even while it starts.
                 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            if multiprocessing.get_start_method() not in multiprocessing.get_all_start_methods():
+            if (
+                multiprocessing.get_start_method()
+                not in multiprocessing.get_all_start_methods()
+            ):
                 # In a job of joblib it is joblib's own method, whose name a new process would not know.
                 multiprocessing.set_start_method("spawn", force=True)
             self._pipe, theirs = _spawn.Pipe()
             with theirs:
                 arguments = [theirs, self._memory_mb, scratch()]
-                self._process = _spawn.Process(target=_work, args=arguments, name="worker", daemon=True)
+                self._process = _spawn.Process(
+                    target=_work, args=arguments, name="worker", daemon=True
+                )
                 self._process.start()
 
     def _receive(self, timeout_s: float | None) -> Any:
@@ -184,12 +214,16 @@ class _Worker:
             pass
         self._bury()
         if process.exitcode in (-signal.SIGTERM, -9):
-            raise Fault("the worker process died: it was killed, as the system does when memory runs out")
+            raise Fault(
+                "the worker process died: it was killed, as the system does when memory runs out"
+            )
         raise _Died(f"the worker process died (exit code {process.exitcode})")
 
     def _bury(self) -> None:
         """End the process at once."""
-        if self._process is not None and self._process.pid is not None:  # it was started
+        if (
+            self._process is not None and self._process.pid is not None
+        ):  # it was started
             self._process.kill()
             with _reaping:
                 self._process.join()
@@ -258,7 +292,10 @@ def _limit_memory(memory_mb: int) -> None:
         return
     import resource
 
-    for what, most in ((resource.RLIMIT_DATA, memory_mb * 2**20), (resource.RLIMIT_CORE, 0)):
+    for what, most in (
+        (resource.RLIMIT_DATA, memory_mb * 2**20),
+        (resource.RLIMIT_CORE, 0),
+    ):
         _, hard = resource.getrlimit(what)
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(what, (allowed, hard))

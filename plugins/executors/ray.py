@@ -17,7 +17,13 @@ from typing import Any, TypeVar
 from core.errors import RAISED, Fault, UsageError, UserError, check_positive
 from core.interfaces import Executor
 from core.support.scratch import scratch, use_scratch
-from plugins.executors.dispatch import check_limits, cores, dispatch, portable, time_limit
+from plugins.executors.dispatch import (
+    check_limits,
+    cores,
+    dispatch,
+    portable,
+    time_limit,
+)
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -58,14 +64,18 @@ class RayExecutor(Executor):
         check_positive("executor.", num_cpus=num_cpus)
         if not 0 <= num_gpus < math.inf:
             raise UsageError(f"executor.num_gpus must be 0 or greater, got {num_gpus}")
-        os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # or it starts a cluster where it has lost one
+        os.environ.setdefault(
+            "RAY_ENABLE_AUTO_CONNECT", "0"
+        )  # or it starts a cluster where it has lost one
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         if address is not None:  # a cluster that is there answers the first time
             os.environ.setdefault("RAY_NUM_REDIS_GET_RETRIES", "3")
         try:
             import ray
         except ModuleNotFoundError as error:
-            raise UserError("executor=ray needs Ray: pip install 'ray>=2.40'") from error
+            raise UserError(
+                "executor=ray needs Ray: pip install 'ray>=2.40'"
+            ) from error
         if address is not None:
             _reach(address)
         self._ray = ray
@@ -79,13 +89,18 @@ class RayExecutor(Executor):
         self._tasks: dict[int, Any] = {}  # that threads wait for
         self._lock = threading.Condition()
 
-    def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
+    def map(
+        self, function: Callable[[A], B], chunks: Iterable[A]
+    ) -> Iterator[tuple[A, B | Exception]]:
         """See `Executor.map` and `plugins.executors.dispatch.dispatch`."""
         if not self._connected:
             self._connect()
         count = self._workers or self._room(getattr(function, "batch", 1) > 1)
         task = self._ray.remote(max_calls=0)(_work).options(
-            num_cpus=self._num_cpus, num_gpus=self._num_gpus, max_retries=0, num_returns="streaming"
+            num_cpus=self._num_cpus,
+            num_gpus=self._num_gpus,
+            max_retries=0,
+            num_returns="streaming",
         )
         return dispatch([partial(self._call, task, function)] * count, chunks)
 
@@ -104,11 +119,15 @@ class RayExecutor(Executor):
             try:
                 answer = pickle.loads(self._result(task, job, limit))  # noqa: S301
             except lost.GetTimeoutError:
-                return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
+                return RuntimeError(
+                    "the rollout took longer than executor.timeout_s and was given up"
+                )
             except lost.RayError as error:
                 if self._closed:
                     break
-                machine = isinstance(error, lost.OutOfMemoryError | lost.NodeDiedError)  # no fault of the chunk
+                machine = isinstance(
+                    error, lost.OutOfMemoryError | lost.NodeDiedError
+                )  # no fault of the chunk
                 why = f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
                 continue
             if isinstance(answer, _Unusable):
@@ -118,7 +137,9 @@ class RayExecutor(Executor):
             machine, why = True, str(answer)
         if self._closed:
             return RuntimeError("the executor is closed")
-        return (Fault if machine else RuntimeError)(f"the worker was lost {1 + self._retries} times: {why}")
+        return (Fault if machine else RuntimeError)(
+            f"the worker was lost {1 + self._retries} times: {why}"
+        )
 
     def _result(self, task: Any, job: bytes, limit: float | None) -> bytes:
         """Wait for a task, `_work`; from when it begins for ``limit`` seconds at most.
@@ -161,7 +182,9 @@ class RayExecutor(Executor):
         if self._num_gpus > 0:
             cards = has.get("GPU", 0)
             if cards < self._num_gpus:
-                raise UserError(f"executor.num_gpus={self._num_gpus:g}: the cluster has {cards:g} graphics cards")
+                raise UserError(
+                    f"executor.num_gpus={self._num_gpus:g}: the cluster has {cards:g} graphics cards"
+                )
             room = min(room, cards / self._num_gpus)
         elif batches:
             return 1
@@ -176,7 +199,11 @@ class RayExecutor(Executor):
         settings: dict[str, Any] = {"address": self._address}
         if self._address is None:
             wanted = math.ceil((self._workers or 1) * self._num_cpus)
-            settings = {"address": "local", "num_cpus": max(wanted, cores()), "include_dashboard": False}
+            settings = {
+                "address": "local",
+                "num_cpus": max(wanted, cores()),
+                "include_dashboard": False,
+            }
         self._connected = True  # perhaps in part only
         constants = self._ray._private.ray_constants
         usual = constants.ENABLE_RAY_CLUSTER
@@ -184,10 +211,19 @@ class RayExecutor(Executor):
         constants.ENABLE_RAY_CLUSTER = usual and self._address is not None
         handler = signal.getsignal(signal.SIGTERM)
         try:
-            self._ray.init(**settings, logging_level=logging.ERROR, configure_logging=False, log_to_driver=False)
-        except Exception as error:  # Ray has no class of its own for what can go wrong here
+            self._ray.init(
+                **settings,
+                logging_level=logging.ERROR,
+                configure_logging=False,
+                log_to_driver=False,
+            )
+        except (
+            Exception
+        ) as error:  # Ray has no class of its own for what can go wrong here
             why = str(error).strip().splitlines()[0]
-            raise UserError(f"no Ray cluster {self._address or 'on this machine'}: {why}") from error
+            raise UserError(
+                f"no Ray cluster {self._address or 'on this machine'}: {why}"
+            ) from error
         finally:
             constants.ENABLE_RAY_CLUSTER = usual
             if threading.current_thread() is threading.main_thread():
@@ -215,11 +251,15 @@ def _reach(address: str) -> None:
     if address in ("auto", "local"):
         return
     if not host or not port.isdigit():
-        raise UsageError(f"executor.address must be HOST:PORT, ray://HOST:PORT or auto, got {address!r}")
+        raise UsageError(
+            f"executor.address must be HOST:PORT, ray://HOST:PORT or auto, got {address!r}"
+        )
     try:
         socket.create_connection((host, int(port)), timeout=_REACH_S).close()
     except (OSError, OverflowError) as error:
-        raise UserError(f"executor.address={address}: nothing answers there ({error})") from error
+        raise UserError(
+            f"executor.address={address}: nothing answers there ({error})"
+        ) from error
 
 
 class _Unusable(Exception):
@@ -243,7 +283,11 @@ def _work(job: bytes) -> Iterator[bytes]:
         function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
         getattr(function, "prepare", lambda: None)()
     except RAISED as error:
-        yield pickle.dumps(_Unusable(f"workers on the Ray cluster can't be used: {type(error).__name__}: {error}"))
+        yield pickle.dumps(
+            _Unusable(
+                f"workers on the Ray cluster can't be used: {type(error).__name__}: {error}"
+            )
+        )
         return
     yield b""
     try:

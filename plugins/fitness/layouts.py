@@ -23,7 +23,10 @@ _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts
 
 COMBINE: dict[str, tuple[Combine, str]] = {
     "mean": (mean, "the mean of its rewards"),
-    "margin": (mean, f"the mean of its rewards, of each of which a share of {MARGIN_SHARE:g} is for the least margin"),
+    "margin": (
+        mean,
+        f"the mean of its rewards, of each of which a share of {MARGIN_SHARE:g} is for the least margin",
+    ),
     "worst": (min, "its lowest reward"),
     "worst_quarter": (worst_quarter, "the mean of the lowest quarter of its rewards"),
 }
@@ -58,24 +61,36 @@ class Layouts(Fitness):
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
     ) -> None:
-        for name, count, least in (("layouts", layouts, 1), ("final", final, 0), ("unseen", unseen, 0)):
+        for name, count, least in (
+            ("layouts", layouts, 1),
+            ("final", final, 0),
+            ("unseen", unseen, 0),
+        ):
             if count < least:
-                raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
+                raise UsageError(
+                    f"fitness.{name} must be at least {least}, got {count}"
+                )
         if condition.layout + layouts + final > _MOST_SEED:
             what = "seed, fitness.layouts and fitness.final together"
-            raise UsageError(f"{what} must be at most {_MOST_SEED}; those after are unseen")
+            raise UsageError(
+                f"{what} must be at most {_MOST_SEED}; those after are unseen"
+            )
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
         task = condition.task.shared()
         if _alike(task, condition.layout):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
             mend = f"add {others}" if others else "the task has no variations"
-            raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
+            raise UsageError(
+                f"fitness=layouts: all layouts of {task.name} are the same; {mend}"
+            )
         self._condition = condition
         self._final = final
         self._unseen = unseen
         self._sims: Mapping[str, Part[Simulator]] = (
-            engines(sims, condition.sim) if sims else {condition.sim.name: condition.sim}
+            engines(sims, condition.sim)
+            if sims
+            else {condition.sim.name: condition.sim}
         )
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(condition.layout, condition.layout + layouts)
@@ -86,12 +101,18 @@ class Layouts(Fitness):
         return self._in_layouts(self._seeds, self._sims)
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
-        rewards = [_weigh(trial) if self._weighs_margins else trial.reward for trial in trials]
+        rewards = [
+            _weigh(trial) if self._weighs_margins else trial.reward for trial in trials
+        ]
         return score_by_worst_engine(trials, self._combine, "layout", rewards)
 
-    def _in_layouts(self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]) -> list[Condition]:
+    def _in_layouts(
+        self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]
+    ) -> list[Condition]:
         return [
-            replace(self._condition, sim=sim, layout=seed, engine=name) for name, sim in sims.items() for seed in seeds
+            replace(self._condition, sim=sim, layout=seed, engine=name)
+            for name, sim in sims.items()
+            for seed in seeds
         ]
 
     def instructions(self) -> str:
@@ -136,9 +157,14 @@ def _alike(task: Task, seed: int) -> bool:
 
 def describe_ranges(ranges: Ranges) -> str:
     """List the ranges in words, for a model: metres, radians, kilograms."""
-    groups: dict[tuple[str, str], list[str]] = {}  # card_1.x, card_2.x, ... in one, if they share a range
+    groups: dict[
+        tuple[str, str], list[str]
+    ] = {}  # card_1.x, card_2.x, ... in one, if they share a range
     for name, (low, high) in ranges.items():
-        groups.setdefault((re.sub(r"\d+", "", name), f"from {low:.4g} to {high:.4g}"), []).append(name)
+        groups.setdefault(
+            (re.sub(r"\d+", "", name), f"from {low:.4g} to {high:.4g}"), []
+        ).append(name)
     return ", ".join(
-        f"{names[0]}{f' to {names[-1]}' if len(names) > 1 else ''} {span}" for (_, span), names in groups.items()
+        f"{names[0]}{f' to {names[-1]}' if len(names) > 1 else ''} {span}"
+        for (_, span), names in groups.items()
     )

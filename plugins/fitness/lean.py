@@ -45,10 +45,18 @@ class Lean(Layouts):
         try:
             self._reference = Effort(*references[task])  # type: ignore[arg-type]
         except (TypeError, ValueError) as error:
-            raise UsageError(f"fitness.references.{task} must be {form}: {error}") from error
+            raise UsageError(
+                f"fitness.references.{task} must be {form}: {error}"
+            ) from error
 
     def instructions(self) -> str:
-        return fill("plugins.fitness", "lean", layouts=super().instructions(), known=self._reference, holds=HOLDS)
+        return fill(
+            "plugins.fitness",
+            "lean",
+            layouts=super().instructions(),
+            known=self._reference,
+            holds=HOLDS,
+        )
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
         score = super().score(candidate, trials)
@@ -58,5 +66,9 @@ class Lean(Layouts):
             return replace(score, reward=score.reward / 2)
 
         saved = effort.saved(self._reference)
-        figures = {"lean": round(saved, 4), "motion_s": round(effort.motion_s, 3), "mass_kg": round(effort.mass_kg, 4)}
+        figures = {
+            "lean": round(saved, 4),
+            "motion_s": round(effort.motion_s, 3),
+            "mass_kg": round(effort.mass_kg, 4),
+        }
         return replace(score, reward=0.5 + 0.5 * saved / (1 + saved), figures=figures)

@@ -51,5 +51,9 @@ class Robust(Fitness):
         return score_by_worst_engine(trials)
 
     def instructions(self) -> str:
-        given = {"draws": len(self._changes), "sims": [*self._sims], "most": self._ranges}
+        given = {
+            "draws": len(self._changes),
+            "sims": [*self._sims],
+            "most": self._ranges,
+        }
         return fill("plugins.fitness", "robust", **given)

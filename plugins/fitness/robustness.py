@@ -41,11 +41,18 @@ class PerturbationRange:
     friction: float = 0.2
 
     def __post_init__(self) -> None:
-        for name, most in (("position", math.inf), ("yaw", math.inf), ("mass", 1.0), ("friction", 1.0)):
+        for name, most in (
+            ("position", math.inf),
+            ("yaw", math.inf),
+            ("mass", 1.0),
+            ("friction", 1.0),
+        ):
             value = getattr(self, name)
             if not 0 <= value < most:
                 less = f" and less than {most:g}" if most < math.inf else ", and finite"
-                raise UsageError(f"perturbation.{name} must be 0 or greater{less}, got {value}")
+                raise UsageError(
+                    f"perturbation.{name} must be 0 or greater{less}, got {value}"
+                )
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,9 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
     drawn again, and smaller. Fixed bodies and marks stay, since rewards name places in the world, and so do bodies that
     hang from them or from the world; those that hang from a free one move with it.
     """
-    scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
+    scales = (
+        np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
+    )
     poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
     bodies = tuple(
         replace(
@@ -83,7 +92,9 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
     return replace(scene, bodies=bodies)
 
 
-def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:
+def _moved(
+    scene: Scene, ranges: PerturbationRange, rng: np.random.Generator
+) -> dict[str, Pose]:
     """Draw new poses of free bodies, by name."""
     poses: dict[str, Pose] = {}
     if ranges.position == ranges.yaw == 0:
@@ -93,19 +104,36 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
     for placed in scene.ordered_joints:
         if placed.joint.parent in anchored:
             anchored.add(placed.joint.body)
-    loose = [body for body in scene.free if body.name not in anchored and body.collisions]
+    loose = [
+        body for body in scene.free if body.name not in anchored and body.collisions
+    ]
     for group in together(loose, solids, scene.joined):
         members = {body.name for body in group}
-        others = Obstacles(solid for name, own in solids.items() if name not in members for solid in own)
-        move = _move(group, [solid for body in group for solid in solids[body.name]], others, ranges, rng)
+        others = Obstacles(
+            solid
+            for name, own in solids.items()
+            if name not in members
+            for solid in own
+        )
+        move = _move(
+            group,
+            [solid for body in group for solid in solids[body.name]],
+            others,
+            ranges,
+            rng,
+        )
         for body in group:
             poses[body.name] = move @ body.pose
-            solids[body.name] = tuple(replace(s, pose=move @ s.pose) for s in solids[body.name])
+            solids[body.name] = tuple(
+                replace(s, pose=move @ s.pose) for s in solids[body.name]
+            )
     return poses
 
 
 def together(
-    bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]], joined: Collection[frozenset[str]] = ()
+    bodies: Sequence[Body],
+    solids: Mapping[str, Sequence[Solid]],
+    joined: Collection[frozenset[str]] = (),
 ) -> list[list[Body]]:
     """Group bodies that touch or nearly touch, or are joined, directly or through others.
 
@@ -116,10 +144,15 @@ def together(
         for j in range(i):
             others = Obstacles(solids[bodies[j].name])
             near[i, j] = frozenset((body.name, bodies[j].name)) in joined or any(
-                gap < TOGETHER_M for solid in solids[body.name] for _, gap in others.gaps(solid, TOGETHER_M)
+                gap < TOGETHER_M
+                for solid in solids[body.name]
+                for _, gap in others.gaps(solid, TOGETHER_M)
             )
     count, labels = connected_components(near, directed=False)
-    return [[body for body, label in zip(bodies, labels, strict=True) if label == group] for group in range(count)]
+    return [
+        [body for body, label in zip(bodies, labels, strict=True) if label == group]
+        for group in range(count)
+    ]
 
 
 def _move(
@@ -130,13 +163,23 @@ def _move(
     rng: np.random.Generator,
 ) -> Pose:
     """Draw a move of a group as a whole, in the world, about the mean of its positions; no move if nothing fits."""
-    middle = np.mean([body.pose.position for body in group], axis=0) * np.array([1.0, 1.0, 0.0])
+    middle = np.mean([body.pose.position for body in group], axis=0) * np.array(
+        [1.0, 1.0, 0.0]
+    )
     before = _gaps(solids, others)
     for halvings in range(_HALVINGS):
         for _ in range(_TRIES):
-            x, y, yaw = rng.uniform(-1, 1, 3) * (ranges.position, ranges.position, ranges.yaw) * 0.5**halvings
-            move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(-middle)
-            if _fits(before, _gaps([replace(s, pose=move @ s.pose) for s in solids], others)):
+            x, y, yaw = (
+                rng.uniform(-1, 1, 3)
+                * (ranges.position, ranges.position, ranges.yaw)
+                * 0.5**halvings
+            )
+            move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(
+                -middle
+            )
+            if _fits(
+                before, _gaps([replace(s, pose=move @ s.pose) for s in solids], others)
+            ):
                 return move
     return Pose()
 
@@ -153,8 +196,15 @@ def _gaps(solids: Sequence[Solid], others: Obstacles) -> dict[str, float]:
 def _fits(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
     """Check that nothing is too near and that no contact is lost."""
     far = math.inf
-    free = all(gap >= min(before.get(name, far), CLEAR_M) - _EXACT_M for name, gap in after.items())
-    held = all(after.get(name, far) < CONTACT_M + _EXACT_M for name, gap in before.items() if gap < CONTACT_M)
+    free = all(
+        gap >= min(before.get(name, far), CLEAR_M) - _EXACT_M
+        for name, gap in after.items()
+    )
+    held = all(
+        after.get(name, far) < CONTACT_M + _EXACT_M
+        for name, gap in before.items()
+        if gap < CONTACT_M
+    )
     return free and held
 
 
@@ -165,4 +215,6 @@ def check_draws(seeds: Sequence[int]) -> None:
         UsageError: there are none, one is negative, or one is repeated.
     """
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
-        raise UsageError(f"seeds must be one or more different numbers, 0 or greater; got {list(seeds)}")
+        raise UsageError(
+            f"seeds must be one or more different numbers, 0 or greater; got {list(seeds)}"
+        )

@@ -15,7 +15,17 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from rich.console import Console
 from rich.progress import Progress
 
-from core.config.compose import check_seed, engines, listed, node, part, robot_part, task_part, task_parts, tool_part
+from core.config.compose import (
+    check_seed,
+    engines,
+    listed,
+    node,
+    part,
+    robot_part,
+    task_part,
+    task_parts,
+    tool_part,
+)
 from core.design import Candidate
 from core.designs.feedback import statistics
 from core.errors import UserError
@@ -74,8 +84,14 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
     each = {task.create().name: _transfer(cfg, task) for task in task_parts(cfg)}
-    designs = [{"task": task, **design} for task, found in each.items() for design in found["designs"]]
-    return {"task": task_part(cfg).name} | next(iter(each.values())) | {"designs": designs}
+    designs = [
+        {"task": task, **design}
+        for task, found in each.items()
+        for design in found["designs"]
+    ]
+    return (
+        {"task": task_part(cfg).name} | next(iter(each.values())) | {"designs": designs}
+    )
 
 
 def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
@@ -96,27 +112,45 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
                 for engine, sim in sims.items()
                 for change in (None, *changes)
             ]
-            trials = Trials(executor)  # a robot's own: conditions do not say which it is
+            trials = Trials(
+                executor
+            )  # a robot's own: conditions do not say which it is
             bar = progress.add_task(f"trials on {robot}", total=len(candidates[robot]))
             for candidate, tried in trials.try_in(conditions, candidates[robot]):
                 progress.advance(bar)
-                designs.append(record(candidate, robot, tried or _rejected(candidate, conditions)))
-    order = {candidate.id: number for number, candidate in enumerate(next(iter(candidates.values())))}
+                designs.append(
+                    record(candidate, robot, tried or _rejected(candidate, conditions))
+                )
+    order = {
+        candidate.id: number
+        for number, candidate in enumerate(next(iter(candidates.values())))
+    }
     designs.sort(key=lambda design: order[design["design"]])
     return {
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
         "perturbation": asdict(ranges),
-        "robots": {robot: {"name": arm.name, **dict(arm.settings), "base": arm.base} for robot, arm in robots.items()},
-        "engines": {engine: {"name": sim.name, **dict(sim.settings)} for engine, sim in sims.items()},
+        "robots": {
+            robot: {"name": arm.name, **dict(arm.settings), "base": arm.base}
+            for robot, arm in robots.items()
+        },
+        "engines": {
+            engine: {"name": sim.name, **dict(sim.settings)}
+            for engine, sim in sims.items()
+        },
         "designs": designs,
     }
 
 
-def _rejected(candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Trial, ...]:
+def _rejected(
+    candidate: Candidate, conditions: Sequence[Condition]
+) -> tuple[Trial, ...]:
     """Make the trials of a candidate that breaks a rule in any condition."""
     reason = candidate.problem or ""
-    return tuple(Trial(condition.where, candidate.id, "rejected", reason=reason) for condition in conditions)
+    return tuple(
+        Trial(condition.where, candidate.id, "rejected", reason=reason)
+        for condition in conditions
+    )
 
 
 def _progress() -> Progress:
@@ -124,7 +158,9 @@ def _progress() -> Progress:
     return Progress(console=console, transient=True, disable=not console.is_terminal)
 
 
-def _arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[str, RobotPart]:
+def _arms(
+    robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart
+) -> dict[str, RobotPart]:
     """Make the robots, by the names under which they are shown: entries as those of `engines`; none: ``chosen`` alone.
 
     Raises:
@@ -137,7 +173,9 @@ def _arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[
     return found
 
 
-def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str, list[Candidate]]:
+def on_each(
+    cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]
+) -> dict[str, list[Candidate]]:
     """Read the designs for each robot, by its rules and with the names of mounts that ``cfg.robot`` has.
 
     On a robot that can't even start the task, each design has that as its problem.
@@ -153,16 +191,24 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, PluginPart[Task]]) -> dict[str,
         if not {*aliases} <= {*arm.aliases}:
             arm = replace(arm, aliases=(*arm.aliases, *aliases))
         try:
-            arm_of(arm).home_for(own.create(robot=arm).home)  # an arm that can't start is reported once
-            chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), own.create(robot=arm))
-            read[robot] = [evaluation.candidate.of(own.create().name) for evaluation in chosen]
+            arm_of(arm).home_for(
+                own.create(robot=arm).home
+            )  # an arm that can't start is reported once
+            chosen = chosen_evaluations(
+                cfg, tool_part(cfg).create(robot=arm), own.create(robot=arm)
+            )
+            read[robot] = [
+                evaluation.candidate.of(own.create().name) for evaluation in chosen
+            ]
         except UserError as error:
             problems[robot] = str(error)
     if not read:
         raise UserError("; ".join(dict.fromkeys(problems.values())))
     some = next(iter(read.values()))
     return {
-        robot: read[robot] if robot in read else [replace(candidate, problem=problems[robot]) for candidate in some]
+        robot: read[robot]
+        if robot in read
+        else [replace(candidate, problem=problems[robot]) for candidate in some]
         for robot in tasks
     }
 
@@ -182,7 +228,8 @@ def record(candidate: Candidate, robot: str, tried: Sequence[Trial]) -> dict[str
         "reason": robust.reason,
         "ik_error_m": None if math.isnan(shown.ik_error_m) else shown.ik_error_m,
         "engines": {
-            engine: {"nominal": nominal[engine], **statistics(rewards)} for engine, rewards in robust.by_engine.items()
+            engine: {"nominal": nominal[engine], **statistics(rewards)}
+            for engine, rewards in robust.by_engine.items()
         },
         "warnings": list(robust.warnings),
     }
@@ -207,7 +254,10 @@ def show(result: Mapping[str, Any]) -> None:
     rows = []
     for design in result["designs"]:
         missed = design["ik_error_m"]
-        once = f"{design['robust']:.3f}", "–" if missed is None else f"{1000 * missed:.0f}"
+        once = (
+            f"{design['robust']:.3f}",
+            "–" if missed is None else f"{1000 * missed:.0f}",
+        )
         names = design["design"], design["task"], design["robot"]
         for engine, figures in design["engines"].items():
             perturbed = f"{figures['mean']:.3f} ± {figures['std']:.3f}"
@@ -222,6 +272,7 @@ def show(result: Mapping[str, Any]) -> None:
     for design in result["designs"]:
         remarks = [design["reason"]] if design["reason"] else design["warnings"]
         lines += [
-            f"{design['design']}, {design['task']}, {design['robot']}: {clean(remark, 2000)}" for remark in remarks
+            f"{design['design']}, {design['task']}, {design['robot']}: {clean(remark, 2000)}"
+            for remark in remarks
         ]
     say(*lines)

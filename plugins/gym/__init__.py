@@ -18,7 +18,9 @@ from gymnasium.envs.registration import register
 from core.hooks import PROJECT
 from core.plugins import Offer, installed
 
-NAMESPACES = {name.lower(): name for name in ("RoboToolBench", "HardToolBench", "SoftToolBench")}  # by entry point
+NAMESPACES = {
+    name.lower(): name for name in ("RoboToolBench", "HardToolBench", "SoftToolBench")
+}  # by entry point
 MAX_STEPS = 500  # of 0.05 s; then an episode is truncated
 
 
@@ -26,7 +28,10 @@ def environment_id(offer: Offer) -> str:
     """Gymnasium's name for a task: namespace, name, version. Characters that Gymnasium refuses become hyphens."""
     given = NAMESPACES.get(offer.entry_point) if offer.distribution == PROJECT else None
     namespace = given or offer.distribution.replace(".", "-")
-    return "/".join(re.sub(r"[^\w:.-]+", "-", name) for name in (namespace, offer.name)) + "-v0"
+    return (
+        "/".join(re.sub(r"[^\w:.-]+", "-", name) for name in (namespace, offer.name))
+        + "-v0"
+    )
 
 
 def register_tasks() -> None:
@@ -34,7 +39,12 @@ def register_tasks() -> None:
     for offer in installed().offers.values():
         if offer.kind == "task":
             where = "plugins.gym.environment:ToolEnv"
-            register(environment_id(offer), where, kwargs={"task": offer.name}, max_episode_steps=MAX_STEPS)
+            register(
+                environment_id(offer),
+                where,
+                kwargs={"task": offer.name},
+                max_episode_steps=MAX_STEPS,
+            )
 
 
 register_tasks()

@@ -91,18 +91,30 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if control_mode not in get_args(ControlMode):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
+            raise choices(
+                "render_mode", str(render_mode), self.metadata["render_modes"]
+            )
         config = load("evaluate", [f"task={task}", *words])
         self.task = task_part(config).create()
         self.simulator = part(SIMULATOR, config.sim).create()
         if gripper and self.task.robot.gripper is None:
-            raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
+            raise UserError(
+                f"{self.task.robot.title} has no gripper; leave out gripper=True"
+            )
         self.tool = Tool(gripper=gripper)
         if designs is not None:
-            self.tool = _tool(Path(designs), strategy, tool_part(config).create(), self.task)
+            self.tool = _tool(
+                Path(designs), strategy, tool_part(config).create(), self.task
+            )
         self.control_mode = control_mode
         self.render_mode = render_mode
-        self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=size[0], height=size[1])
+        self._draw = partial(
+            self.simulator.render,
+            self.task,
+            tool=self.tool,
+            width=size[0],
+            height=size[1],
+        )
         robot = self.task.robot
         self._arm = arm_of(robot)
         self._opening = robot.opening_m
@@ -110,12 +122,19 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
 
         scene = self.task.scene(0)
-        observed = joints + len(robot.finger_joints) + len(self.tool.bearers) + 13 * len(scene.free)
+        observed = (
+            joints
+            + len(robot.finger_joints)
+            + len(self.tool.bearers)
+            + 13 * len(scene.free)
+        )
         observed += 3 * sum(len(soft.form.nodes) for soft in scene.softs)
         if self.task.variation != NONE:
             observed += 7 * len(scene.places)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(
+            -np.inf, np.inf, (observed,), np.float64
+        )
         self._world: World | None = None
 
     def reset(
@@ -137,10 +156,14 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         try:
             self._earned = self._reward(world, self._start)
         except ValueError as error:
-            raise UserError(f"{self.task.name} can't be stepped: {error}; use python -m core.evaluate") from error
+            raise UserError(
+                f"{self.task.name} can't be stepped: {error}; use python -m core.evaluate"
+            ) from error
         return self._observation(world), {"reward": self._earned}
 
-    def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: Numbers
+    ) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """Drive the arm for 0.05 s.
 
         Raises:
@@ -153,7 +176,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         fingers = self._fingers
         if self.tool.gripper:
             wanted = self._opening * (1 - action[-1]) / 2
-            fingers += float(np.clip(wanted - fingers, -FINGER_SPEED * STEP_S, FINGER_SPEED * STEP_S))
+            fingers += float(
+                np.clip(wanted - fingers, -FINGER_SPEED * STEP_S, FINGER_SPEED * STEP_S)
+            )
         self._drive(self._world, self._target(action), fingers, STEP_S)
 
         before = self._earned
@@ -186,21 +211,32 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         joints = np.clip(joints, self._joints - fastest, self._joints + fastest)
         return np.clip(joints, arm.lower, arm.upper)
 
-    def _drive(self, world: World, joints: Array, fingers: float, seconds: float) -> None:
+    def _drive(
+        self, world: World, joints: Array, fingers: float, seconds: float
+    ) -> None:
         """Move the targets evenly to these within ``seconds``."""
         steps = max(1, round(seconds / world.time_step))
         span = steps * world.time_step
         speeds = (joints - self._joints) / span
         finger_speed = (fingers - self._fingers) / span
         for k in range(1, steps + 1):
-            if self.task.reads_trace and (self._elapsed + SETTLE_S) * TRACE_HZ >= len(self._film):
+            if self.task.reads_trace and (self._elapsed + SETTLE_S) * TRACE_HZ >= len(
+                self._film
+            ):
                 self._film.append(self._instant(world))
             left = span - k * world.time_step
-            world.step(joints - speeds * left, fingers - finger_speed * left, speeds, finger_speed)
+            world.step(
+                joints - speeds * left,
+                fingers - finger_speed * left,
+                speeds,
+                finger_speed,
+            )
             self._elapsed += world.time_step
         self._joints = joints
         self._fingers = fingers
-        self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
+        self._pose = self._arm.forward(
+            joints
+        )  # where the arm can't follow, the target doesn't run away
 
     def _reward(self, world: World, now: State) -> float:
         """The task's reward; its trace, if it reads one, is of the episode until now, without forces."""
@@ -216,7 +252,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             found = find_contacts(self._scene, self.task.robot, self.tool, recording)
             trace = replace(make_trace(self._scene, [found])[0], forces=None)
         first = self._scene.complete(self._start)
-        return float(np.asarray(reward_of(self.task, first, self._scene.complete(now), trace)))
+        return float(
+            np.asarray(reward_of(self.task, first, self._scene.complete(now), trace))
+        )
 
     def _instant(self, world: World) -> Recording:
         return Recording(np.array(self._elapsed), *world.joints(), world.state())
@@ -228,7 +266,14 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if self.task.variation != NONE:
             for pose in self._scene.places.values():
                 fixed += [pose.position, pose.quaternion]
-        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel(), *nodes, *fixed])
+        return np.concatenate(
+            [
+                *world.joints(),
+                np.concatenate(state.arrays, axis=-1).ravel(),
+                *nodes,
+                *fixed,
+            ]
+        )
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``."""
@@ -237,18 +282,24 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         arm, fingers = self._world.joints()
         if not self.tool.gripper:
             fingers[: len(self.task.robot.finger_joints)] = self._opening
-        return self._draw(seed=self._layout, arm=arm, fingers=fingers, state=self._world.state())
+        return self._draw(
+            seed=self._layout, arm=arm, fingers=fingers, state=self._world.state()
+        )
 
     def close(self) -> None:
         self._world = None
 
 
-def _tool(designs: Path, strategy: int, representation: ToolRepresentation, task: Task) -> Tool:
+def _tool(
+    designs: Path, strategy: int, representation: ToolRepresentation, task: Task
+) -> Tool:
     tool = load_tool(designs, strategy, representation, task)
     try:
         if tool.components:
             check_tool(tool, task.robot, representation.material)
         SpawnRules(task, 0).check(tool)
     except DesignError as error:
-        raise UserError(f"{designs}: the tool of strategy {strategy} can't be mounted: {error}") from error
+        raise UserError(
+            f"{designs}: the tool of strategy {strategy} can't be mounted: {error}"
+        ) from error
     return tool

@@ -38,12 +38,20 @@ class ProgressListener:
         self._print(f"model: {run.model}")
         refined = run.config.get("evolution", {}).get("refine", 0)
         last = f", then {refined} of refinement" if refined else ""
-        self._print(f"{run.budget.n_iteration + 1} generations of {self._population} candidates{last}")
+        self._print(
+            f"{run.budget.n_iteration + 1} generations of {self._population} candidates{last}"
+        )
         self._print(f"folder: {run.folder}")
 
     @hookimpl
     def generation_started(self, index: int) -> None:
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+        )
 
         self._progress = Progress(
             TextColumn(f"generation {index}"),
@@ -62,13 +70,19 @@ class ProgressListener:
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
         if self._progress is not None:
             task = self._progress.tasks[0]
-            self._progress.update(task.id, advance=1, best=max(task.fields["best"], evaluation.reward))
+            self._progress.update(
+                task.id, advance=1, best=max(task.fields["best"], evaluation.reward)
+            )
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
         self._stop()
         best, mean = generation.best_reward, generation.mean_reward
-        rewards = "nothing could be tried" if best is None or mean is None else f"best {best:.3f}  mean {mean:.3f}"
+        rewards = (
+            "nothing could be tried"
+            if best is None or mean is None
+            else f"best {best:.3f}  mean {mean:.3f}"
+        )
         counts = f"{len(generation.evaluations)} candidates"
         for status in ("rejected", "failed"):
             if generation.count(status):
@@ -79,14 +93,18 @@ class ProgressListener:
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
         count, seconds = result.rollouts, result.wall_time_s
-        self._print(f"{count} rollouts in {seconds:.0f} s, {count / seconds:.1f} per second")
+        self._print(
+            f"{count} rollouts in {seconds:.0f} s, {count / seconds:.1f} per second"
+        )
 
     @hookimpl
     def run_ended(self) -> None:
         self._stop()
 
     def _print(self, line: str, style: str | None = None) -> None:
-        self._console.print(visible(line), style=style, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(
+            visible(line), style=style, markup=False, highlight=False, soft_wrap=True
+        )
 
     def _stop(self) -> None:
         if self._progress is not None:

@@ -25,7 +25,14 @@ if TYPE_CHECKING:
 
 _LONGEST = 60  # letters of a name
 _REASONS = 5  # why candidates earned nothing or less
-_CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")  # with their settings, what a reward depends on
+_CHOSEN = (
+    "task",
+    "robot",
+    "sim",
+    "tool",
+    "material",
+    "fitness",
+)  # with their settings, what a reward depends on
 
 
 @hookimpl
@@ -51,7 +58,11 @@ class SummaryListener:
     def run_finished(self, run: Run, result: Result) -> None:
         if result.best is not None:
             _print_tools(result, self.top)
-        said = (remark for of in (_reasons, _tied, _tasks, _goals, _margin, _unseen) for remark in of(result))
+        said = (
+            remark
+            for of in (_reasons, _tied, _tasks, _goals, _margin, _unseen)
+            for remark in of(result)
+        )
         say(*said, _spent(self._replies), *_commands(run, result), file=sys.stderr)
 
 
@@ -70,8 +81,14 @@ def _print_tools(result: Result, top: int) -> None:
 
 def _reasons(result: Result) -> Iterable[str]:
     """Say why candidates were rejected, failed, or earned less than their rollout did."""
-    every = [evaluation for generation in result.generations for evaluation in generation.evaluations]
-    lines = by_reason((evaluation.candidate.id, evaluation.reason) for evaluation in every)
+    every = [
+        evaluation
+        for generation in result.generations
+        for evaluation in generation.evaluations
+    ]
+    lines = by_reason(
+        (evaluation.candidate.id, evaluation.reason) for evaluation in every
+    )
     yield from lines[:_REASONS]
     if len(lines) > _REASONS:
         yield f"and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
@@ -82,8 +99,14 @@ def _tied(result: Result) -> Iterable[str]:
     if result.finals and result.best is not None:
         yield f"{len(result.finals)} candidates earned alike; {result.best.candidate.id} held best in more layouts"
         return
-    highest = max(result.ranking, key=lambda evaluation: evaluation.reward, default=None)
-    if highest is not None and result.best is not None and number(highest.reward, 3) != number(result.best.reward, 3):
+    highest = max(
+        result.ranking, key=lambda evaluation: evaluation.reward, default=None
+    )
+    if (
+        highest is not None
+        and result.best is not None
+        and number(highest.reward, 3) != number(result.best.reward, 3)
+    ):
         earned = f"{highest.candidate.id} earned {number(highest.reward, 3)}"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
 
@@ -92,27 +115,47 @@ def _tasks(result: Result) -> Iterable[str]:
     """Say what the best candidate earned in each of several tasks, and the most that any candidate did."""
     names = result.best.tasks if result.best is not None else ()
     if result.best is not None and len(names) > 1:
-        most = {name: max(e.figures.get(name, 0.0) for e in result.ranking) for name in names}
-        own = (f"{name} {number(result.best.figures[name], 3)} ({number(most[name], 3)})" for name in names)
+        most = {
+            name: max(e.figures.get(name, 0.0) for e in result.ranking)
+            for name in names
+        }
+        own = (
+            f"{name} {number(result.best.figures[name], 3)} ({number(most[name], 3)})"
+            for name in names
+        )
         yield f"tasks, by the best candidate (and the most by any): {', '.join(own)}"
 
 
 def _goals(result: Result) -> Iterable[str]:
     """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached."""
-    every = [trial.goals for evaluation in result.ranking for trial in evaluation.trials]
+    every = [
+        trial.goals for evaluation in result.ranking for trial in evaluation.trials
+    ]
     if result.best is None or len(result.best.tasks) > 1:
         return
     best = [dict(trial.goals) for trial in result.best.trials if trial.goals]
     if best:
-        most = {name: max(dict(goals).get(name, 0.0) for goals in every) for name in best[0]}
-        means = {name: statistics.fmean(goals.get(name, 0.0) for goals in best) for name in most}
-        shares = (f"{name} {number(means[name], 3)} ({number(most[name], 3)})" for name in most)
+        most = {
+            name: max(dict(goals).get(name, 0.0) for goals in every) for name in best[0]
+        }
+        means = {
+            name: statistics.fmean(goals.get(name, 0.0) for goals in best)
+            for name in most
+        }
+        shares = (
+            f"{name} {number(means[name], 3)} ({number(most[name], 3)})"
+            for name in most
+        )
         yield f"goals, by the best candidate (and the most by any): {', '.join(shares)}"
 
 
 def _margin(result: Result) -> Iterable[str]:
     """Say how near to a limit the best candidate came, if the task has limits beside its reward."""
-    if result.best is not None and (least := result.best.least_margin) is not None and least.name != "reward":
+    if (
+        result.best is not None
+        and (least := result.best.least_margin) is not None
+        and least.name != "reward"
+    ):
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
 
 
@@ -129,7 +172,12 @@ def _spent(replies: list[Reply]) -> str:
     """The replies of the model, its tokens and their cost, in a line."""
     line = f"{len(replies)} repl{'y' if len(replies) == 1 else 'ies'}"
     failed = sum(reply.error is not None for reply in replies)
-    tokens = [n for reply in replies for n in (reply.prompt_tokens, reply.completion_tokens) if n is not None]
+    tokens = [
+        n
+        for reply in replies
+        for n in (reply.prompt_tokens, reply.completion_tokens)
+        if n is not None
+    ]
     costs = [reply.cost_usd for reply in replies if reply.cost_usd is not None]
     line += f", {failed} of them failed" if failed else ""
     line += f", {sum(tokens)} tokens" if tokens else ""
@@ -153,18 +201,26 @@ def _settings(run: Run) -> Iterable[str]:
     from core.config.compose import load
 
     config = {key: run.config.get(key) or {} for key in (*_CHOSEN, "rollout")}
-    config["task"] = {key: value for key, value in config["task"].items() if key not in TASK.defaults}
-    words = [f"{kind}={config[kind]['name']}" for kind in _CHOSEN if "name" in config[kind]]
+    config["task"] = {
+        key: value for key, value in config["task"].items() if key not in TASK.defaults
+    }
+    words = [
+        f"{kind}={config[kind]['name']}" for kind in _CHOSEN if "name" in config[kind]
+    ]
     try:
         usual = load("evaluate", words)
-    except UserError:  # the user's own file, which that command does not find: all that it says is set
+    except (
+        UserError
+    ):  # the user's own file, which that command does not find: all that it says is set
         words.remove(f"material={config['material']['name']}")
         usual = load("evaluate", words)
     resolved: Any = OmegaConf.to_container(usual, resolve=True)
     return [*words, *_different(config, resolved), f"seed={run.seed}"]
 
 
-def _different(config: Mapping[Any, Any], usual: Mapping[Any, Any], path: str = "") -> Iterable[str]:
+def _different(
+    config: Mapping[Any, Any], usual: Mapping[Any, Any], path: str = ""
+) -> Iterable[str]:
     """Yield the words that set what differs from ``usual``."""
     for key, value in config.items():
         if isinstance(value, Mapping) and isinstance(usual.get(key), Mapping):

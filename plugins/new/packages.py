@@ -57,13 +57,25 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     package = check_name(group, name)
     folder = output or Path(package)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f"{folder} is there already; choose another folder with output=DIR")
+        raise UserError(
+            f"{folder} is there already; choose another folder with output=DIR"
+        )
     if importlib.util.find_spec(package) is not None:
-        raise UsageError(f"{name!r} can't be a name: a module {package!r} is there already; choose another name")
+        raise UsageError(
+            f"{name!r} can't be a name: a module {package!r} is there already; choose another name"
+        )
 
-    values = {"name": name, "kind": group, "what": template.what, "module": template.module, "package": package}
+    values = {
+        "name": name,
+        "kind": group,
+        "what": template.what,
+        "module": template.module,
+        "package": package,
+    }
     values["hook"] = KINDS[group].hook
-    values["cls"] = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
+    values["cls"] = template.cls.format(
+        name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:])
+    )
     code = folder / package
     module = code / f"{template.module}.py"
     test = "listener_test.py" if kind == "listener" else "test.py"
@@ -90,21 +102,31 @@ def check_name(group: str, name: str) -> str:
         UserError: it can't be a name, or is taken.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name):
-        raise UsageError(f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first")
+        raise UsageError(
+            f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first"
+        )
     snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     taken = installed().offers.get((group, name))
     if taken is not None:
-        raise UsageError(f"{group} {name!r} is taken: {taken.distribution} offers it; choose another name")
+        raise UsageError(
+            f"{group} {name!r} is taken: {taken.distribution} offers it; choose another name"
+        )
     if keyword.iskeyword(snake):
-        raise UsageError(f"{name!r} can't be a name: {snake!r} is a word of Python's; choose another name")
+        raise UsageError(
+            f"{name!r} can't be a name: {snake!r} is a word of Python's; choose another name"
+        )
     return snake
 
 
 def render(source: str, values: dict[str, str]) -> str:
     """Fill in a template."""
-    text = (resources.files("plugins.new") / "templates" / f"{source}.jinja").read_text(encoding="utf-8")
+    text = (resources.files("plugins.new") / "templates" / f"{source}.jinja").read_text(
+        encoding="utf-8"
+    )
     # Nothing is escaped: it is code, of names that were checked.
-    template = jinja2.Template(text, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    template = jinja2.Template(
+        text, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+    )
     return str(template.render(values))
 
 
@@ -117,7 +139,9 @@ def write_scene(name: str, output: Path | None = None) -> Path:
     snake = check_name("task", name)
     file = output or Path(f"{snake}.yaml")
     if file.exists():
-        raise UserError(f"{file} is there already; choose another name, or another file with output=FILE")
+        raise UserError(
+            f"{file} is there already; choose another name, or another file with output=FILE"
+        )
     write_bytes(file, render("scene.yaml", {"name": name}).encode())
     return file
 
@@ -131,9 +155,17 @@ def main(words: list[str]) -> None:
     if {"--help", "-h"} & set(words):
         say(*USAGE.splitlines())
         return
-    outputs = [Path(word.removeprefix("output=")) for word in words if word.startswith("output=")]
+    outputs = [
+        Path(word.removeprefix("output="))
+        for word in words
+        if word.startswith("output=")
+    ]
     named = [word for word in words if not word.startswith("output=")]
-    if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") or "=" in word for word in named):
+    if (
+        len(named) != 2
+        or len(outputs) > 1
+        or any(word.startswith("-") or "=" in word for word in named)
+    ):
         raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
     kind, name = named
     output = outputs[0] if outputs else None

@@ -11,12 +11,17 @@ from core.hooks import Command, Factories, hookimpl
 @hookimpl
 def commands() -> dict[str, Command]:
     return {
-        "report": Command("write tables, figures and a page about runs", "plugins.results.report.command:main"),
+        "report": Command(
+            "write tables, figures and a page about runs",
+            "plugins.results.report.command:main",
+        ),
         "toolbox": Command(
-            "try tools on each other's tasks, and choose few that do most", "plugins.results.toolbox.command:main"
+            "try tools on each other's tasks, and choose few that do most",
+            "plugins.results.toolbox.command:main",
         ),
         "export": Command(
-            "write what a real arm needs to run the best motion", "plugins.results.workshop.command:main"
+            "write what a real arm needs to run the best motion",
+            "plugins.results.workshop.command:main",
         ),
     }
 

@@ -19,7 +19,9 @@ from plugins.results.workshop.solid import to_mesh
 from plugins.results.workshop.tool import bodies
 
 
-def save_files(candidate: Candidate, robot: Robot, motion: Motion, folder: Path) -> None:
+def save_files(
+    candidate: Candidate, robot: Robot, motion: Motion, folder: Path
+) -> None:
     """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes; see `core.search.best.Export`.
 
     ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
@@ -69,7 +71,9 @@ def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:
 
     With two mounts, the attachments lie apart as on a gripper with each finger open by ``opening_m`` metres.
     """
-    apart_mm = dict(zip(GRIPPER_MOUNTS, (1000 * opening_m, -1000 * opening_m), strict=True))
+    apart_mm = dict(
+        zip(GRIPPER_MOUNTS, (1000 * opening_m, -1000 * opening_m), strict=True)
+    )
     meshes = []
     for body in bodies(tool):
         shift = (0.0, apart_mm.get(body.link.mount, 0.0), 0.0)

@@ -22,8 +22,13 @@ _HERE = files(__package__)
 
 @cache
 def _arms() -> dict[str, Any]:
-    arms: dict[str, Any] = yaml.safe_load(_HERE.joinpath("arms.yaml").read_text(encoding="utf-8"))
-    return {name: {key: _tuple(value) for key, value in arm.items()} for name, arm in arms.items()}
+    arms: dict[str, Any] = yaml.safe_load(
+        _HERE.joinpath("arms.yaml").read_text(encoding="utf-8")
+    )
+    return {
+        name: {key: _tuple(value) for key, value in arm.items()}
+        for name, arm in arms.items()
+    }
 
 
 def _factory(name: str) -> Callable[[], Robot]:
@@ -32,7 +37,9 @@ def _factory(name: str) -> Callable[[], Robot]:
         file = arm.pop("description")
         changes = arm.pop("mended", {})
         mount = _pose(arm.pop("mount"))
-        angles: Any = {key: math.radians(degrees) for key, degrees in arm.pop("flange", {}).items()}
+        angles: Any = {
+            key: math.radians(degrees) for key, degrees in arm.pop("flange", {}).items()
+        }
         hand = {key: _tuple(value) for key, value in arm.pop("gripper", {}).items()}
         return Robot(
             name=name,
@@ -48,7 +55,9 @@ def _factory(name: str) -> Callable[[], Robot]:
     return make
 
 
-panda, fr3, ur5, ur10, xarm7, kinova, z1 = map(_factory, ("panda", "fr3", "ur5", "ur10", "xarm7", "kinova", "z1"))
+panda, fr3, ur5, ur10, xarm7, kinova, z1 = map(
+    _factory, ("panda", "fr3", "ur5", "ur10", "xarm7", "kinova", "z1")
+)
 
 
 def measured(name: str) -> dict[str, dict[str, float | None]]:
@@ -62,4 +71,7 @@ def _tuple(value: Any) -> Any:
 
 
 def _pose(steps: Sequence[Sequence[float]]) -> Pose:
-    return reduce(Pose.__matmul__, (Pose.xyz_rpy(step[:3], tuple(map(math.radians, step[3:]))) for step in steps))
+    return reduce(
+        Pose.__matmul__,
+        (Pose.xyz_rpy(step[:3], tuple(map(math.radians, step[3:]))) for step in steps),
+    )

@@ -34,14 +34,18 @@ def robots_folder() -> Path:
     for file in files:
         if file.match("robots/panda_description/urdf/panda.urdf"):
             return Path(str(file.locate())).resolve().parents[2]
-    raise UserError("the descriptions of robots are missing: pip install example-robot-data")
+    raise UserError(
+        "the descriptions of robots are missing: pip install example-robot-data"
+    )
 
 
 @lru_cache(maxsize=16)
 def description(file: str) -> str:
     """Read a description, such as ``panda_description/urdf/panda.urdf``, with absolute paths of its meshes."""
     text = (robots_folder() / file).read_text(encoding="utf-8")
-    text = text[text.index("<robot") :]  # without an XML declaration, which names an encoding
+    text = text[
+        text.index("<robot") :
+    ]  # without an XML declaration, which names an encoding
     return text.replace(_PREFIX, f"{robots_folder().parent}/")
 
 
@@ -74,7 +78,11 @@ def mended(
             raise LookupError(f"the description has no link {name!r}")
     links = {}
     for name, link in arm.links.items():
-        visuals = tuple(shape for shape in link.visuals if Path(str(shape.shape)).name not in undrawn)
+        visuals = tuple(
+            shape
+            for shape in link.visuals
+            if Path(str(shape.shape)).name not in undrawn
+        )
         links[name] = replace(link, visuals=visuals)
         if name in inertials:
             mass, center, moments = inertials[name]
@@ -84,13 +92,26 @@ def mended(
             if isinstance(given, str):
                 shape = RobotShape(hull_file(robots_folder() / given, ours=True))
             else:
-                shape = RobotShape(Cylinder(given["radius"], given["length"]), Origin((0.0, 0.0, given["z"])))
+                shape = RobotShape(
+                    Cylinder(given["radius"], given["length"]),
+                    Origin((0.0, 0.0, given["z"])),
+                )
             links[name] = replace(links[name], collisions=(shape,))
     joints = {}
     for child, joint in arm.joints.items():
         if new := limits.get(joint.name):
-            ends = joint.limits._replace(**{key: rounded(value) for key, value in new.items()})
-            joint = replace(joint, kind="revolute" if joint.kind == "continuous" else joint.kind, limits=ends)
+            ends = joint.limits._replace(
+                **{key: rounded(value) for key, value in new.items()}
+            )
+            joint = replace(
+                joint,
+                kind="revolute" if joint.kind == "continuous" else joint.kind,
+                limits=ends,
+            )
         if not {child, joint.parent} & {*drop}:
             joints[child] = joint
-    return write(Description(arm.name, {name: links[name] for name in links if name not in drop}, joints))
+    return write(
+        Description(
+            arm.name, {name: links[name] for name in links if name not in drop}, joints
+        )
+    )

@@ -68,18 +68,29 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
     tried = list[Solution]()
     ends = np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi)
     for goal in _goals(axis, chosen.mount_rpy, at):
-        for start in (arm.home, *np.random.default_rng(0).uniform(*ends, (_TRIES, arm.lower.size))):
+        for start in (
+            arm.home,
+            *np.random.default_rng(0).uniform(*ends, (_TRIES, arm.lower.size)),
+        ):
             tried.append(solution := arm.inverse(goal, start))
             if solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD:
                 found.append((_worth(arm, robot, solution.joints), solution.joints))
     problem = _miss(arm, min(tried, key=lambda one: one.error_m + one.error_rad))
     for _, joints in sorted(found, key=lambda one: -one[0]):
         try:
-            made = mounted(replace(robot, home=tuple(joints.round(_DIGITS).tolist())), axis, chosen.mount_rpy)
+            made = mounted(
+                replace(robot, home=tuple(joints.round(_DIGITS).tolist())),
+                axis,
+                chosen.mount_rpy,
+            )
         except UserError as error:
             problem = str(error)
             continue
-        if met := find_self_collision(made, Tool(), JointTrajectory(np.zeros(1), np.array([made.home]), np.zeros(1))):
+        if met := find_self_collision(
+            made,
+            Tool(),
+            JointTrajectory(np.zeros(1), np.array([made.home]), np.zeros(1)),
+        ):
             problem = f"there {met.describe(np.zeros(1))}"
             continue
         return made
@@ -93,14 +104,22 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
 def _miss(arm: Arm, nearest: Solution) -> str:
     """Say how far the wanted pose is beyond reach, and which joints are at their limits where the arm is nearest."""
     room = np.minimum(nearest.joints - arm.lower, arm.upper - nearest.joints)
-    ends = [repr(name) for name, left in zip(arm.robot.arm_joints, room, strict=True) if left < _NEAR_RAD]
+    ends = [
+        repr(name)
+        for name, left in zip(arm.robot.arm_joints, room, strict=True)
+        if left < _NEAR_RAD
+    ]
     held = f", with {', '.join(ends)} at the limit" if ends else ""
     return f"the nearest misses it by {nearest.error_m:.3f} m and {math.degrees(nearest.error_rad):.0f} degrees{held}"
 
 
-def _goals(axis: Array, rpy: tuple[float, float, float] | None, at: Array) -> Iterator[Pose]:
+def _goals(
+    axis: Array, rpy: tuple[float, float, float] | None, at: Array
+) -> Iterator[Pose]:
     """Yield the flange's poses at which a mount on it can have the axes of the base."""
-    turns = Rotation.create_group("O") if rpy is None else Rotation.from_euler("xyz", [rpy])
+    turns = (
+        Rotation.create_group("O") if rpy is None else Rotation.from_euler("xyz", [rpy])
+    )
     for turn in turns.inv():
         if rpy is not None or abs(turn.apply(axis)[2]) > 0.94:
             yield Pose.from_rotation(at, turn)
@@ -108,13 +127,27 @@ def _goals(axis: Array, rpy: tuple[float, float, float] | None, at: Array) -> It
 
 def _worth(arm: Arm, robot: Robot, joints: Array) -> float:
     """Rate joints (J,) as a home."""
-    room = float((np.minimum(joints - arm.lower, arm.upper - joints) / (arm.upper - arm.lower)).min())
+    room = float(
+        (
+            np.minimum(joints - arm.lower, arm.upper - joints) / (arm.upper - arm.lower)
+        ).min()
+    )
     # Singular values of how the flange's place and direction follow the joints, by differences.
     here = arm.forward(joints)
     steps = 1e-4 * np.eye(len(joints))
     moved = [arm.forward(joints + step) for step in steps]
-    ways = [np.r_[to.position - here.position, 0.3 * (to.rotation * here.rotation.inv()).as_rotvec()] for to in moved]
-    straight = float(np.linalg.svd(np.array(ways) / 1e-4, compute_uv=False)[-1]) if len(joints) >= 6 else 0.0
+    ways = [
+        np.r_[
+            to.position - here.position,
+            0.3 * (to.rotation * here.rotation.inv()).as_rotvec(),
+        ]
+        for to in moved
+    ]
+    straight = (
+        float(np.linalg.svd(np.array(ways) / 1e-4, compute_uv=False)[-1])
+        if len(joints) >= 6
+        else 0.0
+    )
     heights = [pose.position[2] for pose in link_poses(robot, False, joints).values()]
     return float(
         10 * (wrist_height(robot, joints) > 0)
@@ -128,16 +161,29 @@ def _worth(arm: Arm, robot: Robot, joints: Array) -> float:
 
 def _beyond(description: Description, flange: str) -> list[str]:
     """List the links on the flange, where a tool is to go, that have shapes or bear some."""
-    shaped = {name for name, link in description.links.items() if link.visuals or link.collisions}
-    tops = [child for child, joint in description.joints.items() if joint.parent == flange]
-    return [top for top in tops if any(top in description.above(name) for name in shaped)]
+    shaped = {
+        name
+        for name, link in description.links.items()
+        if link.visuals or link.collisions
+    }
+    tops = [
+        child for child, joint in description.joints.items() if joint.parent == flange
+    ]
+    return [
+        top for top in tops if any(top in description.above(name) for name in shaped)
+    ]
 
 
 def _depth(robot: Robot) -> float:
     """Measure how far the last link's shapes reach beyond the mount, metres, at a home where its axes are upright."""
     poses = link_poses(robot, False, np.array(robot.home))
-    solids = [solid for solid in robot_solids(robot, False) if solid.name in robot.near_mount]
-    lowest = [poses[one.name].apply(one.pose.apply(corners(one.geometry)))[:, 2].min() for one in solids]
+    solids = [
+        solid for solid in robot_solids(robot, False) if solid.name in robot.near_mount
+    ]
+    lowest = [
+        poses[one.name].apply(one.pose.apply(corners(one.geometry)))[:, 2].min()
+        for one in solids
+    ]
     return float(poses[RIGID_MOUNT].position[2] - min(lowest)) if lowest else 0.0
 
 
@@ -145,7 +191,9 @@ def main(words: list[str]) -> None:
     cfg = load("home", arguments(USAGE, words), HomeConfig)
     part = robot_part(cfg.robot)
     if part.name != "urdf":
-        raise UsageError(f"robot={part.name} has a home; give your own arm: robot=urdf robot.path=FILE")
+        raise UsageError(
+            f"robot={part.name} has a home; give your own arm: robot=urdf robot.path=FILE"
+        )
     if len(cfg.at) != 3 or not all(map(math.isfinite, cfg.at)):
         raise UsageError(f"at must be three numbers, metres, got {list(cfg.at)}")
     chosen = ArmSettings(**check_settings(urdf, dict(part.settings), "robot=urdf", {}))
@@ -165,7 +213,9 @@ def main(words: list[str]) -> None:
     )
     say(f"robot.home=[{short_numbers(home, _DIGITS, ',')}]")
     if not robot.gripper and (beyond := _beyond(description, robot.mount_link)):
-        say(f"{', '.join(beyond)} hang where tools go; leave them out: robot.without=[{','.join(beyond)}]")
+        say(
+            f"{', '.join(beyond)} hang where tools go; leave them out: robot.without=[{','.join(beyond)}]"
+        )
     elif not robot.gripper and (depth := _depth(robot)) > _NEAR_M:
         x, y, z = robot.mount.apply((0.0, 0.0, -depth))
         say(

@@ -40,7 +40,9 @@ def hull_file(mesh: Path, scale: Scale = ONE, *, ours: bool = False) -> Path:
         UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
-    return kept("hulls", "stl", key.encode() + _content(mesh), lambda: _made(ours, mesh, *scale))
+    return kept(
+        "hulls", "stl", key.encode() + _content(mesh), lambda: _made(ours, mesh, *scale)
+    )
 
 
 def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
@@ -58,7 +60,12 @@ def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
         UserError: the mesh can't be read or is too large, or the file can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
-    return kept("visuals", "dae", key.encode() + _content(mesh), lambda: _made(False, mesh, *scale, *color))
+    return kept(
+        "visuals",
+        "dae",
+        key.encode() + _content(mesh),
+        lambda: _made(False, mesh, *scale, *color),
+    )
 
 
 def main_color(drawn: Path) -> Color | None:
@@ -80,12 +87,18 @@ def _content(mesh: Path) -> bytes:
     try:
         return read_untrusted(mesh, MAX_MB * 1_000_000)
     except UserError as error:
-        raise UserError(f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes") from error
+        raise UserError(
+            f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes"
+        ) from error
 
 
 def _made(ours: bool, mesh: Path, *numbers: float) -> bytes:
     words = (str(mesh), *map(str, numbers))
-    return build(b"", *words) if ours else isolated(build, f"mesh {mesh}", b"", *words, limit_s=LIMIT_S)
+    return (
+        build(b"", *words)
+        if ours
+        else isolated(build, f"mesh {mesh}", b"", *words, limit_s=LIMIT_S)
+    )
 
 
 def build(_: bytes, mesh: str, *words: str) -> bytes:
@@ -107,19 +120,29 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
     """
     try:
         scene = trimesh.load_scene(mesh, process=False)
-        unit = next((part.units for part in scene.geometry.values() if part.units), None)
+        unit = next(
+            (part.units for part in scene.geometry.values() if part.units), None
+        )
         factor = trimesh.units.unit_conversion(unit, "meters") if unit else 1.0
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        parts = [
+            part
+            for part in scene.dump()
+            if isinstance(part, trimesh.Trimesh) and len(part.faces)
+        ]
         corners = [part.vertices[part.referenced_vertices] for part in parts]
     except Exception as error:  # the readers raise whatever they stumble over
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise UserError(f"can't be read as {mesh.suffix[1:].upper()} ({reason}); export it again") from error
+        raise UserError(
+            f"can't be read as {mesh.suffix[1:].upper()} ({reason}); export it again"
+        ) from error
     if not parts:
         raise UserError("has no triangles; export it again")
     if not all(np.isfinite(some).all() for some in corners):
         raise UserError("has a corner that is not a finite number; export it again")
     factors = factor * np.array(scale)
-    if (size := max(float(np.abs(some * factors).max()) for some in corners)) > _LARGEST_M:
+    if (
+        size := max(float(np.abs(some * factors).max()) for some in corners)
+    ) > _LARGEST_M:
         mend = 'if it is in millimetres, give its <mesh> scale="0.001 0.001 0.001"'
         raise UserError(f"reaches {size:.4g} m from its origin; {mend}")
     for part in parts:
@@ -128,10 +151,14 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
 
 
 def _hull(parts: list[trimesh.Trimesh]) -> bytes:
-    corners = np.concatenate([part.vertices[part.referenced_vertices] for part in parts])
+    corners = np.concatenate(
+        [part.vertices[part.referenced_vertices] for part in parts]
+    )
     try:
         corners = farthest(corners[ConvexHull(corners).vertices])
-        return bytes(trimesh.Trimesh(corners, process=False).convex_hull.export(file_type="stl"))
+        return bytes(
+            trimesh.Trimesh(corners, process=False).convex_hull.export(file_type="stl")
+        )
     except QhullError as error:
         mend = "a collision shape needs a volume: give it depth, or use a <box>"
         raise UserError(f"is flat; {mend}") from error
@@ -140,9 +167,15 @@ def _hull(parts: list[trimesh.Trimesh]) -> bytes:
 def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
     drawn = []
     for part in sorted(parts, key=lambda part: -part.area):  # see `main_color`
-        own = getattr(part.visual, "material", part.visual).main_color / 255 if part.visual.defined else color
+        own = (
+            getattr(part.visual, "material", part.visual).main_color / 255
+            if part.visual.defined
+            else color
+        )
         plain = _coarse(part)
-        plain.visual = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(baseColorFactor=own))
+        plain.visual = trimesh.visual.TextureVisuals(
+            material=trimesh.visual.material.PBRMaterial(baseColorFactor=own)
+        )
         drawn.append(plain)
     return bytes(trimesh.exchange.dae.export_collada(drawn)).replace(b"Y_UP", b"Z_UP")
 
@@ -154,6 +187,11 @@ def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     while len(coarse.faces) > MAX_DRAWN:
         width = mesh.extents.max() / cells
         cells = cells // 2
-        coarse = trimesh.Trimesh(np.round(mesh.vertices / width) * width, mesh.faces)  # merges what is equal
-        coarse.update_faces(coarse.unique_faces() & (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1))
+        coarse = trimesh.Trimesh(
+            np.round(mesh.vertices / width) * width, mesh.faces
+        )  # merges what is equal
+        coarse.update_faces(
+            coarse.unique_faces()
+            & (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1)
+        )
     return coarse

@@ -12,12 +12,23 @@ import numpy as np
 from core.errors import UserError
 from core.geometry import Color, Pose
 from core.robot.description import merged
-from core.values.descriptions import DIGITS, Description, Inertial, Origin, RobotJoint, RobotLink, RobotShape, Weight
+from core.values.descriptions import (
+    DIGITS,
+    Description,
+    Inertial,
+    Origin,
+    RobotJoint,
+    RobotLink,
+    RobotShape,
+    Weight,
+)
 from plugins.robots.hulls import hull_file, main_color, visual_file
 
 ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
-_BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))  # of one without: it stays, but engines want a mass
+_BASE = Inertial(
+    1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01)
+)  # of one without: it stays, but engines want a mass
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 T = TypeVar("T")
@@ -41,7 +52,10 @@ class Problems(list[UserError]):
 
 
 def normalised(
-    description: Description, drives: Mapping[str, RobotJoint], flange: str, detached: Sequence[str]
+    description: Description,
+    drives: Mapping[str, RobotJoint],
+    flange: str,
+    detached: Sequence[str],
 ) -> Description:
     """Make each group of rigidly joined links one link, under the name of the first.
 
@@ -54,14 +68,24 @@ def normalised(
     Raises:
         UserError: a link that moves lacks mass or a physical inertia, or a mesh can't be used.
     """
-    heads = [name for name, joint in description.joints.items() if joint.name in drives or name in detached]
+    heads = [
+        name
+        for name, joint in description.joints.items()
+        if joint.name in drives or name in detached
+    ]
     parts = description.rigid_parts(heads)
     links = dict[str, RobotLink]()
     joints = dict[str, RobotJoint]()
     wrong = Problems()
     for head in (description.root, *heads):
-        joined = [(description.links[name], pose) for name, (first, pose) in parts.items() if first == head]
-        links[head] = wrong.attempt(_joined, head, joined, head == description.root) or RobotLink(head)
+        joined = [
+            (description.links[name], pose)
+            for name, (first, pose) in parts.items()
+            if first == head
+        ]
+        links[head] = wrong.attempt(
+            _joined, head, joined, head == description.root
+        ) or RobotLink(head)
     wrong.report()
     for head in heads:
         joint = description.joints[head]
@@ -71,24 +95,44 @@ def normalised(
         joints[head] = RobotJoint(joint.name, "fixed", parent, head, origin)
         if moving is not None:
             x, y, z = joint.direction.tolist()
-            joints[head] = replace(joints[head], kind=moving.kind, axis=(x, y, z), limits=moving.limits)
+            joints[head] = replace(
+                joints[head], kind=moving.kind, axis=(x, y, z), limits=moving.limits
+            )
     if flange not in links:
         head, pose = parts[flange]
         links[flange] = RobotLink(flange)
-        joints[flange] = RobotJoint(description.joints[flange].name, "fixed", head, flange, Origin.of(pose, DIGITS))
+        joints[flange] = RobotJoint(
+            description.joints[flange].name,
+            "fixed",
+            head,
+            flange,
+            Origin.of(pose, DIGITS),
+        )
     return Description(description.name, links, joints)
 
 
-def _joined(head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool) -> RobotLink:
+def _joined(
+    head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool
+) -> RobotLink:
     """Make rigidly joined links, at poses in the frame of the first, one. A base needs no inertia of its own."""
     try:
         inertial = Inertial.of(*_inertia(head, parts), form=DIGITS)
     except UserError:
         if not base:
             raise
-        inertial = _BASE if any(link.collisions for link, _ in parts) else Inertial()  # else it is only a frame
-    visuals = [_read_alike(shape, pose, True) for link, pose in parts for shape in link.visuals or link.collisions]
-    collisions = [_read_alike(shape, pose, False) for link, pose in parts for shape in link.collisions]
+        inertial = (
+            _BASE if any(link.collisions for link, _ in parts) else Inertial()
+        )  # else it is only a frame
+    visuals = [
+        _read_alike(shape, pose, True)
+        for link, pose in parts
+        for shape in link.visuals or link.collisions
+    ]
+    collisions = [
+        _read_alike(shape, pose, False)
+        for link, pose in parts
+        for shape in link.collisions
+    ]
     return RobotLink(head, inertial, tuple(collisions), tuple(visuals))
 
 
@@ -98,19 +142,29 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
     Raises:
         UserError: there is no mass, or no body could have these moments.
     """
-    where = f"link {head!r}" + (f" with what is fixed to it ({len(parts) - 1} more)" if len(parts) > 1 else "")
-    heavy = [link.inertial.placed(pose) for link, pose in parts if link.inertial.mass > 0]
+    where = f"link {head!r}" + (
+        f" with what is fixed to it ({len(parts) - 1} more)" if len(parts) > 1 else ""
+    )
+    heavy = [
+        link.inertial.placed(pose) for link, pose in parts if link.inertial.mass > 0
+    ]
     if not heavy:
-        raise UserError(f"{where} moves, but has no mass; give it <inertial> with mass and inertia")
+        raise UserError(
+            f"{where} moves, but has no mass; give it <inertial> with mass and inertia"
+        )
     mass, center, tensor = merged(heavy)
     moments = np.linalg.eigvalsh(tensor)
     if not moments[0] > 0:
-        raise UserError(f"{where} has {mass:g} kg, but an inertia that is not positive; give ixx, iyy and izz, kg m^2")
+        raise UserError(
+            f"{where} has {mass:g} kg, but an inertia that is not positive; give ixx, iyy and izz, kg m^2"
+        )
     lacking = float(moments[2] - moments[0] - moments[1])
     if lacking > _ROUNDED * moments[2]:
         shown = ", ".join(f"{moment:.3g}" for moment in moments)
         rule = "of no body is one larger than the two others together"
-        raise UserError(f"{where} has moments of inertia {shown} kg m^2; {rule}: look at its units and signs")
+        raise UserError(
+            f"{where} has moments of inertia {shown} kg m^2; {rule}: look at its units and signs"
+        )
     return mass, center, tensor + max(0.0, lacking * 1.001) * np.eye(3)
 
 
@@ -120,6 +174,10 @@ def _read_alike(shape: RobotShape, pose: Pose, drawn: bool) -> RobotShape:
     file = shape.shape
     origin = Origin.of(pose @ shape.origin.pose, DIGITS)
     if isinstance(file, Path):
-        file = visual_file(file, color, shape.scale) if drawn else hull_file(file, shape.scale)
+        file = (
+            visual_file(file, color, shape.scale)
+            if drawn
+            else hull_file(file, shape.scale)
+        )
         color = main_color(file) or color if drawn else color
     return RobotShape(file, origin, color)

@@ -61,9 +61,13 @@ class BoltOptions:
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
     def flange(self) -> Flange:
-        check_positive("robot.bolts.", circle_m=self.circle_m, count=self.count, disc_m=self.disc_m)
+        check_positive(
+            "robot.bolts.", circle_m=self.circle_m, count=self.count, disc_m=self.disc_m
+        )
         if not (self.centring_m or 0.0) < self.circle_m < self.disc_m < 1.0:
-            raise UsageError("robot.bolts: lengths are diameters in metres, centring_m < circle_m < disc_m")
+            raise UsageError(
+                "robot.bolts: lengths are diameters in metres, centring_m < circle_m < disc_m"
+            )
         disc = Cylinder(self.disc_m / 2, ISO_9409_1_50.disc.length)
         ring = (self.circle_m, self.count, self.thread)
         return Flange(disc, *ring, bolt_angle=self.angle, centring_m=self.centring_m)

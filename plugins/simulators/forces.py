@@ -14,7 +14,9 @@ from core.geometry import Array
 from core.interfaces import Pushes, Recording
 from core.scene import Joint
 
-Thing = tuple[int, str]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
+Thing = tuple[
+    int, str
+]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
 TOOL: Thing = (-1, "tool")
 
 
@@ -38,7 +40,11 @@ def meeting(one: Thing, other: Thing) -> Meeting:
     (rank, first), (others_rank, second) = ordered = sorted((one, other))
     counts = others_rank > rank
     body = second if counts and (rank, first) == TOOL else None
-    return Meeting((first, second) if counts else None, body, 1.0 if ordered == [one, other] else -1.0)
+    return Meeting(
+        (first, second) if counts else None,
+        body,
+        1.0 if ordered == [one, other] else -1.0,
+    )
 
 
 class Impulses:
@@ -73,10 +79,14 @@ class Impulses:
         for pair in self._sums:
             sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
             forces[pair] = np.append(0.0, np.diff(sums) / spans)
-        samples, bodies, points, impulses = zip(*self._pushes, strict=True) if self._pushes else ((),) * 4
+        samples, bodies, points, impulses = (
+            zip(*self._pushes, strict=True) if self._pushes else ((),) * 4
+        )
         at = np.array(samples, dtype=np.int64)
         pushes = np.reshape(impulses, (-1, 3)) / np.append(np.inf, spans)[at, None]
-        made = Pushes(at, np.array(bodies, dtype=np.str_), np.reshape(points, (-1, 3)), pushes)
+        made = Pushes(
+            at, np.array(bodies, dtype=np.str_), np.reshape(points, (-1, 3)), pushes
+        )
         return replace(recording, forces=forces, pushes=made)
 
 

@@ -29,4 +29,6 @@ def principal(mass: float, center: Array, tensor: Array) -> Inertia:
     """Make an inertia of a mass, kg, with its centre (3,) and its tensor (3, 3) about that."""
     moments, axes = np.linalg.eigh(tensor)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return Inertia(mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
+    return Inertia(
+        mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments
+    )

@@ -18,15 +18,31 @@ from core.robot.description import joint_name
 from core.robot.kinematics import arm_of
 from core.scene import Camera, State
 
-_OVERSAMPLING = 2  # renderers draw hard edges; halving a picture of twice the size smooths them
-_drawing = threading.RLock()  # any thread may draw, but renderers draw one picture at a time
+_OVERSAMPLING = (
+    2  # renderers draw hard edges; halving a picture of twice the size smooths them
+)
+_drawing = (
+    threading.RLock()
+)  # any thread may draw, but renderers draw one picture at a time
 
 
-def joint_positions(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, float]:
+def joint_positions(
+    robot: Robot, tool: Tool, arm: Array, fingers: Array
+) -> dict[str, float]:
     """Name the positions of the arm's joints (J,), and of the fingers' and the tool's (F + K,), that the robot has."""
-    fingers = fingers.tolist() if tool.gripper else fingers[len(robot.finger_joints) :].tolist()
+    fingers = (
+        fingers.tolist()
+        if tool.gripper
+        else fingers[len(robot.finger_joints) :].tolist()
+    )
     loose = [joint_name(bearer.name) for bearer in tool.bearers]
-    return dict(zip([*robot.joints(tool.gripper), *loose], [*arm.tolist(), *fingers], strict=False))
+    return dict(
+        zip(
+            [*robot.joints(tool.gripper), *loose],
+            [*arm.tolist(), *fingers],
+            strict=False,
+        )
+    )
 
 
 class Renderer(ABC):
@@ -56,17 +72,29 @@ class Renderer(ABC):
         width = view.get("width", 640)
         height = view.get("height", 480)
         with _drawing:
-            if self._loaded is None or self._loaded[0] is not task or self._loaded[1:] != (seed, tool):
+            if (
+                self._loaded is None
+                or self._loaded[0] is not task
+                or self._loaded[1:] != (seed, tool)
+            ):
                 self._loaded = None
                 self.load(task, seed, tool)
                 self._loaded = task, seed, tool
             self.pose(
                 arm if arm is not None else arm_of(task.robot).home_for(task.home),
-                fingers if fingers is not None else np.full(len(task.robot.finger_joints), task.robot.opening_m),
+                fingers
+                if fingers is not None
+                else np.full(len(task.robot.finger_joints), task.robot.opening_m),
                 state if state is not None else task.scene(seed).state(),
             )
-            picture = self.shoot(view.get("camera") or task.camera, width * _OVERSAMPLING, height * _OVERSAMPLING)
-        return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))
+            picture = self.shoot(
+                view.get("camera") or task.camera,
+                width * _OVERSAMPLING,
+                height * _OVERSAMPLING,
+            )
+        return np.asarray(
+            Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS)
+        )
 
 
 class DrawingSimulator(Simulator):
@@ -75,7 +103,9 @@ class DrawingSimulator(Simulator):
     The first picture decides which; ``drawn_by`` names it.
     """
 
-    renderer: ClassVar[type[Renderer] | None] = None  # raises NoPicture with the reason if it can't be made
+    renderer: ClassVar[type[Renderer] | None] = (
+        None  # raises NoPicture with the reason if it can't be made
+    )
     stand_in: ClassVar[str] = "pybullet"  # the other simulator's name
     _drawer: Renderer | Simulator | None = None
 
@@ -103,6 +133,8 @@ class DrawingSimulator(Simulator):
         try:
             other = installed().create(SIMULATOR, self.stand_in)
         except UserError as reason:
-            raise NoPicture(f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}") from reason
+            raise NoPicture(
+                f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}"
+            ) from reason
         self.drawn_by = f"{self.stand_in}'s renderer: {missing}"
         return other

@@ -15,4 +15,6 @@ def check_time_step(time_step: float) -> None:
     """
     check_positive("sim.", time_step=time_step)
     if time_step > LONGEST_S:
-        raise UsageError(f"sim.time_step must be at most {LONGEST_S} s, got {time_step}: contacts would break")
+        raise UsageError(
+            f"sim.time_step must be at most {LONGEST_S} s, got {time_step}: contacts would break"
+        )

@@ -53,14 +53,22 @@ class Islands(EvolutionStrategy):
         tie: float = TIE,
     ) -> None:
         super().__init__(designer, budget, tie)
-        check_positive("evolution.", islands=islands, migrate=migrate, patience=patience)
+        check_positive(
+            "evolution.", islands=islands, migrate=migrate, patience=patience
+        )
         if islands > budget.n_agent:
-            raise UsageError(f"evolution.islands is {islands}, but budget.n_agent is {budget.n_agent}; each needs one")
+            raise UsageError(
+                f"evolution.islands is {islands}, but budget.n_agent is {budget.n_agent}; each needs one"
+            )
         if not styles:
-            raise UsageError("evolution.styles is empty; give at least one text, which may be empty")
+            raise UsageError(
+                "evolution.styles is empty; give at least one text, which may be empty"
+            )
         self._migrate, self._patience = migrate, patience
         steps = max(islands - 1, 1)
-        self._warmth = [warmth * (2 * k / steps - 1) if islands > 1 else 0.0 for k in range(islands)]
+        self._warmth = [
+            warmth * (2 * k / steps - 1) if islands > 1 else 0.0 for k in range(islands)
+        ]
         self._styles = [styles[k % len(styles)] for k in range(islands)]
         self._pools: list[list[Evaluation]] = [[] for _ in range(islands)]
         self._best = [0.0] * islands
@@ -70,7 +78,12 @@ class Islands(EvolutionStrategy):
     def ask(self) -> Iterator[Candidate]:
         count = len(self._pools)
         teams = [
-            Team(range(k, self.budget.n_agent, count), self._elites(k), self._warmth[k], self._styles[k])
+            Team(
+                range(k, self.budget.n_agent, count),
+                self._elites(k),
+                self._warmth[k],
+                self._styles[k],
+            )
             for k in range(count)
         ]
         return cast(AsksTeams, self.designer).design_in(self._generation, teams)
@@ -82,7 +95,9 @@ class Islands(EvolutionStrategy):
         for evaluation in evaluations:
             self._pools[evaluation.candidate.agent % count].append(evaluation)
         travel = self._generation % self._migrate == 0
-        best = [best_first(pool, self.tie)[:1] if travel else [] for pool in self._pools]
+        best = [
+            best_first(pool, self.tie)[:1] if travel else [] for pool in self._pools
+        ]
         restarted = [self._restart(k) for k in range(count)]
         for k in range(count):
             if not restarted[k] and count > 1:
@@ -94,9 +109,14 @@ class Islands(EvolutionStrategy):
 
     def _restart(self, k: int) -> bool:
         """Empty an island that has not improved for too long; report whether it was."""
-        highest = max((e.reward for e in self._pools[k] if e.status == "ok"), default=0.0)
+        highest = max(
+            (e.reward for e in self._pools[k] if e.status == "ok"), default=0.0
+        )
         improved = highest > self._best[k] + self.tie
-        self._best[k], self._idle[k] = max(highest, self._best[k]), 0 if improved else self._idle[k] + 1
+        self._best[k], self._idle[k] = (
+            max(highest, self._best[k]),
+            0 if improved else self._idle[k] + 1,
+        )
         if self._idle[k] < self._patience:
             return False
         self._pools[k], self._best[k], self._idle[k] = [], 0.0, 0

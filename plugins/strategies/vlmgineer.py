@@ -16,7 +16,9 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
     return {"vlmgineer": VLMgineer}
 
 
-def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE) -> list[Evaluation]:
+def select(
+    evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE
+) -> list[Evaluation]:
     """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool.
 
     Of several tasks the best of each is one, too, if it earned as much there.
@@ -24,15 +26,26 @@ def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, ti
     best = best_first(evaluations, tie)
     elites = [e for e in best[:k_top] if e.reward > reward_save]
     return best_tools(
-        [*elites, *(e for task, e in _best_by_task(best).items() if e.figures.get(task, 0.0) > reward_save)]
+        [
+            *elites,
+            *(
+                e
+                for task, e in _best_by_task(best).items()
+                if e.figures.get(task, 0.0) > reward_save
+            ),
+        ]
     )
 
 
 def _best_by_task(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
-    tasks = dict.fromkeys(task for evaluation in evaluations for task in evaluation.tasks)
+    tasks = dict.fromkeys(
+        task for evaluation in evaluations for task in evaluation.tasks
+    )
     if len(tasks) < 2:
         return {}
-    return {task: max(evaluations, key=lambda e: e.figures.get(task, 0.0)) for task in tasks}
+    return {
+        task: max(evaluations, key=lambda e: e.figures.get(task, 0.0)) for task in tasks
+    }
 
 
 class VLMgineer(EvolutionStrategy):
@@ -59,13 +72,17 @@ class VLMgineer(EvolutionStrategy):
         self._pool: list[Evaluation] = []
 
     def ask(self) -> Iterator[Candidate]:
-        elites = select(self._pool, self.budget.k_top, self.budget.reward_save, self.tie)
+        elites = select(
+            self._pool, self.budget.k_top, self.budget.reward_save, self.tie
+        )
         return self.designer.design(self._generation, elites)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
         self._generation += 1
         best = best_first(self._pool, self.tie)
-        kept = {"best": [*best[:1], *_best_by_task(best).values()], "generation": [], "run": self._pool}[
-            self._elites_from
-        ]
+        kept = {
+            "best": [*best[:1], *_best_by_task(best).values()],
+            "generation": [],
+            "run": self._pool,
+        }[self._elites_from]
         self._pool = [*kept, *evaluations]

@@ -31,25 +31,51 @@ class Several(Task):
 
     goals = ()
 
-    def __init__(self, of: list[str | dict[str, Any]], combine: Literal["mean", "worst"] = "mean") -> None:
+    def __init__(
+        self, of: list[str | dict[str, Any]], combine: Literal["mean", "worst"] = "mean"
+    ) -> None:
         super().__init__()
-        self._parts = tuple(part(TASK, node).create() for node in listed("task", "task", of).values())
+        self._parts = tuple(
+            part(TASK, node).create() for node in listed("task", "task", of).values()
+        )
         names = [task.name for task in self._parts]
         if len(names) < 2 or len(set(names)) < len(names):
-            raise UsageError(f"task.of needs two or more different tasks, got {', '.join(names)}")
+            raise UsageError(
+                f"task.of needs two or more different tasks, got {', '.join(names)}"
+            )
         kinds = dict[str, list[str]]()
-        for settings in ({"name": entry} if isinstance(entry, str) else entry for entry in of):
+        for settings in (
+            {"name": entry} if isinstance(entry, str) else entry for entry in of
+        ):
             usual = load("config", [f"task={settings['name']}"]).task.get("tool_kinds")
-            kinds[str(settings["name"])] = list(settings.get("tool_kinds") or usual or ("rigid",))
-        self.tool_kinds = tuple(k for k in next(iter(kinds.values())) if all(k in own for own in kinds.values()))
+            kinds[str(settings["name"])] = list(
+                settings.get("tool_kinds") or usual or ("rigid",)
+            )
+        self.tool_kinds = tuple(
+            k
+            for k in next(iter(kinds.values()))
+            if all(k in own for own in kinds.values())
+        )
         if not self.tool_kinds:
-            takes = ", ".join(f"{name} takes {' or '.join(own)}" for name, own in kinds.items())
+            takes = ", ".join(
+                f"{name} takes {' or '.join(own)}" for name, own in kinds.items()
+            )
             mend = "set tool_kinds of one, or leave one out"
-            raise UsageError(f"these tasks have no tool kind in common: {takes}; {mend}")
-        own: dict[str, Any] = {"name": "+".join(names), "combine": combine, "home": self._parts[0].home}
+            raise UsageError(
+                f"these tasks have no tool kind in common: {takes}; {mend}"
+            )
+        own: dict[str, Any] = {
+            "name": "+".join(names),
+            "combine": combine,
+            "home": self._parts[0].home,
+        }
         own["success_reward"] = min(task.success_reward for task in self._parts)
-        own["description"] = " ".join(f"{task.name}: {task.description}" for task in self._parts)
-        own["in_words"] = " ".join(f"{task.name}: {task.in_words}" for task in self._parts)
+        own["description"] = " ".join(
+            f"{task.name}: {task.description}" for task in self._parts
+        )
+        own["in_words"] = " ".join(
+            f"{task.name}: {task.in_words}" for task in self._parts
+        )
         vars(self).update(own)  # these hide the attributes of the class
 
     @property
@@ -67,7 +93,9 @@ class Several(Task):
             task.robot = robot
 
     def scene(self, seed: int) -> Scene:
-        raise UsageError(f"{self.name} has several scenes: choose one of its tasks, as in task={self._parts[0].name}")
+        raise UsageError(
+            f"{self.name} has several scenes: choose one of its tasks, as in task={self._parts[0].name}"
+        )
 
     def reward(self, start: State, end: State) -> Array:
         raise UsageError(f"{self.name} has several rewards: choose one of its tasks")

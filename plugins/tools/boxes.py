@@ -22,20 +22,34 @@ from plugins.tools.components import (
 from plugins.tools.solids.making import PRIMITIVES, node_of
 
 FIELD = "tool_components"
-_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}
+_SIZES = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "sphere": ("radius",),
+}
 _KEYS = ("shape", "size", "radius", "length")
 
 
 def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
     name = item.get("shape", "box")
     if not isinstance(name, str) or name not in _SIZES:
-        raise DesignError(f"{where}: shape must be one of {', '.join(_SIZES)}, not {shorten(str(name))}")
-    check_keys({key: None for key in _KEYS if key in item}, ("shape", *_SIZES[name]), f"{where}, a {name},")
+        raise DesignError(
+            f"{where}: shape must be one of {', '.join(_SIZES)}, not {shorten(str(name))}"
+        )
+    check_keys(
+        {key: None for key in _KEYS if key in item},
+        ("shape", *_SIZES[name]),
+        f"{where}, a {name},",
+    )
     if name == "box":
         sides = read_numbers(item.get("size"), 3, f"{where}: size")
         sizes = [_positive(side, f"{where}: size") for side in sides]
     else:
-        given = {size: read_number(item.get(size), f"{where}: {size}") for size in _SIZES[name]}
+        given = {
+            size: read_number(item.get(size), f"{where}: {size}")
+            for size in _SIZES[name]
+        }
         sizes = [_positive(value, f"{where}: {size}") for size, value in given.items()]
     return PRIMITIVES[name](*sizes), Pose()
 
@@ -55,7 +69,11 @@ class BoxTools(ComponentTools):
     template = "boxes"
     shape_schemas = (
         {"shape": {"type": "string", "enum": ["box"]}, "size": TRIPLE},
-        {"shape": {"type": "string", "enum": ["cylinder", "capsule"]}, "radius": NUMBER, "length": NUMBER},
+        {
+            "shape": {"type": "string", "enum": ["cylinder", "capsule"]},
+            "radius": NUMBER,
+            "length": NUMBER,
+        },
         {"shape": {"type": "string", "enum": ["sphere"]}, "radius": NUMBER},
     )
 
@@ -67,8 +85,14 @@ class BoxTools(ComponentTools):
 
     def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
         if isinstance(shape, Mesh | Compound):
-            raise DesignError(f"{where} is a mesh, which tool=boxes can't write; use tool=solids")
+            raise DesignError(
+                f"{where} is a mesh, which tool=boxes can't write; use tool=solids"
+            )
         node = node_of(shape)
         sizes = rounded(node.sizes)
-        given = {"size": sizes} if node.kind == "box" else dict(zip(_SIZES[node.kind], sizes, strict=True))
+        given = (
+            {"size": sizes}
+            if node.kind == "box"
+            else dict(zip(_SIZES[node.kind], sizes, strict=True))
+        )
         return {"shape": node.kind, **given}

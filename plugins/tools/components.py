@@ -25,7 +25,9 @@ from core.support.text import kind, shorten
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
 
-MAX_NUMBER = 1000.0  # far above every length, angle and mass of a tool; keeps products finite
+MAX_NUMBER = (
+    1000.0  # far above every length, angle and mass of a tool; keeps products finite
+)
 DIGITS = 5  # hundredths of a millimetre
 
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
@@ -81,19 +83,44 @@ class ComponentTools(VariedTools):
         items = []
         for shape in self.shape_schemas:
             properties = {"name": TEXT, "parent": TEXT, **shape}
-            properties |= {"position": TRIPLE, "rpy": TRIPLE, "mass": NUMBER, "color": TEXT}
+            properties |= {
+                "position": TRIPLE,
+                "rpy": TRIPLE,
+                "mass": NUMBER,
+                "color": TEXT,
+            }
             if self.joints:
                 kinds = TEXT | {"enum": ["hinge", "slider"]}
-                own = {"kind": kinds, "axis": TRIPLE, "at": TRIPLE, **dict.fromkeys(_JOINT_NUMBERS, NUMBER)}
+                own = {
+                    "kind": kinds,
+                    "axis": TRIPLE,
+                    "at": TRIPLE,
+                    **dict.fromkeys(_JOINT_NUMBERS, NUMBER),
+                }
                 properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
             items.append(_object(properties))
-        return {self.field: {"type": "array", "items": items[0] if len(items) == 1 else {"anyOf": items}}}
+        return {
+            self.field: {
+                "type": "array",
+                "items": items[0] if len(items) == 1 else {"anyOf": items},
+            }
+        }
 
     def instructions(self, brief: Brief) -> str:
         mount, name, size, at = first_box(brief)
-        example = {"name": name, "parent": mount, **self.example_shape(size), "position": rounded(at)}
+        example = {
+            "name": name,
+            "parent": mount,
+            **self.example_shape(size),
+            "position": rounded(at),
+        }
         example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
-        given = {"field": self.field, "joints": self.joints, "example": json.dumps([example]), **self.limits}
+        given = {
+            "field": self.field,
+            "joints": self.joints,
+            "example": json.dumps([example]),
+            **self.limits,
+        }
         return instruct(self.template, brief, self.material, **given)
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
@@ -103,18 +130,26 @@ class ComponentTools(VariedTools):
             DesignError: says what is wrong, where, and how to mend it.
         """
         if self.field not in data:
-            raise DesignError(f"{self.field} is missing; give a list of the tool's components")
+            raise DesignError(
+                f"{self.field} is missing; give a list of the tool's components"
+            )
         items = data[self.field]
         if not isinstance(items, list):
-            raise DesignError(f"{self.field} must be a list of components, not {kind(items)}")
+            raise DesignError(
+                f"{self.field} must be a list of components, not {kind(items)}"
+            )
         if len(items) > MAX_COMPONENTS:
-            raise DesignError(f"{self.field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed")
+            raise DesignError(
+                f"{self.field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed"
+            )
         tool = Tool(gripper=gripper)
         for read_shape in self.readers():
             tool = Tool(tuple(self._read(items, read_shape, tool.mounts)), gripper)
         return tool
 
-    def _read(self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]) -> Iterator[Component]:
+    def _read(
+        self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]
+    ) -> Iterator[Component]:
         """Yield components after their parents, each with its pose in its parent's frame."""
         aliases = dict(self.robot.aliases)
         own = robot_names(self.robot)
@@ -126,25 +161,44 @@ class ComponentTools(VariedTools):
             check_keys(item, known, where)
             parent = item.get("parent", mounts[0] if len(mounts) == 1 else None)
             if not isinstance(parent, str):
-                raise DesignError(f"{where}: parent must be the name of a component or of {' or '.join(mounts)}")
+                raise DesignError(
+                    f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
+                )
             position = read_numbers(item.get("position"), 3, f"{where}: position")
-            pose = Pose.xyz_rpy(position, read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy"))
+            pose = Pose.xyz_rpy(
+                position, read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy")
+            )
             shape, at = read_shape(item, where)
             mass = item.get("mass")
-            mass = default_mass(shape.volume) if mass is None else read_number(mass, f"{where}: mass")
+            mass = (
+                default_mass(shape.volume)
+                if mass is None
+                else read_number(mass, f"{where}: mass")
+            )
             color = _read_color(item, where)
             pose = pose @ at
             joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
-            read[name] = Component(name, aliases.get(parent, parent), pose, shape, mass, color, joint)
+            read[name] = Component(
+                name, aliases.get(parent, parent), pose, shape, mass, color, joint
+            )
         placed = {mount: Pose() for mount in mounts}
-        for name in parents_first({name: c.parent for name, c in read.items()}, mounts, "component"):
+        for name in parents_first(
+            {name: c.parent for name, c in read.items()}, mounts, "component"
+        ):
             component = read[name]
             placed[name] = component.pose
-            yield replace(component, pose=placed[component.parent].inverse() @ component.pose)
+            yield replace(
+                component, pose=placed[component.parent].inverse() @ component.pose
+            )
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         placed = tool.placed()
-        return {self.field: [self._write(component, placed[component.name][1]) for component in tool.components]}
+        return {
+            self.field: [
+                self._write(component, placed[component.name][1])
+                for component in tool.components
+            ]
+        }
 
     def _write(self, component: Component, pose: Pose) -> dict[str, Any]:
         return {
@@ -154,7 +208,8 @@ class ComponentTools(VariedTools):
             "position": rounded(pose.position),
             "rpy": rounded_rpy(pose),
             "mass": float(f"{component.mass:.6g}"),
-            "color": "#" + "".join(f"{round(255 * share):02x}" for share in component.color[:3]),
+            "color": "#"
+            + "".join(f"{round(255 * share):02x}" for share in component.color[:3]),
             **({"joint": _write_joint(component.joint, pose)} if self.joints else {}),
         }
 
@@ -163,7 +218,9 @@ class ComponentTools(VariedTools):
         return {
             self.field: [
                 {
-                    key: [round(number, 4) for number in value] if isinstance(value, list) else value
+                    key: [round(number, 4) for number in value]
+                    if isinstance(value, list)
+                    else value
                     for key, value in item.items()
                     if key != "color" and value not in (_NO_TURN, "box")
                 }
@@ -173,7 +230,12 @@ class ComponentTools(VariedTools):
 
 
 def _object(properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
 
 
 def default_mass(volume: float) -> float:
@@ -181,7 +243,9 @@ def default_mass(volume: float) -> float:
     return min(max(Component.mass, MIN_DENSITY * volume), MAX_DENSITY * volume)
 
 
-def parents_first(parents: Mapping[str, str], mounts: tuple[str, ...], what: str) -> Iterator[str]:
+def parents_first(
+    parents: Mapping[str, str], mounts: tuple[str, ...], what: str
+) -> Iterator[str]:
     """Yield the names of ``parents`` so that parents come before their children; ``what`` each is, for an error.
 
     Raises:
@@ -193,7 +257,9 @@ def parents_first(parents: Mapping[str, str], mounts: tuple[str, ...], what: str
         name = start
         while name not in done:
             if name in chain:
-                raise DesignError(f"parents lead from {name!r} in a circle; hang it from {' or '.join(mounts)}")
+                raise DesignError(
+                    f"parents lead from {name!r} in a circle; hang it from {' or '.join(mounts)}"
+                )
             if name not in parents:
                 raise DesignError(
                     f"{what} {chain[-1]!r} hangs from {shorten(name)}, which is neither a {what} of the tool nor its "
@@ -208,7 +274,11 @@ def parents_first(parents: Mapping[str, str], mounts: tuple[str, ...], what: str
 @lru_cache(maxsize=8)
 def robot_names(robot: Robot) -> frozenset[str]:
     """Collect the names of the robot's links and joints, with and without its gripper, and of its mounts."""
-    names = {*Tool().mounts, *Tool(gripper=True).mounts, *(name for name, _ in robot.aliases)}
+    names = {
+        *Tool().mounts,
+        *Tool(gripper=True).mounts,
+        *(name for name, _ in robot.aliases),
+    }
     for gripper in {False, robot.gripper is not None}:
         arm = assembled(robot, Tool(gripper=gripper))
         names.update(arm.links, arm.named)
@@ -224,13 +294,26 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
     check_keys(item, ("kind", "axis", "at", *_JOINT_NUMBERS), where)
     moves = item.get("kind")
     if moves not in ("hinge", "slider"):
-        raise DesignError(f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}')
-    axis = pose.rotation.inv().apply(read_numbers(item.get("axis"), 3, f"{where}: axis"))
-    at = read_numbers(item["at"], 3, f"{where}: at") if item.get("at") is not None else pose.position
+        raise DesignError(
+            f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}'
+        )
+    axis = pose.rotation.inv().apply(
+        read_numbers(item.get("axis"), 3, f"{where}: axis")
+    )
+    at = (
+        read_numbers(item["at"], 3, f"{where}: at")
+        if item.get("at") is not None
+        else pose.position
+    )
     x, y, z = pose.inverse().apply(at).tolist() if moves == "hinge" else (0.0, 0.0, 0.0)
-    numbers = {name: read_number(item.get(name, 0.0), f"{where}: {name}") for name in _JOINT_NUMBERS}
+    numbers = {
+        name: read_number(item.get(name, 0.0), f"{where}: {name}")
+        for name in _JOINT_NUMBERS
+    }
     try:
-        return ToolJoint(moves, (axis[0], axis[1], axis[2]), origin=(x, y, z), **numbers)
+        return ToolJoint(
+            moves, (axis[0], axis[1], axis[2]), origin=(x, y, z), **numbers
+        )
     except DesignError as error:
         raise DesignError(f"{where}: {error}") from error
 
@@ -241,7 +324,9 @@ def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     axis = pose.rotation.apply(joint.axis)
     at = rounded(pose.apply(joint.origin))
     numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
-    longest = float(abs(axis).max())  # written as 1, so that what is read again is written the same
+    longest = float(
+        abs(axis).max()
+    )  # written as 1, so that what is read again is written the same
     return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
 
 
@@ -258,23 +343,38 @@ def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None
 def read_number(value: object, where: str) -> float:
     """Read a number of at most `MAX_NUMBER` in size."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DesignError(f"{where} must be a number, not {'missing' if value is None else kind(value)}")
-    if not abs(value) <= MAX_NUMBER:  # also refuses nan, and integers that are too large for a float
-        raise DesignError(f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below")
+        raise DesignError(
+            f"{where} must be a number, not {'missing' if value is None else kind(value)}"
+        )
+    if (
+        not abs(value) <= MAX_NUMBER
+    ):  # also refuses nan, and integers that are too large for a float
+        raise DesignError(
+            f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below"
+        )
     return float(value)
 
 
 def read_numbers(value: object, count: int, where: str) -> list[float]:
     """Read a list of ``count`` numbers."""
     if not isinstance(value, list) or len(value) != count:
-        found = "missing" if value is None else f"a list of {len(value)}" if isinstance(value, list) else kind(value)
+        found = (
+            "missing"
+            if value is None
+            else f"a list of {len(value)}"
+            if isinstance(value, list)
+            else kind(value)
+        )
         raise DesignError(f"{where} must be a list of {count} numbers, not {found}")
     return [read_number(number, where) for number in value]
 
 
 def rounded(values: Iterable[float]) -> list[float]:
     """Round numbers to `DIGITS`, and write whole ones without a point."""
-    return [int(value) if value.is_integer() else value for value in (round(float(v), DIGITS) + 0.0 for v in values)]
+    return [
+        int(value) if value.is_integer() else value
+        for value in (round(float(v), DIGITS) + 0.0 for v in values)
+    ]
 
 
 def rounded_rpy(pose: Pose) -> list[float]:
@@ -291,27 +391,39 @@ def rounded_rpy(pose: Pose) -> list[float]:
     return rounded((roll, pitch, yaw))
 
 
-def _read_name(item: object, where: str, taken: Mapping[str, object], own: frozenset[str]) -> str:
+def _read_name(
+    item: object, where: str, taken: Mapping[str, object], own: frozenset[str]
+) -> str:
     if not isinstance(item, Mapping):
         raise DesignError(f"{where} must be an object, not {kind(item)}")
     name = item.get("name")
     if not isinstance(name, str):
-        raise DesignError(f"{where} has no name; give it one of letters, digits, '_', '.' or '-'")
+        raise DesignError(
+            f"{where} has no name; give it one of letters, digits, '_', '.' or '-'"
+        )
     if not NAME.fullmatch(name):
-        raise DesignError(f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
+        raise DesignError(
+            f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
+        )
     if name in own:
-        raise DesignError(f"{where}: its name {name!r} is the robot's own; choose another")
+        raise DesignError(
+            f"{where}: its name {name!r} is the robot's own; choose another"
+        )
     if name in taken:
         raise DesignError(f"two components are named {name!r}; each needs its own name")
     return name
 
 
-def _read_color(item: Mapping[str, Any], where: str) -> tuple[float, float, float, float]:
+def _read_color(
+    item: Mapping[str, Any], where: str
+) -> tuple[float, float, float, float]:
     text = item.get("color")
     if text is None:
         return Component.color
     if not isinstance(text, str) or not _COLOR.fullmatch(text):
         found = kind(text)
-        raise DesignError(f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {found}')
+        raise DesignError(
+            f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {found}'
+        )
     red, green, blue = (int(text[k : k + 2], 16) / 255 for k in (1, 3, 5))
     return red, green, blue, 1.0

@@ -34,19 +34,35 @@ class BareGripper(GivenTools):
     def given(self, task: Task) -> Tool:
         title = task.robot.title
         if task.robot.gripper is None:
-            return Tool(name="bare flange", description=f"the flange of {title}, which has no gripper")
-        return Tool(gripper=True, name="bare gripper", description=f"the gripper of {title}, with its fingers")
+            return Tool(
+                name="bare flange",
+                description=f"the flange of {title}, which has no gripper",
+            )
+        return Tool(
+            gripper=True,
+            name="bare gripper",
+            description=f"the gripper of {title}, with its fingers",
+        )
 
 
-def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, float]) -> Component:
+def _bar(
+    name: str, far: tuple[float, float, float], thickness: tuple[float, float]
+) -> Component:
     """Make a bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
     end = np.array(far)
     slope = Rotation.from_euler("y", -np.arctan2(end[2], end[0]))
     size = (float(np.linalg.norm(end)), *thickness)
-    return Component(name, RIGID_MOUNT, Pose.from_rotation(end / 2, slope), Box(size), color=HANDLE)
+    return Component(
+        name, RIGID_MOUNT, Pose.from_rotation(end / 2, slope), Box(size), color=HANDLE
+    )
 
 
-def _on(bar: Component, name: str, center: tuple[float, float, float], size: tuple[float, float, float]) -> Component:
+def _on(
+    bar: Component,
+    name: str,
+    center: tuple[float, float, float],
+    size: tuple[float, float, float],
+) -> Component:
     """Make a child of ``bar``: a box at ``center`` in the mount's frame, along its axes."""
     pose = bar.pose.inverse() @ Pose(np.array(center))
     return Component(name, bar.name, pose, Box(size), color=HEAD)
@@ -54,13 +70,19 @@ def _on(bar: Component, name: str, center: tuple[float, float, float], size: tup
 
 def stick() -> Tool:
     bar = _bar("stick", (0.379, 0.0, -0.189), (0.0128, 0.0128))
-    return Tool((bar,), name="stick", description="a bar 0.42 m long that slopes forward and down")
+    return Tool(
+        (bar,),
+        name="stick",
+        description="a bar 0.42 m long that slopes forward and down",
+    )
 
 
 def broom() -> Tool:
     handle = _bar("handle", (0.2, 0.0, -0.38), (0.011, 0.011))
     head = _on(handle, "head", (0.2, 0.0, -0.38), (0.0375, 0.2625, 0.0375))
-    return Tool((handle, head), name="broom", description="a handle down to a head 0.26 m wide")
+    return Tool(
+        (handle, head), name="broom", description="a handle down to a head 0.26 m wide"
+    )
 
 
 def hockey_stick() -> Tool:
@@ -69,17 +91,33 @@ def hockey_stick() -> Tool:
     center = (0.313 * scale, 0.0, -0.51 * scale)
     handle = _bar("handle", heel, (0.021 * scale, 0.011 * scale))
     blade = _on(handle, "blade", center, (0.15 * scale, 0.011 * scale, 0.04 * scale))
-    return Tool((handle, blade), name="hockey stick", description="a handle down to a blade 0.135 m long")
+    return Tool(
+        (handle, blade),
+        name="hockey stick",
+        description="a handle down to a blade 0.135 m long",
+    )
 
 
 def spatula() -> Tool:
     handle_pose = Pose(np.array([0.05, 0.0, -0.0025]))
-    handle = Component("handle", RIGID_MOUNT, handle_pose, Box((0.10, 0.02, 0.005)), color=HANDLE)
+    handle = Component(
+        "handle", RIGID_MOUNT, handle_pose, Box((0.10, 0.02, 0.005)), color=HANDLE
+    )
     neck_pose = Pose.xyz_rpy((0.095, 0.0, -0.03), (0.0, 1.2, 0.0))
-    neck = Component("neck", "handle", handle.pose.inverse() @ neck_pose, Box((0.062, 0.02, 0.005)), color=HANDLE)
+    neck = Component(
+        "neck",
+        "handle",
+        handle.pose.inverse() @ neck_pose,
+        Box((0.062, 0.02, 0.005)),
+        color=HANDLE,
+    )
     head_pose = neck_pose.inverse() @ Pose(np.array([0.2, 0.0, -0.0575]))
     head = Component("head", "neck", head_pose, Box((0.22, 0.22, 0.005)), color=HEAD)
-    return Tool((handle, neck, head), name="spatula", description="a flat head 0.22 m square, lower than its handle")
+    return Tool(
+        (handle, neck, head),
+        name="spatula",
+        description="a flat head 0.22 m square, lower than its handle",
+    )
 
 
 TOOLS: dict[str, Callable[[], Tool]] = {
@@ -115,6 +153,8 @@ class KnownTools(GivenTools):
     def given(self, task: Task) -> Tool:
         if self._tool is None:
             settings = {"name": self._of} if isinstance(self._of, str) else self._of
-            form = replace(part(TOOL, OmegaConf.create(settings)), material=self.material).create(robot=self.robot)
+            form = replace(
+                part(TOOL, OmegaConf.create(settings)), material=self.material
+            ).create(robot=self.robot)
             self._tool = load_tool(self._file, 0, form, task)
         return self._tool

@@ -26,7 +26,11 @@ def describe_mount(brief: Brief) -> str:
         return _write("mount", gripper=False, robot=robot, upright=upright)
     gap = finger_gap(robot)
     closed = max(0.0, gap - 2 * robot.opening_m)
-    meet = "meet when it is closed" if closed < _MEET_M else f"{short_number(closed, 3)} m when it is closed"
+    meet = (
+        "meet when it is closed"
+        if closed < _MEET_M
+        else f"{short_number(closed, 3)} m when it is closed"
+    )
     given = {"fingers": fingers_of(robot), "axis_of": _axis, "short": short_number}
     return _write("mount", gripper=True, **given, gap=short_number(gap, 3), closed=meet)
 
@@ -39,7 +43,9 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
         mount=describe_mount(brief),
         frame=" or ".join(f"`{mount}`" for mount in Tool(gripper=brief.gripper).mounts),
         elites=brief.elites,
-        weight="" if material.density_kg_m3 is None else describe_weight(material, robot),
+        weight=""
+        if material.density_kg_m3 is None
+        else describe_weight(material, robot),
         payload=statics.mass_limit(robot, material)[0],
         share=statics.spring_share(material),
         **given,
@@ -70,14 +76,28 @@ def first_box(brief: Brief) -> tuple[str, str, Array, Array]:
     robot = brief.task.robot
     if not brief.gripper:
         size = np.array([0.02, 0.02, 0.1])
-        return RIGID_MOUNT, "shaft", size, np.array([0.0, 0.0, -(robot.flange.disc.length + size[2]) / 2])
+        return (
+            RIGID_MOUNT,
+            "shaft",
+            size,
+            np.array([0.0, 0.0, -(robot.flange.disc.length + size[2]) / 2]),
+        )
     finger = fingers_of(robot)[0]
     out = np.abs(finger.opens)
     down = np.abs(finger.tip)
     size = 0.02 * (1 - out - down) + 0.015 * out + 0.04 * down
     at = np.mean(finger.extent, axis=0) * (1 - out - down)
-    at += out * finger.face(-finger.opens) + 0.0075 * finger.opens + down * finger.face(finger.tip)
-    return finger.name, "left_pad", size, at + 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
+    at += (
+        out * finger.face(-finger.opens)
+        + 0.0075 * finger.opens
+        + down * finger.face(finger.tip)
+    )
+    return (
+        finger.name,
+        "left_pad",
+        size,
+        at + 0.0155 * finger.tip,
+    )  # it overlaps the finger by 4.5 mm
 
 
 def _axis(way: Array) -> str:
@@ -89,4 +109,7 @@ def _axis(way: Array) -> str:
 def finger_gap(robot: Robot) -> float:
     """Measure the way between the inner faces of the fingers of the open gripper, metres."""
     left, right = fingers_of(robot)
-    return float((left.place(-left.opens) - right.place(-right.opens)) @ left.pose.rotation.apply(left.opens))
+    return float(
+        (left.place(-left.opens) - right.place(-right.opens))
+        @ left.pose.rotation.apply(left.opens)
+    )

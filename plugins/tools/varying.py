@@ -32,7 +32,9 @@ def tool_numbers(design: Tool) -> Numbers:
         return Numbers()
     steps = np.repeat((GROWTH, SLIDE_M, TURN_RAD), 3)
     most = np.repeat((MOST_GROWTH, MOST_SLIDE_M, MOST_TURN_RAD), 3)
-    return sum((Numbers.near(np.zeros(9), steps, most) for _ in design.components), Numbers())
+    return sum(
+        (Numbers.near(np.zeros(9), steps, most) for _ in design.components), Numbers()
+    )
 
 
 def vary_tool(design: Tool, values: Array) -> Tool:
@@ -43,7 +45,9 @@ def vary_tool(design: Tool, values: Array) -> Tool:
     """
     changed: dict[str, Component] = {}
     old = {component.name: component for component in design.components}
-    for component, (growth, slide, turn) in zip(design.components, values.reshape(-1, 3, 3), strict=True):
+    for component, (growth, slide, turn) in zip(
+        design.components, values.reshape(-1, 3, 3), strict=True
+    ):
         shape = component.shape
         if growth.any() and not isinstance(shape, Compound):
             shape = resized(shape, shape.bounds[1] * np.exp(growth))
@@ -73,10 +77,18 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
         slide = np.zeros(3)
         if component.parent in old:
             touch = _touching(component, old[component.parent])
-            goal = after.pose.apply(_scaled(component.pose.inverse().apply(touch), component.shape, after.shape))
+            goal = after.pose.apply(
+                _scaled(
+                    component.pose.inverse().apply(touch), component.shape, after.shape
+                )
+            )
             slide = goal - _slid(touch, slide, old[component.parent], new[after.parent])
         growth = np.log(after.shape.bounds[1] / component.shape.bounds[1])
-        values += [growth, slide, (component.pose.rotation.inv() * after.pose.rotation).as_rotvec()]
+        values += [
+            growth,
+            slide,
+            (component.pose.rotation.inv() * after.pose.rotation).as_rotvec(),
+        ]
     return np.concatenate(values)
 
 
@@ -84,7 +96,10 @@ def _structure(tool: Tool) -> object:
     """What `vary_tool` leaves as it is, but for names."""
     number = {component.name: n for n, component in enumerate(tool.components)}
     return tool.gripper, [
-        (number.get(c.parent, c.parent), content_of(c.shape) if isinstance(c.shape, Compound) else type(c.shape))
+        (
+            number.get(c.parent, c.parent),
+            content_of(c.shape) if isinstance(c.shape, Compound) else type(c.shape),
+        )
         for c in tool.components
     ]
 
@@ -106,7 +121,9 @@ def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> 
 def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
     theirs = solids_of(parent.name, parent.shape, Pose())
-    return closest(solids_of(component.name, component.shape, component.pose), theirs)[1]
+    return closest(solids_of(component.name, component.shape, component.pose), theirs)[
+        1
+    ]
 
 
 class VariedTools(ToolRepresentation):

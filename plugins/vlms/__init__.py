@@ -26,7 +26,10 @@ def vlms() -> Mapping[str, str]:
 
 @hookimpl
 def prompt_values() -> Mapping[str, str]:
-    return {"arm": "plugins.vlms.told.arm:told", "urdf": "plugins.vlms.told.outline:told"}
+    return {
+        "arm": "plugins.vlms.told.arm:told",
+        "urdf": "plugins.vlms.told.outline:told",
+    }
 
 
 @hookimpl

@@ -24,7 +24,9 @@ from core.support.files import FileMark, file_mark, read_untrusted, write_whole
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"
 MAX_BYTES = 20_000_000  # of a reply
-CHECKS = 3  # a reply is read when its file is the same at this many: it is written whole
+CHECKS = (
+    3  # a reply is read when its file is the same at this many: it is written whole
+)
 
 _HELP = (
     f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
@@ -79,9 +81,15 @@ class Mailbox(VLM):
                 if announced:
                     _say(f"{letter.request.id} is answered; {len(waiting)} left")
             if waiting and not announced:
-                count = "1 request waits" if len(waiting) == 1 else f"{len(waiting)} requests wait"
+                count = (
+                    "1 request waits"
+                    if len(waiting) == 1
+                    else f"{len(waiting)} requests wait"
+                )
                 names = " or ".join(REPLIES)
-                _say(f"{count} for an answer in {self._folder}; put {names} beside each prompt.md")
+                _say(
+                    f"{count} for an answer in {self._folder}; put {names} beside each prompt.md"
+                )
                 announced = True
             if waiting:
                 time.sleep(self._poll_s)
@@ -109,25 +117,37 @@ class Letter:
         try:
             if _holds(prompt, text):
                 return
-            if prompt.exists() and any((self.folder / name).exists() for name in (*REPLIES, SKIP)):
-                raise UserError(f"{self.folder} has a reply to a different request; move it away, or change vlm.folder")
+            if prompt.exists() and any(
+                (self.folder / name).exists() for name in (*REPLIES, SKIP)
+            ):
+                raise UserError(
+                    f"{self.folder} has a reply to a different request; move it away, or change vlm.folder"
+                )
             self.folder.mkdir(parents=True, exist_ok=True)
             for message in self.request.messages:
                 for part in message.parts:
                     if isinstance(part, Picture):
                         _write(self.folder / f"{part.name}.png", part.png)
             if not self.request.critique:
-                schema = json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
+                schema = (
+                    json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
+                )
                 _write(self.folder / "schema.json", schema.encode())
-            _write(prompt, text.encode())  # last, so that the other files are there when it is
+            _write(
+                prompt, text.encode()
+            )  # last, so that the other files are there when it is
         except OSError as error:
-            raise UserError(f"the mailbox {self.folder} can't be used: {error}") from error
+            raise UserError(
+                f"the mailbox {self.folder} can't be used: {error}"
+            ) from error
 
     def look(self) -> str | None:
         """A usable reply; empty: the person skipped the request; None: there is no reply yet."""
         if (self.folder / SKIP).exists():
             return ""
-        return next((text for name in REPLIES if (text := self._read(name)) is not None), None)
+        return next(
+            (text for name in REPLIES if (text := self._read(name)) is not None), None
+        )
 
     def _read(self, name: str) -> str | None:
         """The text of one file, if it rests and is usable. A reply that was there before the request rests."""
@@ -144,13 +164,19 @@ class Letter:
         except DesignError as error:
             problems = [str(error)]
         if usable:
-            self._write_problems(f"{name} is accepted; these of its designs will be rejected:", problems)
+            self._write_problems(
+                f"{name} is accepted; these of its designs will be rejected:", problems
+            )
             return text
         self._write_problems(f"{name} can't be used:", problems, _HELP)
-        _say(f"{self.request.id}: {name} can't be used; {self.folder / 'problem.md'} says why")
+        _say(
+            f"{self.request.id}: {name} can't be used; {self.folder / 'problem.md'} says why"
+        )
         return None
 
-    def _write_problems(self, heading: str, problems: Sequence[str], ending: str = "") -> None:
+    def _write_problems(
+        self, heading: str, problems: Sequence[str], ending: str = ""
+    ) -> None:
         file = self.folder / "problem.md"
         if not problems:
             file.unlink(missing_ok=True)
@@ -170,13 +196,21 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     brief = request.brief
     document = parse_reply(text)
     most = (brief.n_tool, brief.n_action)
-    candidates = read_designs(document, brief.representation, brief.task, most=most, actions=brief.actions)
+    candidates = read_designs(
+        document, brief.representation, brief.task, most=most, actions=brief.actions
+    )
     candidates = _check_starts(candidates, SpawnRules(brief.task, brief.scene_seed))
-    problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)
+    problems = dict.fromkeys(
+        f"strategy {c.strategy + 1}: {c.problem}"
+        for c in candidates
+        if c.problem is not None
+    )
     return any(c.problem is None for c in candidates), list(problems)
 
 
-def _check_starts(candidates: Sequence[Candidate], start: SpawnRules) -> list[Candidate]:
+def _check_starts(
+    candidates: Sequence[Candidate], start: SpawnRules
+) -> list[Candidate]:
     """Give candidates whose tool does not start clear of everything that as their problem."""
     checked = []
     for candidate in candidates:
@@ -210,7 +244,9 @@ def _load(file: Path) -> str:
     except UserError as error:
         raise DesignError(str(error)) from error
     except UnicodeDecodeError as error:
-        raise DesignError(f"it is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+        raise DesignError(
+            f"it is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from error
 
 
 def _holds(file: Path, text: str) -> bool:

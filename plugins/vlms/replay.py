@@ -26,18 +26,26 @@ class PastReplies(VLM):
         from core.store.reader import StoredRun  # imports what only runs need
 
         if not run:
-            raise UsageError("vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/...")
+            raise UsageError(
+                "vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/..."
+            )
         try:
             answers = StoredRun(Path(run)).answers()
         except UserError as error:
             raise UserError(f"vlm.run: {error}") from error
         self._replies = {
-            request.id: Reply(request.id, reply.text, reply.model, reply.error) for request, reply in answers
+            request.id: Reply(request.id, reply.text, reply.model, reply.error)
+            for request, reply in answers
         }
         models = sorted({reply.model for reply in self._replies.values()})
         self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:
-            missing = Reply(request.id, "", self.model, error="the past run has no reply to this request")
+            missing = Reply(
+                request.id,
+                "",
+                self.model,
+                error="the past run has no reply to this request",
+            )
             yield self._replies.get(request.id, missing)

@@ -40,7 +40,11 @@ def garage(pose: Pose) -> Body:
         board(side, (-WALL / 2, (WIDTH + WALL) / 2, HEIGHT / 2), WOOD),
         board(side, (-WALL / 2, -(WIDTH + WALL) / 2, HEIGHT / 2), GLASS),
         board(back, (-(LENGTH + WALL) / 2, 0.0, HEIGHT / 2), WOOD),
-        board((LENGTH + WALL, WIDTH + 2 * WALL, WALL), (-WALL / 2, 0.0, HEIGHT + WALL / 2), GLASS),
+        board(
+            (LENGTH + WALL, WIDTH + 2 * WALL, WALL),
+            (-WALL / 2, 0.0, HEIGHT + WALL / 2),
+            GLASS,
+        ),
     )
     mat = board((0.46, 0.3, MAT), (0.23 - LENGTH / 2, 0.0, MAT / 2), RUBBER)
     return Body("box", pose, 0.0, (*parts, mat), (*parts, mat), friction=1.2)
@@ -71,7 +75,15 @@ class AroundCorner(Task):
         "mark lies on the mat outside. Bring the cube out and leave it there at rest, its middle within 15 mm of the "
         "mark's."
     )
-    goals = (Goal(bodies=("cube",), at="mark", place=(0.0, 0.0, None), tolerance=TOLERANCE, rest=True),)
+    goals = (
+        Goal(
+            bodies=("cube",),
+            at="mark",
+            place=(0.0, 0.0, None),
+            tolerance=TOLERANCE,
+            rest=True,
+        ),
+    )
     variations = {
         "near": around("box", (0.46, 0.0), 0.03, 0.2),
         "wide": {
@@ -96,7 +108,9 @@ class AroundCorner(Task):
         side = draw("cube.side", 0.04)
         x = draw("cube.gap", 0.065) - LENGTH / 2
         y = draw("cube.y", 0.0)
-        lies = pose @ Pose.xyz_rpy((x, y, MAT + side / 2), (0.0, 0.0, draw("cube.yaw", 0.0)))
+        lies = pose @ Pose.xyz_rpy(
+            (x, y, MAT + side / 2), (0.0, 0.0, draw("cube.yaw", 0.0))
+        )
         cube = Body.of(
             "cube",
             Box((side, side, side)),
@@ -106,7 +120,9 @@ class AroundCorner(Task):
             rpy=tuple(lies.rpy),
             friction=draw("cube.friction", 0.35),
         )
-        there = pose @ Pose.xyz_rpy((draw("mark.x", OPENING + 0.16), draw("mark.y", 0.08), MAT))
+        there = pose @ Pose.xyz_rpy(
+            (draw("mark.x", OPENING + 0.16), draw("mark.y", 0.08), MAT)
+        )
         mark = replace(Body.mark("mark", (0.0, 0.0, 0.0), TOLERANCE, GREEN), pose=there)
         return Scene((floor(), table(), garage(pose), mark, cube))
 
@@ -115,7 +131,11 @@ class AroundCorner(Task):
         back = end.quaternion("box") * [1.0, -1.0, -1.0, -1.0]
         cube, begin, mark = (
             rotate(back, at - end.position("box"))
-            for at in (end.position("cube"), start.position("cube"), end.position("mark"))
+            for at in (
+                end.position("cube"),
+                start.position("cube"),
+                end.position("mark"),
+            )
         )
         left = np.maximum(length((cube - mark)[..., :2]) - TOLERANCE, 0.0)
         lies = np.abs(end.position("cube") - start.position("cube"))[..., 2] < RAISED

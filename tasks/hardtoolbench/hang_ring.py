@@ -2,7 +2,20 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Color,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board, hull, raised
@@ -28,7 +41,11 @@ RED = (0.80, 0.20, 0.17, 1.0)
 
 def post(name: str, pose: Pose, height: float, color: Color) -> tuple[Body, Body]:
     """A fixed post, and its peg toward -x; the peg's frame is at the middle of its upper face's root."""
-    column = Geom(Cylinder(0.018, height + 0.03), Pose.xyz_rpy((0.018, 0.0, (height + 0.03) / 2)), WOOD)
+    column = Geom(
+        Cylinder(0.018, height + 0.03),
+        Pose.xyz_rpy((0.018, 0.0, (height + 0.03) / 2)),
+        WOOD,
+    )
     foot = board((0.12, 0.12, 0.012), (0.018, 0.0, 0.006), WOOD)
     bar = board((PEG, PEG_WIDTH, PEG_WIDTH), (-PEG / 2, 0.0, -PEG_WIDTH / 2), color)
     lip = board((0.006, PEG_WIDTH, LIP), (0.003 - PEG, 0.0, LIP / 2), color)
@@ -43,8 +60,14 @@ def ring(pose: Pose, inner: float, mass: float) -> Body:
     stretch = 1 / np.cos(np.pi / PIECES)
     pieces = []
     for i in range(PIECES):
-        corners = [(r * stretch, (i + k) * 2 * np.pi / PIECES) for r in (inner, outer) for k in (-0.5, 0.5)]
-        points = [(x, r * np.sin(a), r * np.cos(a)) for x in (-half, half) for r, a in corners]
+        corners = [
+            (r * stretch, (i + k) * 2 * np.pi / PIECES)
+            for r in (inner, outer)
+            for k in (-0.5, 0.5)
+        ]
+        points = [
+            (x, r * np.sin(a), r * np.cos(a)) for x in (-half, half) for r, a in corners
+        ]
         pieces.append(Geom(hull(points), color=RED))
     return Body("ring", pose, mass, tuple(pieces), tuple(pieces), friction=0.4)
 
@@ -71,12 +94,35 @@ class HangRing(Task):
         "robot side and has a lip at its tip. A steel ring wet with acid hangs around peg_a. Lift it off and hang it "
         "on peg_b, let go. Only a tool may touch the ring: neither hand, fingers nor arm."
     )
-    goals = (Goal(bodies=("ring",), at="peg_b", place=(-HANGS, 0.0, -0.04), tolerance=0.04, rest=True),)
+    goals = (
+        Goal(
+            bodies=("ring",),
+            at="peg_b",
+            place=(-HANGS, 0.0, -0.04),
+            tolerance=0.04,
+            rest=True,
+        ),
+    )
     variations = {
-        "near": {**around("post_a", (0.62, -0.2), 0.03, 0.2), **around("post_b", (0.62, 0.2), 0.03, 0.2)},
+        "near": {
+            **around("post_a", (0.62, -0.2), 0.03, 0.2),
+            **around("post_b", (0.62, 0.2), 0.03, 0.2),
+        },
         "wide": {
-            **within("post_a", x=(0.57, 0.7), y=(-0.3, -0.14), yaw=(-0.45, 0.3), height=(0.2, 0.35)),
-            **within("post_b", x=(0.57, 0.7), y=(0.14, 0.3), yaw=(-0.3, 0.45), height=(0.2, 0.35)),
+            **within(
+                "post_a",
+                x=(0.57, 0.7),
+                y=(-0.3, -0.14),
+                yaw=(-0.45, 0.3),
+                height=(0.2, 0.35),
+            ),
+            **within(
+                "post_b",
+                x=(0.57, 0.7),
+                y=(0.14, 0.3),
+                yaw=(-0.3, 0.45),
+                height=(0.2, 0.35),
+            ),
             **within("ring", inner=INNER, mass=(0.1, 0.3)),
         },
     }
@@ -100,13 +146,23 @@ class HangRing(Task):
         root = end.position("peg_b")
         middle = end.position("ring")
         reach, beside, slope = self.crossing(end, "peg_b")
-        inner = np.clip(self.crossing(start, "peg_a")[1], *INNER)  # at the start it hangs by its inner radius
-        around_it = (reach > 0) & (reach < PEG) & (beside < inner + SINKS) & (np.abs(slope) > 0.5)
+        inner = np.clip(
+            self.crossing(start, "peg_a")[1], *INNER
+        )  # at the start it hangs by its inner radius
+        around_it = (
+            (reach > 0)
+            & (reach < PEG)
+            & (beside < inner + SINKS)
+            & (np.abs(slope) > 0.5)
+        )
 
         along = rotate(end.quaternion("peg_b"), np.array([-1.0, 0.0, 0.0]))
         there = root + HANGS * along - [0.0, 0.0, np.mean(INNER)]
         left, whole = (length(at - there) for at in (middle, start.position("ring")))
-        up = middle[..., 2] > np.minimum(root[..., 2], start.position("peg_a")[..., 2]) - 0.08
+        up = (
+            middle[..., 2]
+            > np.minimum(root[..., 2], start.position("peg_a")[..., 2]) - 0.08
+        )
         partial = 0.15 * progress(left, whole) * up
 
         swings = speed(end, "ring") > SWINGS
@@ -122,5 +178,7 @@ class HangRing(Task):
         middle = state.position("ring")
         axis = rotate(state.quaternion("ring"), np.array([1.0, 0.0, 0.0]))
         slope = (along * axis).sum(axis=-1)
-        reach = ((middle - root) * axis).sum(axis=-1) / np.where(np.abs(slope) < 0.1, np.inf, slope)
+        reach = ((middle - root) * axis).sum(axis=-1) / np.where(
+            np.abs(slope) < 0.1, np.inf, slope
+        )
         return reach, length(root + reach[..., None] * along - middle), slope

@@ -2,7 +2,19 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, floor, table
+from core.scene import (
+    Body,
+    Box,
+    Camera,
+    Color,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, hull, raised, turned
 from tasks.rewards import length, progress, share, z_axis
@@ -35,17 +47,25 @@ def plug(pose: Pose, mass: float, friction: float) -> Body:
     parts = (
         board((SIDE, SIDE, STEM), (0.0, 0.0, STEM / 2), BLUE),
         board((NECK, NECK, NECK_HEIGHT), (0.0, 0.0, STEM + NECK_HEIGHT / 2), BLUE),
-        board((HEAD, HEAD, HEAD_HEIGHT), (0.0, 0.0, STEM + NECK_HEIGHT + HEAD_HEIGHT / 2), BLUE),
+        board(
+            (HEAD, HEAD, HEAD_HEIGHT),
+            (0.0, 0.0, STEM + NECK_HEIGHT + HEAD_HEIGHT / 2),
+            BLUE,
+        ),
     )
     return Body("plug", pose, mass, parts, parts, friction)
 
 
-def block(name: str, pose: Pose, hole: float, depth: float, chamfer: float, color: Color) -> Body:
+def block(
+    name: str, pose: Pose, hole: float, depth: float, chamfer: float, color: Color
+) -> Body:
     """A fixed block with a square hole, down to the table; its frame is in the middle of the hole's mouth."""
     height = pose.position[2]
     slope = SLOPE * chamfer / CHAMFER
     wall = (OUTER - hole) / 2 - chamfer
-    parts = [board((OUTER, OUTER, height - depth), (0.0, 0.0, -(depth + height) / 2), color)]
+    parts = [
+        board((OUTER, OUTER, height - depth), (0.0, 0.0, -(depth + height) / 2), color)
+    ]
     for side in range(4):
         turn = turned(side * np.pi / 2)
         length = OUTER if side % 2 else hole + 2 * chamfer
@@ -83,12 +103,35 @@ class InsertPlug(Task):
         "socket has a square hole, a little wider than the stem, with chamfers around its mouth. Stem and hole have "
         "the axes of plug and socket. Put the stem at least 35 mm deep into the hole, upright."
     )
-    goals = (Goal(bodies=("plug",), at="socket", place=(0.0, 0.0, -DEPTH), tolerance=SPARE, axis=(0.0, 0.0, 1.0)),)
+    goals = (
+        Goal(
+            bodies=("plug",),
+            at="socket",
+            place=(0.0, 0.0, -DEPTH),
+            tolerance=SPARE,
+            axis=(0.0, 0.0, 1.0),
+        ),
+    )
     variations = {
-        "near": {**around("stand", (0.62, -0.2), 0.03, 0.2), **around("socket", (0.62, 0.2), 0.03, 0.2)},
+        "near": {
+            **around("stand", (0.62, -0.2), 0.03, 0.2),
+            **around("socket", (0.62, 0.2), 0.03, 0.2),
+        },
         "wide": {
-            **within("stand", x=(0.57, 0.7), y=(-0.3, -0.15), yaw=(-0.5, 0.3), height=(0.05, 0.12)),
-            **within("socket", x=(0.57, 0.7), y=(0.15, 0.3), yaw=(-0.3, 0.5), height=(0.05, 0.13)),
+            **within(
+                "stand",
+                x=(0.57, 0.7),
+                y=(-0.3, -0.15),
+                yaw=(-0.5, 0.3),
+                height=(0.05, 0.12),
+            ),
+            **within(
+                "socket",
+                x=(0.57, 0.7),
+                y=(0.15, 0.3),
+                yaw=(-0.3, 0.5),
+                height=(0.05, 0.13),
+            ),
             "clearance": (0.002, 0.004),
             **within("plug", mass=(0.4, 0.8), friction=(0.4, 0.7)),
         },
@@ -97,14 +140,32 @@ class InsertPlug(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        stand = draw.pose("stand", (0.62, -0.2, 0.0)) @ raised(draw("stand.height", 0.08))
-        socket = draw.pose("socket", (0.62, 0.2, 0.0)) @ raised(draw("socket.height", 0.08))
+        stand = draw.pose("stand", (0.62, -0.2, 0.0)) @ raised(
+            draw("stand.height", 0.08)
+        )
+        socket = draw.pose("socket", (0.62, 0.2, 0.0)) @ raised(
+            draw("socket.height", 0.08)
+        )
         fixed = (
             block("stand", stand, SIDE + 0.006, DEPTH, 0.0, GREY),
-            block("socket", socket, SIDE + 2 * draw("clearance", 0.003), DEPTH, CHAMFER, GREEN),
+            block(
+                "socket",
+                socket,
+                SIDE + 2 * draw("clearance", 0.003),
+                DEPTH,
+                CHAMFER,
+                GREEN,
+            ),
         )
         stands = stand @ raised(-DEPTH)
-        return Scene((floor(), table(), *fixed, plug(stands, draw("plug.mass", 0.6), draw("plug.friction", 0.55))))
+        return Scene(
+            (
+                floor(),
+                table(),
+                *fixed,
+                plug(stands, draw("plug.mass", 0.6), draw("plug.friction", 0.55)),
+            )
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """Up to 0.15 for the way to above the hole, the rest by depth in it; nothing for a plug that is not upright."""
@@ -114,7 +175,9 @@ class InsertPlug(Task):
         whole = length((start.position("plug") - there)[..., :2])
         depth = (there - plug)[..., 2]
         upright = z_axis(end, "plug")[..., 2] > 0.95
-        inside = off < 0.007  # its end can't be at such a place in any other way, below the mouth
+        inside = (
+            off < 0.007
+        )  # its end can't be at such a place in any other way, below the mouth
         above = 0.15 * progress(off, whole) * (depth < 0.001)
         sunk = 0.15 + 0.85 * share(depth / DEEP)
         return np.where(inside & (depth > 0), sunk, above) * upright

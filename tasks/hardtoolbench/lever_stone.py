@@ -2,7 +2,19 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+from core.scene import (
+    Body,
+    Box,
+    Camera,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    floor,
+    table,
+)
 from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
@@ -27,15 +39,27 @@ STEEL = (0.25, 0.42, 0.62, 1.0)
 
 def fulcrum(pose: Pose) -> Body:
     """A fixed round bar across the way to the stone, on a foot; its frame is on the table below the bar."""
-    foot = board((0.03, 0.2, BAR_TOP - BAR_RADIUS), (0.0, 0.0, (BAR_TOP - BAR_RADIUS) / 2), STEEL)
+    foot = board(
+        (0.03, 0.2, BAR_TOP - BAR_RADIUS), (0.0, 0.0, (BAR_TOP - BAR_RADIUS) / 2), STEEL
+    )
     lies = Pose.xyz_rpy((0.0, 0.0, BAR_TOP - BAR_RADIUS), (np.pi / 2, 0.0, 0.0))
-    return Body("fulcrum", pose, 0.0, (foot, bar := Geom(Cylinder(BAR_RADIUS, 0.2), lies, STEEL)), (foot, bar))
+    return Body(
+        "fulcrum",
+        pose,
+        0.0,
+        (foot, bar := Geom(Cylinder(BAR_RADIUS, 0.2), lies, STEEL)),
+        (foot, bar),
+    )
 
 
 def edges(state: State, side: float) -> Array:
     """Return the ends (..., 2, 3) of the stone's lower edge toward the robot (-1) or away from it (1)."""
-    ends = np.array([(side * LENGTH / 2, y, -HEIGHT / 2) for y in (-WIDTH / 2, WIDTH / 2)])
-    return state.position("stone")[..., None, :] + rotate(state.quaternion("stone")[..., None, :], ends)
+    ends = np.array(
+        [(side * LENGTH / 2, y, -HEIGHT / 2) for y in (-WIDTH / 2, WIDTH / 2)]
+    )
+    return state.position("stone")[..., None, :] + rotate(
+        state.quaternion("stone")[..., None, :], ends
+    )
 
 
 class LeverStone(Task):
@@ -63,7 +87,13 @@ class LeverStone(Task):
         "slide."
     )
     goals = (
-        Goal(bodies=("stone",), axis=(0.0, 0.0, 1.0), points=(0.115, 0.0, 0.993), at="fulcrum", tolerance_deg=1.5),
+        Goal(
+            bodies=("stone",),
+            axis=(0.0, 0.0, 1.0),
+            points=(0.115, 0.0, 0.993),
+            at="fulcrum",
+            tolerance_deg=1.5,
+        ),
     )
     variations = {
         "near": around("fulcrum", (0.75, 0.0), 0.03, 0.15),
@@ -102,5 +132,7 @@ class LeverStone(Task):
         slid = length((edges(end, 1) - edges(start, 1))[..., :2]).max(axis=-1)
         up = np.interp(rise, (0.002, *RAISED, 2 * RAISED[1]), (0.0, 1.0, 1.0, 0.0))
         return (
-            up * np.interp(slid, (KEPT, 4 * KEPT), (1.0, 0.0)) * np.interp(speed(end, "stone"), (0.02, 0.1), (1.0, 0.0))
+            up
+            * np.interp(slid, (KEPT, 4 * KEPT), (1.0, 0.0))
+            * np.interp(speed(end, "stone"), (0.02, 0.1), (1.0, 0.0))
         )

@@ -4,7 +4,21 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Color,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    Sphere,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, disc, round_wall
 from tasks.rewards import apart, length, progress, speed, split, z_axis
@@ -24,9 +38,15 @@ BRIDGE = 0.08
 BRIDGE_HEIGHT = 0.04
 BOWL_RADIUS = 0.045
 BOWL_HEIGHT = 0.035
-ASIDE = (0.13, 0.25)  # of the lid's middle from the pot's, m: from the first on it counts, from the second on fully
+ASIDE = (
+    0.13,
+    0.25,
+)  # of the lid's middle from the pot's, m: from the first on it counts, from the second on fully
 STILL_M_S = 0.05
-GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
+GENTLE = (
+    0.4,
+    0.8,
+)  # m/s; up to the first the lid was put down, from the second on dropped
 
 IRON = (0.30, 0.34, 0.40, 1.0)
 TIN = (0.62, 0.65, 0.70, 1.0)
@@ -39,7 +59,9 @@ def vessel(radius: float, height: float, color: Color) -> tuple[Geom, ...]:
     """A round bottom and a wall; the frame is below, in the middle."""
     bottom = disc(radius + WALL, FLOOR, FLOOR / 2, color)
     outer = radius + WALL
-    return bottom, *round_wall((radius, radius), (outer, outer), FLOOR, height, color, 20)
+    return bottom, *round_wall(
+        (radius, radius), (outer, outer), FLOOR, height, color, 20
+    )
 
 
 @cache
@@ -48,7 +70,9 @@ def cup() -> tuple[Geom, ...]:
     top = FLOOR + CUP_HEIGHT
     ring = 0.004
     post = disc(CUP_RADIUS, CUP_HEIGHT - ring, (FLOOR + top - ring) / 2, TIN)
-    return post, *round_wall((0.007, 0.007), (CUP_RADIUS, CUP_RADIUS), top - ring, top, TIN, 8)
+    return post, *round_wall(
+        (0.007, 0.007), (CUP_RADIUS, CUP_RADIUS), top - ring, top, TIN, 8
+    )
 
 
 def lid(pose: Pose, mass: float, friction: float) -> Body:
@@ -57,10 +81,16 @@ def lid(pose: Pose, mass: float, friction: float) -> Body:
     post = BRIDGE_HEIGHT - 0.008
     plate = Geom(Cylinder(LID_RADIUS, LID_THICKNESS), color=TIN)
     posts = (
-        board((thick, thick, post), (0.0, side * (BRIDGE - thick) / 2, (LID_THICKNESS + post) / 2), IRON)
+        board(
+            (thick, thick, post),
+            (0.0, side * (BRIDGE - thick) / 2, (LID_THICKNESS + post) / 2),
+            IRON,
+        )
         for side in (-1, 1)
     )
-    bar = board((thick, BRIDGE, thick), (0.0, 0.0, LID_THICKNESS / 2 + post + thick / 2), IRON)
+    bar = board(
+        (thick, BRIDGE, thick), (0.0, 0.0, LID_THICKNESS / 2 + post + thick / 2), IRON
+    )
     parts = (plate, *posts, bar)
     return Body("lid", pose, mass, parts, parts, friction)
 
@@ -92,7 +122,13 @@ class LidAndBall(Task):
     )
     goals = (
         Goal(bodies=("lid",), at="pot", away=ASIDE[1]),
-        Goal(bodies=("ball",), at="bowl", place=(0.0, 0.0, None), tolerance=0.02, rest=True),
+        Goal(
+            bodies=("ball",),
+            at="bowl",
+            place=(0.0, 0.0, None),
+            tolerance=0.02,
+            rest=True,
+        ),
     )
     every = True
     variations = {
@@ -109,12 +145,21 @@ class LidAndBall(Task):
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
         pose = draw.pose("pot", (0.54, 0.0, 0.0))
-        turned = Pose.xyz_rpy((0.0, 0.0, POT_HEIGHT + LID_THICKNESS / 2), (0.0, 0.0, draw("lid.yaw", 0.0)))
+        turned = Pose.xyz_rpy(
+            (0.0, 0.0, POT_HEIGHT + LID_THICKNESS / 2), (0.0, 0.0, draw("lid.yaw", 0.0))
+        )
         parts = (*vessel(POT_RADIUS, POT_HEIGHT, IRON), *cup())
         bowl = vessel(BOWL_RADIUS, BOWL_HEIGHT, CLAY)
-        stands = pose.apply((0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - 0.007**2) + 1e-4))
+        stands = pose.apply(
+            (0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - 0.007**2) + 1e-4)
+        )
         ball = Body.of(
-            "ball", Sphere(BALL_RADIUS), stands, mass=draw("ball.mass", 0.05), color=YELLOW, rolling_friction=5e-4
+            "ball",
+            Sphere(BALL_RADIUS),
+            stands,
+            mass=draw("ball.mass", 0.05),
+            color=YELLOW,
+            rolling_friction=5e-4,
         )
         return Scene(
             (
@@ -138,15 +183,29 @@ class LidAndBall(Task):
         falls = np.maximum(-trace.states.linear_velocity("lid")[..., 2], 0.0)
         sank = np.maximum(-np.diff(trace.states.position("lid")[..., 2], axis=-1), 0.0)
         # A lid that is let go may be faster between two instants, up to a free fall.
-        alone = np.hypot(falls[..., :-1], np.sqrt(2 * 9.81 * sank)) * ~trace.contact("lid", "robot")[..., 1:]
+        alone = (
+            np.hypot(falls[..., :-1], np.sqrt(2 * 9.81 * sank))
+            * ~trace.contact("lid", "robot")[..., 1:]
+        )
         fell = np.maximum(falls.max(axis=-1), alone.max(axis=-1, initial=0.0))
         lying = flat & down & (speed(end, "lid") < STILL_M_S)
-        off = np.interp(aside, ASIDE, (0.0, 1.0)) * lying * np.interp(fell, GENTLE, (1.0, 0.0))
-        left, way = (length(state.position("ball") - state.position("bowl")) for state in (end, start))
+        off = (
+            np.interp(aside, ASIDE, (0.0, 1.0))
+            * lying
+            * np.interp(fell, GENTLE, (1.0, 0.0))
+        )
+        left, way = (
+            length(state.position("ball") - state.position("bowl"))
+            for state in (end, start)
+        )
         out = apart(end, "ball", "pot") > POT_RADIUS + WALL
         still = speed(end, "ball") < STILL_M_S
         x, y, z = split(end.relative("ball", "bowl"))
-        lies = (np.hypot(x, y) < BOWL_RADIUS) & (z < BOWL_HEIGHT) & ~trace.touching_at_end("ball", "robot")
+        lies = (
+            (np.hypot(x, y) < BOWL_RADIUS)
+            & (z < BOWL_HEIGHT)
+            & ~trace.touching_at_end("ball", "robot")
+        )
         near = progress(np.maximum(left - BOWL_RADIUS, 0.0), way)
         there = np.where(lies, 1.0, near / 3) * out * still
         return off * (0.25 + 0.75 * there)

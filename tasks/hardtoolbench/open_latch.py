@@ -2,7 +2,21 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Margin, Pose, Scene, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Cylinder,
+    Goal,
+    Joint,
+    Latch,
+    Margin,
+    Pose,
+    Scene,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board
 from tasks.rewards import moved, z_axis
@@ -39,12 +53,23 @@ def cabinet(pose: Pose) -> Body:
     wide = WIDTH + 2 * (GAP + WALL)
     inside = TOP - BOTTOM + 2 * GAP
     parts = (
-        *(board((DEPTH, wide, WALL), (DEPTH / 2, middle, z), OAK) for z in (WALL / 2, TOP + GAP + WALL / 2)),
         *(
-            board((DEPTH, WALL, inside), (DEPTH / 2, middle + side * (wide - WALL) / 2, (TOP + BOTTOM) / 2), OAK)
+            board((DEPTH, wide, WALL), (DEPTH / 2, middle, z), OAK)
+            for z in (WALL / 2, TOP + GAP + WALL / 2)
+        ),
+        *(
+            board(
+                (DEPTH, WALL, inside),
+                (DEPTH / 2, middle + side * (wide - WALL) / 2, (TOP + BOTTOM) / 2),
+                OAK,
+            )
             for side in (-1, 1)
         ),
-        board((WALL, wide - 2 * WALL, inside), (DEPTH - WALL / 2, middle, (TOP + BOTTOM) / 2), OAK),
+        board(
+            (WALL, wide - 2 * WALL, inside),
+            (DEPTH - WALL / 2, middle, (TOP + BOTTOM) / 2),
+            OAK,
+        ),
     )
     return Body("cabinet", pose, 0.0, parts, parts)
 
@@ -55,16 +80,31 @@ def door(pose: Pose, mass: float, radius: float, height: float) -> Body:
     left = radius
     low = BOTTOM - height
     high = TOP - height
-    parts = [board((BACK, WIDTH, high - low), (FRONT + CAVITY + BACK / 2, (left + right) / 2, (low + high) / 2), PINE)]
-    for at, depth, top in ((0.0, FRONT, SLOT_HEIGHT / 2), (FRONT, CAVITY, SLOT_HEIGHT / 2 + UNDERCUT)):
+    parts = [
+        board(
+            (BACK, WIDTH, high - low),
+            (FRONT + CAVITY + BACK / 2, (left + right) / 2, (low + high) / 2),
+            PINE,
+        )
+    ]
+    for at, depth, top in (
+        (0.0, FRONT, SLOT_HEIGHT / 2),
+        (FRONT, CAVITY, SLOT_HEIGHT / 2 + UNDERCUT),
+    ):
         x = at + depth / 2
         half = SLOT_WIDTH / 2
         rows = ((low, -SLOT_HEIGHT / 2), (top, high))
-        parts += [board((depth, WIDTH, b - a), (x, (left + right) / 2, (a + b) / 2), PINE) for a, b in rows]
+        parts += [
+            board((depth, WIDTH, b - a), (x, (left + right) / 2, (a + b) / 2), PINE)
+            for a, b in rows
+        ]
         sides = ((right, -half), (half, left))
         a = -SLOT_HEIGHT / 2
         b = top
-        parts += [board((depth, r - q, b - a), (x, (q + r) / 2, (a + b) / 2), PINE) for q, r in sides]
+        parts += [
+            board((depth, r - q, b - a), (x, (q + r) / 2, (a + b) / 2), PINE)
+            for q, r in sides
+        ]
     return Body("door", pose, mass, tuple(parts), tuple(parts), friction=0.2)
 
 
@@ -93,7 +133,15 @@ class OpenLatch(Task):
         "Behind the face is a cavity that goes higher than the slot. A latch holds the door shut. Open the door by at "
         "least 0.9 rad. A glass stands where the door would be if it were opened much wider; leave it there."
     )
-    goals = (Goal(joint="hinge", to=OPEN + BEYOND, tolerance=BEYOND, keep=("glass",), rest=True),)
+    goals = (
+        Goal(
+            joint="hinge",
+            to=OPEN + BEYOND,
+            tolerance=BEYOND,
+            keep=("glass",),
+            rest=True,
+        ),
+    )
     variations = {
         "near": around("cabinet", (0.64, 0.0), 0.03, 0.15),
         "wide": {
@@ -109,13 +157,24 @@ class OpenLatch(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        pose = draw.pose("cabinet", (0.64, 0.0, 0.0)) @ Pose.xyz_rpy((0.0, WIDTH / 2, 0.0))
+        pose = draw.pose("cabinet", (0.64, 0.0, 0.0)) @ Pose.xyz_rpy(
+            (0.0, WIDTH / 2, 0.0)
+        )
         radius = draw("slot.radius", 0.16)
         height = draw("slot.z", 0.115)
         angle = draw("glass.angle", 1.65)
-        leaf = door(pose @ Pose.xyz_rpy((0.0, -radius, height)), draw("door.mass", 1.0), radius, height)
-        stands = pose.apply((-0.19 * np.sin(angle), -0.19 * np.cos(angle), GLASS_HEIGHT / 2 + 1e-4))
-        glass = Body.of("glass", Cylinder(GLASS_RADIUS, GLASS_HEIGHT), stands, mass=0.15, color=BLUE)
+        leaf = door(
+            pose @ Pose.xyz_rpy((0.0, -radius, height)),
+            draw("door.mass", 1.0),
+            radius,
+            height,
+        )
+        stands = pose.apply(
+            (-0.19 * np.sin(angle), -0.19 * np.cos(angle), GLASS_HEIGHT / 2 + 1e-4)
+        )
+        glass = Body.of(
+            "glass", Cylinder(GLASS_RADIUS, GLASS_HEIGHT), stands, mass=0.15, color=BLUE
+        )
         hinge = Joint(
             "hinge",
             "hinge",
@@ -140,7 +199,12 @@ class OpenLatch(Task):
         opened = np.interp(hinge.position, (0.08, OPEN), (0.0, 1.0))
         return opened * still * np.interp(shift, (0.01, 0.05), (1.0, 0.0)) * upright
 
-    def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> list[Margin]:
         shift = float(moved(start, end, "glass"))
         opened = float(end.joint("hinge").position)
-        return [Margin.at_most("glass moved", shift, 0.01, "m"), Margin.at_least("door", opened, OPEN, "rad", BEYOND)]
+        return [
+            Margin.at_most("glass moved", shift, 0.01, "m"),
+            Margin.at_least("door", opened, OPEN, "rad", BEYOND),
+        ]

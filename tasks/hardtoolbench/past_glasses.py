@@ -2,12 +2,29 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, goals_reward, table
+from core.scene import (
+    Body,
+    Camera,
+    Color,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    Trace,
+    floor,
+    goals_reward,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, revolved
 from tasks.rewards import moved, share
 
-FRONT = (0.67, 0.0)  # x, y of the middle of the cupboard's front edge; its x axis points inward
+FRONT = (
+    0.67,
+    0.0,
+)  # x, y of the middle of the cupboard's front edge; its x axis points inward
 # Inside; the roof's lower face is at the clear height.
 DEPTH = 0.3
 WIDTH = 0.52
@@ -33,8 +50,13 @@ def cupboard(pose: Pose) -> Body:
     height = CLEAR + WALL
     side = (WIDTH + WALL) / 2
     walls = (
-        *(board((DEPTH, WALL, height), (DEPTH / 2, sign * side, height / 2), OAK) for sign in (-1, 1)),
-        board((WALL, WIDTH + 2 * WALL, height), (DEPTH + WALL / 2, 0.0, height / 2), OAK),
+        *(
+            board((DEPTH, WALL, height), (DEPTH / 2, sign * side, height / 2), OAK)
+            for sign in (-1, 1)
+        ),
+        board(
+            (WALL, WIDTH + 2 * WALL, height), (DEPTH + WALL / 2, 0.0, height / 2), OAK
+        ),
         board((DEPTH, WIDTH, WALL), (DEPTH / 2, 0.0, CLEAR + WALL / 2), PANE),
     )
     return Body("cupboard", pose, 0.0, walls, walls)
@@ -43,9 +65,22 @@ def cupboard(pose: Pose) -> Body:
 def glass(name: str, pose: Pose) -> Body:
     half = GLASS_HEIGHT / 2
     inside = GLASS_RADIUS - 0.002
-    outline = [(0, -half), (GLASS_RADIUS, -half), (GLASS_RADIUS, half), (inside, half), (inside, 0.012 - half)]
+    outline = [
+        (0, -half),
+        (GLASS_RADIUS, -half),
+        (GLASS_RADIUS, half),
+        (inside, half),
+        (inside, 0.012 - half),
+    ]
     looks = (revolved([*outline, (0, 0.012 - half)], GLASS, 40),)
-    return Body(name, pose, 0.12, looks, (Geom(Cylinder(GLASS_RADIUS, GLASS_HEIGHT)),), friction=0.4)
+    return Body(
+        name,
+        pose,
+        0.12,
+        looks,
+        (Geom(Cylinder(GLASS_RADIUS, GLASS_HEIGHT)),),
+        friction=0.4,
+    )
 
 
 class PastGlasses(Task):
@@ -75,7 +110,14 @@ class PastGlasses(Task):
         "be upright and at rest. The robot and its tool must not touch any glass, and the tin must not push one."
     )
     goals = (
-        Goal(bodies=("tin",), place=(0.0, 0.0, None), at="mark", tolerance=0.012, rest=True, untouched=GLASSES),
+        Goal(
+            bodies=("tin",),
+            place=(0.0, 0.0, None),
+            at="mark",
+            tolerance=0.012,
+            rest=True,
+            untouched=GLASSES,
+        ),
         Goal(keep=GLASSES),
     )
     variations = {
@@ -84,7 +126,12 @@ class PastGlasses(Task):
             **within("cupboard", x=(0.64, 0.7), y=(-0.15, 0.15), yaw=(-0.25, 0.25)),
             **within("gate", y=(-0.04, 0.04), width=(0.147, 0.157)),
             **within(
-                "tin", x=(0.175, 0.195), y=(-0.03, 0.03), radius=(0.0415, 0.0435), mass=(0.15, 0.5), friction=(0.3, 0.6)
+                "tin",
+                x=(0.175, 0.195),
+                y=(-0.03, 0.03),
+                radius=(0.0415, 0.0435),
+                mass=(0.15, 0.5),
+                friction=(0.3, 0.6),
             ),
             **within("mark", x=(-0.125, -0.1), y=(-0.04, 0.04)),
             **{f"{name}.{axis}": (-0.01, 0.01) for name in GLASSES for axis in "xy"},
@@ -102,16 +149,25 @@ class PastGlasses(Task):
         tin_x = draw("tin.x", 0.185)
         tin_y = gate + draw("tin.y", 0.0)
         radius = draw("tin.radius", TIN_RADIUS)
-        row = [(ROW_X, gate + side * (half + out)) for out, side in ((0.085, 1), (0.0, 1), (0.0, -1), (0.085, -1))]
+        row = [
+            (ROW_X, gate + side * (half + out))
+            for out, side in ((0.085, 1), (0.0, 1), (0.0, -1), (0.085, -1))
+        ]
         beside = [(0.21, tin_y + side * 0.115) for side in (1, -1)]
         glasses = []
         for name, (x, y) in zip(GLASSES, [*row, *beside], strict=True):
             inner = name in GLASSES[1:3]  # the gate's own width is drawn above
-            place = (x + draw(f"{name}.x", 0.0), y + draw(f"{name}.y", 0.0) * (not inner), GLASS_HEIGHT / 2)
+            place = (
+                x + draw(f"{name}.x", 0.0),
+                y + draw(f"{name}.y", 0.0) * (not inner),
+                GLASS_HEIGHT / 2,
+            )
             glasses.append(glass(name, frame @ Pose.xyz_rpy(place)))
         look = (Geom(Cylinder(radius, TIN_HEIGHT), color=(0.80, 0.20, 0.17, 1.0)),)
         stands = frame @ Pose.xyz_rpy((tin_x, tin_y, TIN_HEIGHT / 2))
-        tin = Body("tin", stands, draw("tin.mass", 0.3), look, look, draw("tin.friction", 0.4))
+        tin = Body(
+            "tin", stands, draw("tin.mass", 0.3), look, look, draw("tin.friction", 0.4)
+        )
         there = frame.apply([draw("mark.x", -0.11), gate + draw("mark.y", 0.0), 0.0])
         mark = Body.mark("mark", there, 0.05, (0.16, 0.36, 0.76, 1.0))
         return Scene((floor(), table(), mark, cupboard(frame), *glasses, tin))

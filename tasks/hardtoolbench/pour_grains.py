@@ -4,7 +4,20 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Color,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    Sphere,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, disc, revolved, round_wall
 from tasks.rewards import speed, split
@@ -29,7 +42,11 @@ BOWL_RADIUS = 0.075
 BOWL_HEIGHT = 0.055
 CHINA_WALL = 0.005
 GRAIN = 0.007
-RINGS = ((0.0, 1), (0.0152, 6), (0.0298, 12))  # of grains on the crucible's bottom: radius and number
+RINGS = (
+    (0.0, 1),
+    (0.0152, 6),
+    (0.0298, 12),
+)  # of grains on the crucible's bottom: radius and number
 GRAINS = tuple(f"grain_{i}" for i in range(1, sum(count for _, count in RINGS) + 1))
 STILL_M_S = 0.05
 
@@ -39,7 +56,9 @@ CHINA: Color = (0.80, 0.88, 0.93, 1.0)
 MAIZE: Color = (0.93, 0.72, 0.22, 1.0)
 
 
-def ring(inner: float, outer: float, bottom: float, top: float, color: Color) -> tuple[Geom, ...]:
+def ring(
+    inner: float, outer: float, bottom: float, top: float, color: Color
+) -> tuple[Geom, ...]:
     """Collision shapes of an upright ring."""
     return round_wall((inner, inner), (outer, outer), bottom, top, color, 12)
 
@@ -48,8 +67,21 @@ def ring(inner: float, outer: float, bottom: float, top: float, color: Color) ->
 def crucible() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
     """What is drawn, and what collides; the frame is below, in the middle of the bottom."""
     bottom = disc(OUTSIDE, WALL, WALL / 2, IRON)
-    outside = [(OUTSIDE, 0.0), (OUTSIDE, COLLAR_LOW), (COLLAR, COLLAR_LOW), (COLLAR, COLLAR_TOP), (OUTSIDE, COLLAR_TOP)]
-    outline = [(0.0, 0.0), *outside, (OUTSIDE, HEIGHT), (INSIDE, HEIGHT), (INSIDE, WALL), (0.0, WALL)]
+    outside = [
+        (OUTSIDE, 0.0),
+        (OUTSIDE, COLLAR_LOW),
+        (COLLAR, COLLAR_LOW),
+        (COLLAR, COLLAR_TOP),
+        (OUTSIDE, COLLAR_TOP),
+    ]
+    outline = [
+        (0.0, 0.0),
+        *outside,
+        (OUTSIDE, HEIGHT),
+        (INSIDE, HEIGHT),
+        (INSIDE, WALL),
+        (0.0, WALL),
+    ]
     wall = ring(INSIDE, OUTSIDE, WALL, HEIGHT, IRON)
     collar = ring(INSIDE, COLLAR, COLLAR_LOW, COLLAR_TOP, IRON)
     return (revolved(outline, IRON),), (bottom, *wall, *collar)
@@ -61,19 +93,35 @@ def stand(height: float) -> tuple[Geom, ...]:
     # Of the block, and the middle of the rim's bars.
     width = 2 * (OUTSIDE + 0.009)
     rim = OUTSIDE + 0.006
-    along = [board((width, 0.006, SEAT), (0.0, side * rim, SEAT / 2), STONE) for side in (-1, 1)]
-    across = [board((0.006, width, SEAT), (side * rim, 0.0, SEAT / 2), STONE) for side in (-1, 1)]
-    return (board((width, width, height), (0.0, 0.0, -height / 2), STONE), *along, *across)
+    along = [
+        board((width, 0.006, SEAT), (0.0, side * rim, SEAT / 2), STONE)
+        for side in (-1, 1)
+    ]
+    across = [
+        board((0.006, width, SEAT), (side * rim, 0.0, SEAT / 2), STONE)
+        for side in (-1, 1)
+    ]
+    return (
+        board((width, width, height), (0.0, 0.0, -height / 2), STONE),
+        *along,
+        *across,
+    )
 
 
 @cache
 def bowl() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
     outer = (BOWL_INSIDE + CHINA_WALL, BOWL_RADIUS + CHINA_WALL)
     bottom = disc(outer[0], CHINA_WALL, CHINA_WALL / 2, CHINA)
-    wall = round_wall((BOWL_INSIDE, BOWL_RADIUS), outer, CHINA_WALL, BOWL_HEIGHT, CHINA, 12)
+    wall = round_wall(
+        (BOWL_INSIDE, BOWL_RADIUS), outer, CHINA_WALL, BOWL_HEIGHT, CHINA, 12
+    )
     outside = [(0.0, 0.0), (outer[0], 0.0), (outer[1], BOWL_HEIGHT)]
     inside = [(BOWL_RADIUS, BOWL_HEIGHT)]
-    return (revolved([*outside, *inside, (BOWL_INSIDE, CHINA_WALL), (0.0, CHINA_WALL)], CHINA),), (bottom, *wall)
+    return (
+        revolved(
+            [*outside, *inside, (BOWL_INSIDE, CHINA_WALL), (0.0, CHINA_WALL)], CHINA
+        ),
+    ), (bottom, *wall)
 
 
 class PourGrains(Task):
@@ -102,7 +150,11 @@ class PourGrains(Task):
         "that lies in it at rest counts the same, but none that is still carried, in the crucible or by the tool. "
         "Nothing counts while the crucible touches the bowl."
     )
-    goals = (Goal(bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True),)
+    goals = (
+        Goal(
+            bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True
+        ),
+    )
     variations = {
         "near": {**around("crucible", CRUCIBLE, 0.03), **around("bowl", BOWL, 0.03)},
         "wide": {
@@ -125,12 +177,39 @@ class PourGrains(Task):
         grains: list[Body] = []
         for radius, count in RINGS:
             for angle in np.arange(count) * 2 * np.pi / count:
-                pose = place @ Pose.xyz_rpy((radius * np.cos(angle), radius * np.sin(angle), WALL + GRAIN))
+                pose = place @ Pose.xyz_rpy(
+                    (radius * np.cos(angle), radius * np.sin(angle), WALL + GRAIN)
+                )
                 name = GRAINS[len(grains)]
-                grains.append(Body(name, pose, mass, looks, looks, friction, rolling_friction=0.0005))
-        iron = Body("crucible", place, draw("crucible.mass", 1.5), *crucible(), draw("crucible.friction", 0.02))
+                grains.append(
+                    Body(
+                        name,
+                        pose,
+                        mass,
+                        looks,
+                        looks,
+                        friction,
+                        rolling_friction=0.0005,
+                    )
+                )
+        iron = Body(
+            "crucible",
+            place,
+            draw("crucible.mass", 1.5),
+            *crucible(),
+            draw("crucible.friction", 0.02),
+        )
         dish = Body("bowl", draw.pose("bowl", (*BOWL, 0.0)), 0.0, *bowl())
-        return Scene((floor(), table(), Body("stand", place, 0.0, stand(height), stand(height)), dish, iron, *grains))
+        return Scene(
+            (
+                floor(),
+                table(),
+                Body("stand", place, 0.0, stand(height), stand(height)),
+                dish,
+                iron,
+                *grains,
+            )
+        )
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """The share of the grains that lie in the bowl at rest, not carried; nothing while the crucible touches it."""
@@ -141,6 +220,14 @@ class PourGrains(Task):
             slow = speed(end, name) < STILL_M_S
             across, along, up = split(end.relative(name, "crucible"))
             # By the tool, or in the crucible, even if that rests on other grains.
-            carried = trace.held(name)[..., -1] | ((np.hypot(across, along) < OUTSIDE) & (up > 0) & (up < HEIGHT))
-            inside.append((np.hypot(x, y) < BOWL_RADIUS) & (z > 0) & (z < BOWL_HEIGHT) & slow & ~carried)
+            carried = trace.held(name)[..., -1] | (
+                (np.hypot(across, along) < OUTSIDE) & (up > 0) & (up < HEIGHT)
+            )
+            inside.append(
+                (np.hypot(x, y) < BOWL_RADIUS)
+                & (z > 0)
+                & (z < BOWL_HEIGHT)
+                & slow
+                & ~carried
+            )
         return np.mean(inside, axis=0) * ~trace.touching_at_end("crucible", "bowl")

@@ -2,12 +2,28 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Box,
+    Camera,
+    Color,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, raised
 from tasks.rewards import share, speed, split
 
-PLACE = (0.68, 0.0)  # of the track's frame: x points across it and away from the robot, y back to where the carts start
+PLACE = (
+    0.68,
+    0.0,
+)  # of the track's frame: x points across it and away from the robot, y back to where the carts start
 # Height of the track and half its width.
 TOP = 0.06
 TRACK = 0.04
@@ -43,15 +59,34 @@ def machine(pose: Pose) -> Body:
     wall = 0.01
     tray = FAR - TRACK
     parts = (
-        board((-DECK - TRACK, length, TOP), ((DECK - TRACK) / 2, middle, TOP / 2), STEEL),
-        board((tray, length, TRAY_FLOOR), (TRACK + tray / 2, middle, TRAY_FLOOR / 2), GREEN),
+        board(
+            (-DECK - TRACK, length, TOP), ((DECK - TRACK) / 2, middle, TOP / 2), STEEL
+        ),
+        board(
+            (tray, length, TRAY_FLOOR),
+            (TRACK + tray / 2, middle, TRAY_FLOOR / 2),
+            GREEN,
+        ),
         board((wall, length, LID), (FAR + wall / 2, middle, LID / 2), STEEL),
         board((tray, wall, LID), (TRACK + tray / 2, START + wall / 2, LID / 2), STEEL),
         board((tray, wall, LID), (TRACK + tray / 2, END - wall / 2, LID / 2), STEEL),
-        board((FAR + wall - DECK, length, PANE), ((FAR + wall + DECK) / 2, middle, LID + PANE / 2), GLASS),
-        board((2 * TRACK, 0.2, 0.01), (0.0, END - 0.1, 0.005), GREEN),  # the bin: floor, two sides, end
-        *(board((wall, 0.2, TOP), (side * (TRACK + wall / 2), END - 0.1, TOP / 2), STEEL) for side in (-1, 1)),
-        board((2 * (TRACK + wall), wall, LID), (0.0, END - 0.2 - wall / 2, LID / 2), STEEL),
+        board(
+            (FAR + wall - DECK, length, PANE),
+            ((FAR + wall + DECK) / 2, middle, LID + PANE / 2),
+            GLASS,
+        ),
+        board(
+            (2 * TRACK, 0.2, 0.01), (0.0, END - 0.1, 0.005), GREEN
+        ),  # the bin: floor, two sides, end
+        *(
+            board(
+                (wall, 0.2, TOP), (side * (TRACK + wall / 2), END - 0.1, TOP / 2), STEEL
+            )
+            for side in (-1, 1)
+        ),
+        board(
+            (2 * (TRACK + wall), wall, LID), (0.0, END - 0.2 - wall / 2, LID / 2), STEEL
+        ),
     )
     return Body("machine", pose, 0.0, parts, parts, friction=0.6)
 
@@ -86,7 +121,13 @@ class StopCart(Task):
         "tray a glass lid leaves low room above the track, open toward the robot."
     )
     goals = (
-        Goal(bodies=("cart",), place=(sum(TRAY) / 2, None, None), tolerance=0.07, at="track", rest=True),
+        Goal(
+            bodies=("cart",),
+            place=(sum(TRAY) / 2, None, None),
+            tolerance=0.07,
+            at="track",
+            rest=True,
+        ),
         Goal(untouched=("red_before", "red_behind")),
     )
     variations = {
@@ -109,16 +150,38 @@ class StopCart(Task):
         at = draw("cart.y", AT)
         mass = draw("cart.mass", 0.12)
         velocity = frame.rotation.apply([0.0, -draw("speed", SPEED), 0.0])
-        bed = (board((2 * TRACK, START - END, TOP), (0.0, (START + END) / 2, TOP / 2), (0.88, 0.90, 0.93, 1.0)),)
+        bed = (
+            board(
+                (2 * TRACK, START - END, TOP),
+                (0.0, (START + END) / 2, TOP / 2),
+                (0.88, 0.90, 0.93, 1.0),
+            ),
+        )
         track = Body("track", frame, 0.0, bed, bed, friction=0.0)
-        places = {"cart": at, "red_before": at - draw("before.gap", GAP), "red_behind": at + draw("behind.gap", GAP)}
+        places = {
+            "cart": at,
+            "red_before": at - draw("before.gap", GAP),
+            "red_behind": at + draw("behind.gap", GAP),
+        }
         carts = []
         for name, y in places.items():
-            body = (Geom(Box((SIDE, SIDE, HEIGHT)), color=BLUE if name == "cart" else RED),)
+            body = (
+                Geom(Box((SIDE, SIDE, HEIGHT)), color=BLUE if name == "cart" else RED),
+            )
             stripe = Geom(Box((0.006, SIDE - 0.01, 0.001)), raised(HEIGHT / 2))
             pose = frame @ Pose.xyz_rpy((0.0, y, TOP + HEIGHT / 2))
             x, y, z = velocity
-            carts.append(Body(name, pose, mass, (*body, stripe), body, friction=0.5, velocity=(x, y, z)))
+            carts.append(
+                Body(
+                    name,
+                    pose,
+                    mass,
+                    (*body, stripe),
+                    body,
+                    friction=0.5,
+                    velocity=(x, y, z),
+                )
+            )
         return Scene((floor(), table(), track, machine(frame), *carts))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
@@ -128,7 +191,9 @@ class StopCart(Task):
         across, _, height = split(end.relative("cart", "track"))
         inside = (across > TRAY[0]) & (across < TRAY[1]) & (height < TOP)
         slow = speed(end, "cart") < STILL_M_S
-        earned = np.where(inside & slow, 1.0, share((across - aside) / (TRAY[0] - aside)) / 2)
+        earned = np.where(
+            inside & slow, 1.0, share((across - aside) / (TRAY[0] - aside)) / 2
+        )
         for name in ("red_before", "red_behind"):
             aside, along, _ = split(end.relative(name, "track"))
             before = start.linear_velocity(name)

@@ -2,7 +2,22 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Margin, Pose, Scene, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Box,
+    Camera,
+    Color,
+    Cylinder,
+    Geom,
+    Goal,
+    Margin,
+    Pose,
+    Scene,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, open_box, raised, revolved
 from tasks.rewards import moved, split
@@ -35,9 +50,18 @@ PAPER: tuple[Color, Color] = ((0.96, 0.95, 0.91, 1.0), (0.83, 0.25, 0.22, 1.0))
 
 def vase(pose: Pose) -> Body:
     """A slender vase; its frame is below, in the middle of its foot."""
-    profile = [(0, 0), (0.02, 0), (VASE_RADIUS, 0.045), (0.011, 0.09), (0.016, VASE_HEIGHT), (0, VASE_HEIGHT)]
+    profile = [
+        (0, 0),
+        (0.02, 0),
+        (VASE_RADIUS, 0.045),
+        (0.011, 0.09),
+        (0.016, VASE_HEIGHT),
+        (0, VASE_HEIGHT),
+    ]
     shape = Geom(Cylinder(VASE_RADIUS, VASE_HEIGHT), raised(VASE_HEIGHT / 2))
-    return Body("vase", pose, 0.2, (revolved(profile, CHINA, 40),), (shape,), friction=0.6)
+    return Body(
+        "vase", pose, 0.2, (revolved(profile, CHINA, 40),), (shape,), friction=0.6
+    )
 
 
 class SweepCards(Task):
@@ -67,17 +91,33 @@ class SweepCards(Task):
         "on the board with more than 15 N."
     )
     goals = (
-        Goal(bodies=CARDS, place=(0.0, None, 0.02), tolerance=0.05, at="tray", by_s=BY_S, untouched=("vase",)),
+        Goal(
+            bodies=CARDS,
+            place=(0.0, None, 0.02),
+            tolerance=0.05,
+            at="tray",
+            by_s=BY_S,
+            untouched=("vase",),
+        ),
         Goal(untouched=("board",), max_force_n=PRESS_N, keep=("vase",)),
     )
     variations = {
         "near": around("board", PLACE, 0.03, 0.15),
         "wide": {
             **within(
-                "board", x=(0.36, 0.42), y=(-0.08, 0.08), yaw=(-0.2, 0.2), pitch=(-0.05, 0.05), roll=(-0.03, 0.03)
+                "board",
+                x=(0.36, 0.42),
+                y=(-0.08, 0.08),
+                yaw=(-0.2, 0.2),
+                pitch=(-0.05, 0.05),
+                roll=(-0.03, 0.03),
             ),
             **within("cards", mass=(0.003, 0.008), friction=(0.3, 0.6)),
-            **{f"{name}.{axis}": (-0.012, 0.012) for name in ("vase", *CARDS) for axis in "xy"},
+            **{
+                f"{name}.{axis}": (-0.012, 0.012)
+                for name in ("vase", *CARDS)
+                for axis in "xy"
+            },
             **{f"{name}.yaw": (-3.14, 3.14) for name in CARDS},
         },
     }
@@ -88,8 +128,12 @@ class SweepCards(Task):
         """Places of the cards and the vase are from the middles of their cells, in the board's frame."""
         draw = self.draw(seed)
         upright = draw.pose("board", (*PLACE, TOP))
-        frame = upright @ Pose.xyz_rpy((0.0, 0.0, 0.0), (draw("board.roll", 0.0), draw("board.pitch", 0.0), 0.0))
-        slab = (board((DEPTH, WIDTH, THICKNESS), (DEPTH / 2, 0.0, -THICKNESS / 2), LACQUER),)
+        frame = upright @ Pose.xyz_rpy(
+            (0.0, 0.0, 0.0), (draw("board.roll", 0.0), draw("board.pitch", 0.0), 0.0)
+        )
+        slab = (
+            board((DEPTH, WIDTH, THICKNESS), (DEPTH / 2, 0.0, -THICKNESS / 2), LACQUER),
+        )
         box = open_box(*TRAY, 0.008, BEECH)
         below = upright @ Pose.xyz_rpy((-TRAY[0] / 2 - 0.004, 0.0, -TOP))
         mass = draw("cards.mass", 0.005)
@@ -115,18 +159,28 @@ class SweepCards(Task):
         """The share of the cards that are in the tray in time and stay there; nothing for harm to vase or board."""
         assert trace is not None
         in_time = trace.times <= BY_S
-        inside = [self.inside(end, name) * self.inside(trace.states, name)[..., in_time].any(axis=-1) for name in CARDS]
-        harmed = trace.touched("vase", "robot") | (trace.force_n("board", "robot") > PRESS_N)
+        inside = [
+            self.inside(end, name)
+            * self.inside(trace.states, name)[..., in_time].any(axis=-1)
+            for name in CARDS
+        ]
+        harmed = trace.touched("vase", "robot") | (
+            trace.force_n("board", "robot") > PRESS_N
+        )
         shifted = moved(start, end, "vase") > 0.01
         return np.mean(inside, axis=0) * ~harmed * ~shifted
 
-    def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> list[Margin]:
         assert trace is not None
         gap = 0.0 if trace.touched("vase", "robot") else float(trace.clearances["vase"])
         shift = float(np.linalg.norm(end.position("vase") - start.position("vase")))
         return [
             Margin.clearance("vase", gap),
-            Margin.at_most("force on board", float(trace.force_n("board", "robot")), PRESS_N, "N"),
+            Margin.at_most(
+                "force on board", float(trace.force_n("board", "robot")), PRESS_N, "N"
+            ),
             Margin.at_most("vase moved", shift, 0.01, "m"),
         ]
 

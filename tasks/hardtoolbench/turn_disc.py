@@ -2,7 +2,19 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+from core.scene import (
+    Body,
+    Box,
+    Camera,
+    Cylinder,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    State,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import raised
 from tasks.rewards import apart, speed, z_axis
@@ -29,9 +41,13 @@ GREEN = (0.25, 0.62, 0.35, 1.0)
 def board(pose: Pose) -> Body:
     """A fixed board with a strip across it; its frame is on the table below the strip."""
     plank = Geom(
-        Box((FAR_EDGE - NEAR_EDGE, WIDTH, TOP)), Pose.xyz_rpy(((FAR_EDGE + NEAR_EDGE) / 2, 0.0, TOP / 2)), WOOD
+        Box((FAR_EDGE - NEAR_EDGE, WIDTH, TOP)),
+        Pose.xyz_rpy(((FAR_EDGE + NEAR_EDGE) / 2, 0.0, TOP / 2)),
+        WOOD,
     )
-    strip = Geom(Box((STRIP, WIDTH, STRIP_HEIGHT)), raised(TOP + STRIP_HEIGHT / 2), DARK)
+    strip = Geom(
+        Box((STRIP, WIDTH, STRIP_HEIGHT)), raised(TOP + STRIP_HEIGHT / 2), DARK
+    )
     return Body("board", pose, 0.0, (plank, strip), (plank, strip))
 
 
@@ -41,7 +57,14 @@ def disc(pose: Pose, thickness: float, mass: float, friction: float) -> Body:
         Geom(Cylinder(RADIUS, thickness / 2), raised(side * thickness / 4), color)
         for side, color in ((1, BLUE), (-1, RED))
     )
-    return Body("disc", pose, mass, tuple(halves), (Geom(Cylinder(RADIUS, thickness)),), friction)
+    return Body(
+        "disc",
+        pose,
+        mass,
+        tuple(halves),
+        (Geom(Cylinder(RADIUS, thickness)),),
+        friction,
+    )
 
 
 class TurnDisc(Task):
@@ -86,7 +109,13 @@ class TurnDisc(Task):
         "wide": {
             **within("board", x=(0.52, 0.62), y=(-0.15, 0.15), yaw=(-0.4, 0.4)),
             "gap": (0.001, 0.008),
-            **within("disc", y=(-0.05, 0.05), thickness=(0.014, 0.02), mass=(0.3, 0.6), friction=(0.35, 0.7)),
+            **within(
+                "disc",
+                y=(-0.05, 0.05),
+                thickness=(0.014, 0.02),
+                mass=(0.3, 0.6),
+                friction=(0.35, 0.7),
+            ),
             **within("mark", x=(0.13, 0.2), y=(-0.03, 0.03)),
         },
     }
@@ -99,9 +128,19 @@ class TurnDisc(Task):
         x = -STRIP / 2 - draw("gap", 0.004) - RADIUS
         y = draw("disc.y", 0.0)
         lies = pose @ Pose.xyz_rpy((x, y, TOP + thickness / 2))
-        stone = disc(lies, thickness, draw("disc.mass", 0.45), draw("disc.friction", 0.5))
+        stone = disc(
+            lies, thickness, draw("disc.mass", 0.45), draw("disc.friction", 0.5)
+        )
         there = pose.apply((draw("mark.x", 0.16), y + draw("mark.y", 0.0), TOP))
-        return Scene((floor(), table(), board(pose), Body.mark("mark", there, 0.03, GREEN), stone))
+        return Scene(
+            (
+                floor(),
+                table(),
+                board(pose),
+                Body.mark("mark", there, 0.03, GREEN),
+                stone,
+            )
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """0.1 for a disc on its rim or held, 1 for one that lies upside down; less away from the mark, or in motion."""

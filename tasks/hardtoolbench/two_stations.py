@@ -2,7 +2,20 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Geom, Goal, Joint, Pose, Scene, State, floor, goals_reward, table
+from core.scene import (
+    Body,
+    Camera,
+    Cylinder,
+    Geom,
+    Goal,
+    Joint,
+    Pose,
+    Scene,
+    State,
+    floor,
+    goals_reward,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, raised
 
@@ -43,10 +56,18 @@ def tube(mouth: Pose) -> Body:
         board((TUBE_LENGTH, wide, WALL), (TUBE_LENGTH / 2, 0.0, -high), STEEL),
         board((TUBE_LENGTH, wide, WALL), (TUBE_LENGTH / 2, 0.0, high), STEEL),
         *(
-            board((TUBE_LENGTH, WALL, TUBE_HEIGHT), (TUBE_LENGTH / 2, side * (TUBE_WIDTH + WALL) / 2, 0.0), color)
+            board(
+                (TUBE_LENGTH, WALL, TUBE_HEIGHT),
+                (TUBE_LENGTH / 2, side * (TUBE_WIDTH + WALL) / 2, 0.0),
+                color,
+            )
             for side, color in ((-1, GLASS), (1, STEEL))
         ),
-        board((0.06, 0.03, z - high - WALL / 2), (TUBE_LENGTH - 0.03, 0.0, -(z + high + WALL / 2) / 2), WOOD),
+        board(
+            (0.06, 0.03, z - high - WALL / 2),
+            (TUBE_LENGTH - 0.03, 0.0, -(z + high + WALL / 2) / 2),
+            WOOD,
+        ),
     )
     return Body("tube", mouth, 0.0, parts, parts)
 
@@ -54,10 +75,21 @@ def tube(mouth: Pose) -> Body:
 def cabinet(pose: Pose) -> Body:
     """Two fixed walls and a canopy over the drawer and its handle; its frame is on the table, below the front edge."""
     walls = (
-        board((BAY_LENGTH, 0.01, BAY_HEIGHT), (BAY_LENGTH / 2, side * (BAY_WIDTH + 0.01) / 2, BAY_HEIGHT / 2), color)
+        board(
+            (BAY_LENGTH, 0.01, BAY_HEIGHT),
+            (BAY_LENGTH / 2, side * (BAY_WIDTH + 0.01) / 2, BAY_HEIGHT / 2),
+            color,
+        )
         for side, color in ((-1, GLASS), (1, WOOD))
     )
-    parts = (*walls, board((BAY_LENGTH, BAY_WIDTH + 0.02, 0.01), (BAY_LENGTH / 2, 0.0, BAY_HEIGHT + 0.005), GLASS))
+    parts = (
+        *walls,
+        board(
+            (BAY_LENGTH, BAY_WIDTH + 0.02, 0.01),
+            (BAY_LENGTH / 2, 0.0, BAY_HEIGHT + 0.005),
+            GLASS,
+        ),
+    )
     return Body("cabinet", pose, 0.0, parts, parts)
 
 
@@ -67,7 +99,10 @@ def drawer(pose: Pose, mass: float) -> Body:
     front = BAR / 2 + GAP
     height = BAY_HEIGHT - 0.007
     parts = (
-        *(board((front, 0.008, 0.02), (front / 2, side * 0.03, -BAR - 0.012), BLUE) for side in (-1, 1)),
+        *(
+            board((front, 0.008, 0.02), (front / 2, side * 0.03, -BAR - 0.012), BLUE)
+            for side in (-1, 1)
+        ),
         board((0.09, 0.1, height), (front + 0.045, 0.0, height / 2 + 0.003 - TOP), RED),
     )
     return Body("drawer", pose, mass, parts, parts)
@@ -75,7 +110,11 @@ def drawer(pose: Pose, mass: float) -> Body:
 
 def roller(drawer: Pose) -> Body:
     """The handle, which turns freely, so that friction on top of it pulls nothing."""
-    shape = Geom(Cylinder(BAR / 2, 0.1), Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi / 2, 0.0, 0.0)), BLUE)
+    shape = Geom(
+        Cylinder(BAR / 2, 0.1),
+        Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi / 2, 0.0, 0.0)),
+        BLUE,
+    )
     return Body("roller", drawer @ raised(-BAR / 2), 0.05, (shape,), (shape,))
 
 
@@ -112,9 +151,18 @@ class TwoStations(Task):
     )
     every = True
     variations = {
-        "near": {**around("tube", (0.56, 0.2), 0.03, 0.2), **around("cabinet", (0.54, -0.2), 0.03, 0.2)},
+        "near": {
+            **around("tube", (0.56, 0.2), 0.03, 0.2),
+            **around("cabinet", (0.54, -0.2), 0.03, 0.2),
+        },
         "wide": {
-            **within("tube", x=(0.5, 0.64), y=(0.12, 0.28), yaw=(-0.3, 0.45), height=(0.12, 0.24)),
+            **within(
+                "tube",
+                x=(0.5, 0.64),
+                y=(0.12, 0.28),
+                yaw=(-0.3, 0.45),
+                height=(0.12, 0.24),
+            ),
             **within("button", depth=(0.06, 0.09), friction=(3.0, 8.0)),
             **within("cabinet", x=(0.5, 0.6), y=(-0.28, -0.14), yaw=(-0.45, 0.3)),
             **within("drawer", friction=(3.0, 8.0), mass=(0.3, 0.8)),
@@ -131,16 +179,49 @@ class TwoStations(Task):
         stiff = draw("button.friction", 5.0)
         heavy = draw("drawer.friction", 5.0)
         face = board((0.03, 0.022, 0.028), (0.015, 0.0, 0.0), RED)
-        button = Body("button", mouth @ Pose.xyz_rpy((depth, 0.0, 0.0)), 0.03, (face,), (face,))
+        button = Body(
+            "button", mouth @ Pose.xyz_rpy((depth, 0.0, 0.0)), 0.03, (face,), (face,)
+        )
         drawn = drawer(stands @ Pose.xyz_rpy((HANDLE, 0.0, TOP)), mass)
         forward = (1.0, 0.0, 0.0)
         back = (-1.0, 0.0, 0.0)
         joints = (
-            Joint("button", "slider", "button", "tube", forward, upper=STOP, lower=0.0, damping=5.0, friction=stiff),
-            Joint("drawer", "slider", "drawer", "cabinet", back, upper=END, lower=0.0, damping=5.0, friction=heavy),
+            Joint(
+                "button",
+                "slider",
+                "button",
+                "tube",
+                forward,
+                upper=STOP,
+                lower=0.0,
+                damping=5.0,
+                friction=stiff,
+            ),
+            Joint(
+                "drawer",
+                "slider",
+                "drawer",
+                "cabinet",
+                back,
+                upper=END,
+                lower=0.0,
+                damping=5.0,
+                friction=heavy,
+            ),
             Joint("roller", "hinge", "roller", "drawer", (0.0, 1.0, 0.0), damping=1e-4),
         )
-        return Scene((floor(), table(), tube(mouth), button, cabinet(stands), drawn, roller(drawn.pose)), joints)
+        return Scene(
+            (
+                floor(),
+                table(),
+                tube(mouth),
+                button,
+                cabinet(stands),
+                drawn,
+                roller(drawn.pose),
+            ),
+            joints,
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """Half for each: the share of the way of the button, and of the drawer."""

@@ -2,7 +2,21 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Elastic, Filling, Goal, Pose, Scene, Soft, Sphere, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Elastic,
+    Filling,
+    Goal,
+    Pose,
+    Scene,
+    Soft,
+    Sphere,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, turned
 from tasks.rewards import length, progress, speed
@@ -42,7 +56,13 @@ class GatherBall(Task):
         "than 2 N."
     )
     goals = (
-        Goal(bodies=("ball",), at="mark", place=(0.0, 0.0, None), tolerance=NEAR, rest=True),
+        Goal(
+            bodies=("ball",),
+            at="mark",
+            place=(0.0, 0.0, None),
+            tolerance=NEAR,
+            rest=True,
+        ),
         Goal(untouched=("ball",), max_force_n=SQUEEZE_N),
     )
     variations = {
@@ -50,7 +70,13 @@ class GatherBall(Task):
         "wide": {
             **within("corner", x=(0.66, 0.74), y=(-0.12, 0.12), yaw=(-0.2, 0.2)),
             **within("mark", x=(0.38, 0.46), y=(-0.06, 0.06)),
-            **within("ball", radius=RADIUS, density=(100, 250), young=(1e4, 4e4), friction=(0.3, 0.6)),
+            **within(
+                "ball",
+                radius=RADIUS,
+                density=(100, 250),
+                young=(1e4, 4e4),
+                friction=(0.3, 0.6),
+            ),
         },
     }
     camera = Camera(position=(0.1, -0.65, 0.65), target=(0.55, 0.0, 0.05))
@@ -60,11 +86,17 @@ class GatherBall(Task):
         draw = self.draw(seed)
         corner = draw.pose("corner", (0.7, 0.0, 0.0)) @ turned(-np.pi / 4)
         walls = (
-            board((0.012, WALL + 0.012, HIGH), (0.006, 0.006 - WALL / 2, HIGH / 2), WOOD),
+            board(
+                (0.012, WALL + 0.012, HIGH), (0.006, 0.006 - WALL / 2, HIGH / 2), WOOD
+            ),
             board((WALL, 0.012, HIGH), (-WALL / 2, 0.006, HIGH / 2), WOOD),
         )
         radius = draw("ball.radius", 0.052)
-        elastic = Elastic(draw("ball.density", 150), draw("ball.young", 2e4), friction=draw("ball.friction", 0.4))
+        elastic = Elastic(
+            draw("ball.density", 150),
+            draw("ball.young", 2e4),
+            friction=draw("ball.friction", 0.4),
+        )
         form = Filling(Sphere(radius))
         off = radius + form.thickness / 2 + 5e-4
         lies = corner @ Pose.xyz_rpy((-off, -off, radius + form.thickness / 2))
@@ -81,8 +113,12 @@ class GatherBall(Task):
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Up to 0.15 by the way to the mark, 1 at rest on it; nothing for a ball that was squeezed."""
         assert trace is not None
-        left, whole = (length(at.relative("ball", "mark")[..., :2]) for at in (end, start))
+        left, whole = (
+            length(at.relative("ball", "mark")[..., :2]) for at in (end, start)
+        )
         still = speed(end, "ball") < STILL
         there = (left < NEAR) & still & (end.position("ball")[..., 2] < 1.2 * RADIUS[1])
         gone = progress(np.maximum(left - NEAR, 0.0), whole - NEAR)
-        return np.where(there, 1.0, 0.15 * gone) * (trace.force_n("ball", "robot") <= SQUEEZE_N)
+        return np.where(there, 1.0, 0.15 * gone) * (
+            trace.force_n("ball", "robot") <= SQUEEZE_N
+        )

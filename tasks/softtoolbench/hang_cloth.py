@@ -2,7 +2,22 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cloth, Cylinder, Elastic, Geom, Goal, Pose, Scene, Soft, State, Trace, floor, table
+from core.scene import (
+    Body,
+    Camera,
+    Cloth,
+    Cylinder,
+    Elastic,
+    Geom,
+    Goal,
+    Pose,
+    Scene,
+    Soft,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, raised
 from tasks.rewards import length, progress, share, speed, split
@@ -57,13 +72,32 @@ class HangCloth(Task):
         "both sides of it, at rest and let go. The cloth is sterile: only a tool may touch it, neither hand, fingers "
         "nor arm."
     )
-    goals = (Goal(bodies=("cloth",), at="bar", place=(-BAR / 2, 0.0, -0.05), tolerance=0.06, rest=True),)
+    goals = (
+        Goal(
+            bodies=("cloth",),
+            at="bar",
+            place=(-BAR / 2, 0.0, -0.05),
+            tolerance=0.06,
+            rest=True,
+        ),
+    )
     variations = {
-        "near": {**around("rack", (0.57, -0.2), 0.03, 0.2), **around("post", (0.66, 0.22), 0.03, 0.2)},
+        "near": {
+            **around("rack", (0.57, -0.2), 0.03, 0.2),
+            **around("post", (0.66, 0.22), 0.03, 0.2),
+        },
         "wide": {
             **within("rack", x=(0.54, 0.62), y=(-0.26, -0.18), yaw=(-0.3, 0.3)),
-            **within("post", x=(0.62, 0.7), y=(0.2, 0.28), yaw=(-0.3, 0.3), height=(0.26, 0.36)),
-            **within("cloth", density=(150, 400), young=(4e4, 2e5), friction=(0.3, 0.7)),
+            **within(
+                "post",
+                x=(0.62, 0.7),
+                y=(0.2, 0.28),
+                yaw=(-0.3, 0.3),
+                height=(0.26, 0.36),
+            ),
+            **within(
+                "cloth", density=(150, 400), young=(4e4, 2e5), friction=(0.3, 0.7)
+            ),
         },
     }
     camera = Camera(position=(0.0, -0.75, 0.72), target=(0.56, 0.0, 0.2))
@@ -73,14 +107,27 @@ class HangCloth(Task):
         below = draw.pose("rack", (0.57, -0.2, 0.0))
         place = draw.pose("post", (0.66, 0.22, 0.0))
         height = draw("post.height", 0.3)
-        column = Geom(Cylinder(0.018, height + 0.03), Pose.xyz_rpy((0.018, 0.0, (height + 0.03) / 2)), WOOD)
+        column = Geom(
+            Cylinder(0.018, height + 0.03),
+            Pose.xyz_rpy((0.018, 0.0, (height + 0.03) / 2)),
+            WOOD,
+        )
         foot = board((0.12, 0.12, 0.012), (0.018, 0.0, 0.006), WOOD)
-        rod = Geom(Cylinder(RADIUS, BAR), Pose.xyz_rpy((-BAR / 2, 0.0, -RADIUS), (0.0, np.pi / 2, 0.0)), STEEL)
+        rod = Geom(
+            Cylinder(RADIUS, BAR),
+            Pose.xyz_rpy((-BAR / 2, 0.0, -RADIUS), (0.0, np.pi / 2, 0.0)),
+            STEEL,
+        )
         elastic = Elastic(
-            draw("cloth.density", 250), draw("cloth.young", 1e5), 0.2, friction=draw("cloth.friction", 0.5)
+            draw("cloth.density", 250),
+            draw("cloth.young", 1e5),
+            0.2,
+            friction=draw("cloth.friction", 0.5),
         )
         form = Cloth((WIDE, LONG), (9, 4))
-        lies = below @ Pose.xyz_rpy((0.0, 0.0, RACK + form.thickness / 2), (0.0, 0.0, np.pi / 2))
+        lies = below @ Pose.xyz_rpy(
+            (0.0, 0.0, RACK + form.thickness / 2), (0.0, 0.0, np.pi / 2)
+        )
         return Scene(
             (
                 floor(),
@@ -98,7 +145,10 @@ class HangCloth(Task):
         assert trace is not None
         x, y, z = split(end.nodes("cloth", "bar"))
         over = (x < 0) & (x > -BAR - 0.02) & (z < 0.01)
-        sides = [(over & (side * y > 0) & (z < -2 * RADIUS)).mean(axis=-1) for side in (-1, 1)]
+        sides = [
+            (over & (side * y > 0) & (z < -2 * RADIUS)).mean(axis=-1)
+            for side in (-1, 1)
+        ]
         hung = share(np.minimum(*sides) / SHARE)
         there = end.position("bar") - [0.0, 0.0, 0.05]
         left, whole = (length(at.position("cloth") - there) for at in (end, start))
@@ -107,4 +157,6 @@ class HangCloth(Task):
         for other in ("robot", "table", "rack", "post"):
             hangs = hangs & ~trace.touching_at_end("cloth", other)
         hangs = hangs & (speed(end, "cloth") < STILL)
-        return np.where(hangs, np.maximum(hung, partial), partial) * ~trace.touched("cloth", "arm")
+        return np.where(hangs, np.maximum(hung, partial), partial) * ~trace.touched(
+            "cloth", "arm"
+        )

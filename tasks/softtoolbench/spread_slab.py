@@ -2,7 +2,20 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Box, Camera, Elastic, Filling, Goal, Margin, Scene, Soft, State, Trace, floor, table
+from core.scene import (
+    Box,
+    Camera,
+    Elastic,
+    Filling,
+    Goal,
+    Margin,
+    Scene,
+    Soft,
+    State,
+    Trace,
+    floor,
+    table,
+)
 from core.values.layouts import around, within
 from tasks.assets import raised
 from tasks.rewards import share
@@ -43,8 +56,17 @@ class SpreadSlab(Task):
     variations = {
         "near": around("slab", (0.5, 0.0), 0.03, 0.3),
         "wide": {
-            **within("slab", x=(0.42, 0.6), y=(-0.2, 0.2), yaw=(-0.75, 0.75), side=(0.09, 0.11), height=(0.04, 0.05)),
-            **within("slab", density=(250, 500), young=(1.5e3, 2.2e3), friction=(0.3, 0.6)),
+            **within(
+                "slab",
+                x=(0.42, 0.6),
+                y=(-0.2, 0.2),
+                yaw=(-0.75, 0.75),
+                side=(0.09, 0.11),
+                height=(0.04, 0.05),
+            ),
+            **within(
+                "slab", density=(250, 500), young=(1.5e3, 2.2e3), friction=(0.3, 0.6)
+            ),
         },
     }
     camera = Camera(position=(0.1, -0.6, 0.5), target=(0.5, 0.0, 0.05))
@@ -55,27 +77,43 @@ class SpreadSlab(Task):
         height = draw("slab.height", 0.045)
         form = Filling(Box((side, side, height)), (4, 4, 2))
         friction = draw("slab.friction", 0.4)
-        elastic = Elastic(draw("slab.density", 400), draw("slab.young", 1.8e3), 0.45, 0.05, friction)
-        lies = draw.pose("slab", (0.5, 0.0, 0.0)) @ raised(height / 2 + form.thickness / 2)
-        return Scene((floor(), table(), Soft.make("slab", form, elastic, lies, color=DOUGH)))
+        elastic = Elastic(
+            draw("slab.density", 400), draw("slab.young", 1.8e3), 0.45, 0.05, friction
+        )
+        lies = draw.pose("slab", (0.5, 0.0, 0.0)) @ raised(
+            height / 2 + form.thickness / 2
+        )
+        return Scene(
+            (floor(), table(), Soft.make("slab", form, elastic, lies, color=DOUGH))
+        )
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """By how flat and how wide it is, whichever is less, at the worst instant of the last second: up to 0.06 for
         six tenths of it, up to 1 for all; nothing if it was pressed too hard, or touched by hand or arm."""
         assert trace is not None
-        held = trace.states.each(lambda array: array[..., trace.times >= trace.times[-1] - HOLD_S, :, :])
+        held = trace.states.each(
+            lambda array: array[..., trace.times >= trace.times[-1] - HOLD_S, :, :]
+        )
         flat, wide = (part.min(axis=-1) for part in self.shares(start, held))
-        harmed = (trace.force_n("slab", "robot") > PRESS_N) | trace.touched("slab", "arm")
+        harmed = (trace.force_n("slab", "robot") > PRESS_N) | trace.touched(
+            "slab", "arm"
+        )
         done = share(np.minimum(flat, wide))
         return np.maximum(0.1 * done, (done - 0.6) / 0.4) * ~harmed
 
-    def margins(self, start: State, end: State, trace: Trace | None = None) -> list[Margin]:
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> list[Margin]:
         assert trace is not None
         flat, wide = (float(share) for share in self.shares(start, end))
         return [
-            Margin.at_most("force on slab", float(trace.force_n("slab", "robot")), PRESS_N, "N"),
+            Margin.at_most(
+                "force on slab", float(trace.force_n("slab", "robot")), PRESS_N, "N"
+            ),
             Margin.at_most("height", 1 - (1 - FLAT) * flat, FLAT, "of the start's"),
-            Margin.at_least("area", 1 + (WIDER - 1) * wide, WIDER, "of the start's", 0.1),
+            Margin.at_least(
+                "area", 1 + (WIDER - 1) * wide, WIDER, "of the start's", 0.1
+            ),
         ]
 
     @staticmethod

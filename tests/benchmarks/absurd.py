@@ -13,7 +13,14 @@ from scipy.spatial import ConvexHull
 
 from core.design import Tool
 from core.geometry import Array, Box, Shape
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
+from core.interfaces import (
+    JointTrajectory,
+    Outcome,
+    Recording,
+    Rollout,
+    Simulator,
+    Task,
+)
 from core.scene import Scene, State
 from core.solids.tracks import Track
 from core.trial import Evaluation
@@ -48,13 +55,19 @@ class Tried:
 def ghost(tried: Tried) -> float:
     """How far the plan is from commanding the tool into something fixed."""
     fixed = {body.name for body in tried.scene.bodies if body.fixed}
-    return _lack(_deepest(tried.commanded, [t for t in tried.bodies if t.owner in fixed]), GHOST_M)
+    return _lack(
+        _deepest(tried.commanded, [t for t in tried.bodies if t.owner in fixed]),
+        GHOST_M,
+    )
 
 
 def fling(tried: Tried) -> float:
     """How far the tool's fastest point is from absurd speed."""
     travels = np.array([track.travel for track in tried.commanded])
-    return _lack(float((travels[:, 2:] - travels[:, :-2]).max(initial=0.0)) * COMMANDED_HZ / 2, TIP_M_S)
+    return _lack(
+        float((travels[:, 2:] - travels[:, :-2]).max(initial=0.0)) * COMMANDED_HZ / 2,
+        TIP_M_S,
+    )
 
 
 def cut(tried: Tried) -> float:
@@ -63,8 +76,12 @@ def cut(tried: Tried) -> float:
     seen = tried.recording
     every = max(1, round(1 / LOOKED_HZ / float(np.diff(tried.recording.times[:2])[0])))
     states = State(seen.states.names, *(array[::every] for array in seen.states.arrays))
-    seen = Recording(seen.times[::every], seen.arm[::every], seen.fingers[::every], states)
-    return _lack(inside(tried.scene, tried.evaluation.candidate.tool, seen)[0], INSIDE_CM2)
+    seen = Recording(
+        seen.times[::every], seen.arm[::every], seen.fingers[::every], states
+    )
+    return _lack(
+        inside(tried.scene, tried.evaluation.candidate.tool, seen)[0], INSIDE_CM2
+    )
 
 
 def parted(tried: Tried) -> float:
@@ -72,12 +89,17 @@ def parted(tried: Tried) -> float:
     tool = tried.evaluation.candidate.tool
     assert tool is not None
     solids = robot_tracks(PANDA, tool, tried.recording)
-    loose = {component.name for component in tool.components if component.joint is not None}
+    loose = {
+        component.name for component in tool.components if component.joint is not None
+    }
     gaps = []
     for one in (solid for solid in solids if solid.name in loose):
         others = [other for other in solids if other.name != one.name]
         samples = range(0, len(tried.recording.times), 5)
-        gaps += [min(_gap(one, one.at(k, 0.0)[0], other, k) for other in others) for k in samples]
+        gaps += [
+            min(_gap(one, one.at(k, 0.0)[0], other, k) for other in others)
+            for k in samples
+        ]
     return _lack(max(gaps, default=0.0), PARTED_M)
 
 
@@ -94,9 +116,13 @@ def pressed(tried: Tried) -> float:
     through = [
         force - force[0]
         for pair, force in tried.recording.forces.items()
-        if (pair[0] in fixed and pair[1] in free) or (pair[1] in fixed and pair[0] in free)
+        if (pair[0] in fixed and pair[1] in free)
+        or (pair[1] in fixed and pair[0] in free)
     ]
-    return max(0.0, 1 - max((float(np.max(force)) for force in through), default=0.0) / PRESSED_N)
+    return max(
+        0.0,
+        1 - max((float(np.max(force)) for force in through), default=0.0) / PRESSED_N,
+    )
 
 
 def moving(tried: Tried) -> float:
@@ -120,7 +146,14 @@ def _deepest(tool: Sequence[Track], bodies: Sequence[Track]) -> float:
                 for share in (0.0, 0.5):
                     here = one.at(int(k), share)[0]
                     there = other.at(0, 0.0)[0]
-                    gap = coal.distance(one.geometry, here, other.geometry, there, request, coal.DistanceResult())
+                    gap = coal.distance(
+                        one.geometry,
+                        here,
+                        other.geometry,
+                        there,
+                        request,
+                        coal.DistanceResult(),
+                    )
                     deepest = max(deepest, -float(gap))
     return deepest
 
@@ -132,17 +165,32 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
     of a body that touch are one. This shares nothing with the check of penetration: it counts points.
     """
     worst = 0.0, ""
-    own = [track for track in robot_tracks(PANDA, tool, recording) if isinstance(track.shape, Box)]
+    own = [
+        track
+        for track in robot_tracks(PANDA, tool, recording)
+        if isinstance(track.shape, Box)
+    ]
     for body in scene.bodies:
-        parts = [track for track in body_tracks(scene, PANDA, recording) if track.owner == body.name]
+        parts = [
+            track
+            for track in body_tracks(scene, PANDA, recording)
+            if track.owner == body.name
+        ]
         for one in own:
-            near = [((one.low <= part.high) & (one.high >= part.low)).all(axis=1) for part in parts]
-            margin = min(EATEN_M, 0.6 * min((part.half_width for part in parts), default=0.0))
+            near = [
+                ((one.low <= part.high) & (one.high >= part.low)).all(axis=1)
+                for part in parts
+            ]
+            margin = min(
+                EATEN_M, 0.6 * min((part.half_width for part in parts), default=0.0)
+            )
             points, cell = _plane(one.shape)
             around = margin * np.vstack([np.eye(3), -np.eye(3)])
             for k in np.flatnonzero(np.any(near, axis=0)) if near else ():
                 here = one.at(int(k), 0.0)[0]
-                close = [part for part, there in zip(parts, near, strict=True) if there[k]]
+                close = [
+                    part for part, there in zip(parts, near, strict=True) if there[k]
+                ]
                 close = [part for part in close if _gap(one, here, part, int(k)) < 0]
                 if not close:
                     continue
@@ -151,13 +199,25 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
                     left = left[_within(close, int(k), here, left + shift)]
                 area = 1e4 * cell * len(left)
                 if area > worst[0]:
-                    worst = area, f"{one.name} in {body.name} at {recording.times[k]:.2f} s"
+                    worst = (
+                        area,
+                        f"{one.name} in {body.name} at {recording.times[k]:.2f} s",
+                    )
     return worst
 
 
 def _gap(one: Track, here: Any, part: Track, k: int) -> float:
     there = part.at(k, 0.0)[0]
-    return float(coal.distance(one.geometry, here, part.geometry, there, coal.DistanceRequest(), coal.DistanceResult()))
+    return float(
+        coal.distance(
+            one.geometry,
+            here,
+            part.geometry,
+            there,
+            coal.DistanceRequest(),
+            coal.DistanceResult(),
+        )
+    )
 
 
 def _within(parts: Sequence[Track], k: int, here: Any, points: Array) -> Any:
@@ -172,7 +232,10 @@ def _plane(shape: Box) -> tuple[Array, float]:
     thin = int(size.argmin())
     counts = np.clip(np.ceil(size / 0.0025), 1, 40).astype(int)
     counts[thin] = 1
-    axes = [(np.arange(n) + 0.5) / n * side - side / 2 for n, side in zip(counts, size, strict=True)]
+    axes = [
+        (np.arange(n) + 0.5) / n * side - side / 2
+        for n, side in zip(counts, size, strict=True)
+    ]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return points, float(np.prod(np.delete(size, thin))) / len(points)
 
@@ -211,22 +274,33 @@ class Watched(Simulator):
         return self.simulator.render(task, **options)
 
 
-def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recording) -> Tried:
+def tried(
+    scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recording
+) -> Tried:
     """Follow the commanded path of a rollout's tool."""
     assert evaluation.candidate.tool is not None
     tool = evaluation.candidate.tool
     still = _still(job.trajectory, scene)
-    loose = np.zeros((len(still.times), len(tool.bearers)))  # the tool's own joints stay as they were built
+    loose = np.zeros(
+        (len(still.times), len(tool.bearers))
+    )  # the tool's own joints stay as they were built
     held = replace(still, fingers=np.hstack([still.fingers, loose]))
     commanded = robot_tracks(PANDA, tool, held)[-len(tool.components) :]
-    return Tried(scene, evaluation, recording, commanded, body_tracks(scene, PANDA, still))
+    return Tried(
+        scene, evaluation, recording, commanded, body_tracks(scene, PANDA, still)
+    )
 
 
 def _still(trajectory: JointTrajectory, scene: Scene) -> Recording:
     """A recording in which the robot follows a trajectory exactly, and nothing else moves."""
     times = np.arange(max(2, round(COMMANDED_HZ * trajectory.duration))) / COMMANDED_HZ
     arm, fingers = trajectory.sample(times)
-    return Recording(times, arm, np.stack([fingers] * 2, axis=1), State.stack([scene.state()] * len(times)))
+    return Recording(
+        times,
+        arm,
+        np.stack([fingers] * 2, axis=1),
+        State.stack([scene.state()] * len(times)),
+    )
 
 
 MEASURES: dict[str, Callable[[Tried], float]] = {

@@ -28,7 +28,14 @@ from scipy.spatial.transform import Rotation
 from core.config.compose import engines, load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import dump_design, read_designs
-from core.designs.statics import MAX_DAMPING, MAX_DECAY, MAX_HZ, MAX_SPRING, MAX_SPRINGS_J, moved
+from core.designs.statics import (
+    MAX_DAMPING,
+    MAX_DECAY,
+    MAX_HZ,
+    MAX_SPRING,
+    MAX_SPRINGS_J,
+    moved,
+)
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, RolloutSettings, Simulator, Task
@@ -50,11 +57,23 @@ FOUND = 0.3
 PARENTS = 10
 CHILDREN = 12
 FIRST = 24
-SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}  # of rollouts, by their cost
-SHARES |= {"GatherSpheres": 0.05, "TurkeyLegs": 0.15, "CleanTable": 0.5, "ElevatePlate": 0.5}
+SHARES = {
+    "HangRing": 0.5,
+    "StopCart": 0.5,
+    "SweepCards": 0.25,
+    "PourGrains": 0.05,
+}  # of rollouts, by their cost
+SHARES |= {
+    "GatherSpheres": 0.05,
+    "TurkeyLegs": 0.15,
+    "CleanTable": 0.5,
+    "ElevatePlate": 0.5,
+}
 TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]) - 0.25
 
-HARD = sorted(name for name, file in FILES.items() if file.parent.name == "hardtoolbench")
+HARD = sorted(
+    name for name, file in FILES.items() if file.parent.name == "hardtoolbench"
+)
 
 console = Console(stderr=True)
 
@@ -109,7 +128,12 @@ class Varied:
     def draw(self) -> Candidate:
         """Draw a chain of one to four parts of any shape, and a plan around a few bodies."""
         length = self.random.uniform(0.05, 0.3)
-        post = Component("post", RIGID_MOUNT, Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)))
+        post = Component(
+            "post",
+            RIGID_MOUNT,
+            Pose(np.array([0, 0, -length / 2])),
+            Box((0.02, 0.02, length)),
+        )
         tool = Tool((post,))
         for _ in range(int(self.random.integers(1, 4))):
             tool = self.grown(tool)
@@ -122,8 +146,16 @@ class Varied:
         plan = candidate.plan
         assert tool is not None
         assert isinstance(plan, AnchoredPlan)
-        if self.random.random() < 0.2 and isinstance(other.plan, AnchoredPlan) and not tool.gripper:
-            plan = replace(other.plan, gripper=False, steps=tuple(replace(step, grip=0.0) for step in other.plan.steps))
+        if (
+            self.random.random() < 0.2
+            and isinstance(other.plan, AnchoredPlan)
+            and not tool.gripper
+        ):
+            plan = replace(
+                other.plan,
+                gripper=False,
+                steps=tuple(replace(step, grip=0.0) for step in other.plan.steps),
+            )
         for _ in range(int(self.random.integers(1, 4))):
             kind = self.random.random()
             if kind < 0.35:
@@ -136,9 +168,15 @@ class Varied:
                 tool = self.grown(tool)
             else:
                 parents = {component.parent for component in tool.components}
-                leaves = [component for component in tool.components if component.name not in parents]
+                leaves = [
+                    component
+                    for component in tool.components
+                    if component.name not in parents
+                ]
                 gone = leaves[int(self.random.integers(len(leaves)))]
-                tool = replace(tool, components=tuple(c for c in tool.components if c is not gone))
+                tool = replace(
+                    tool, components=tuple(c for c in tool.components if c is not gone)
+                )
         return replace(candidate, tool=tool, plan=plan, problem=None)
 
     def grown(self, tool: Tool) -> Tool:
@@ -158,14 +196,23 @@ class Varied:
         turn = Rotation.from_rotvec(random.normal(0, 0.5, 3) * (random.random() < 0.5))
         own_middle, own_sides = shape.bounds
         held = own_middle + random.choice([-0.9, 0, 0.9], 3) * own_sides / 2
-        numbers = [int(c.name[4:]) for c in tool.components if c.name.startswith("more")]
+        numbers = [
+            int(c.name[4:]) for c in tool.components if c.name.startswith("more")
+        ]
         name = f"more{max(numbers, default=-1) + 1}"
-        added = Component(name, parent.name, Pose.from_rotation(at - turn.apply(held), turn), shape)
+        added = Component(
+            name, parent.name, Pose.from_rotation(at - turn.apply(held), turn), shape
+        )
         return replace(tool, components=(*tool.components, added))
 
     def resized(self, tool: Tool) -> Tool:
         numbers = tool_numbers(
-            replace(tool, components=tuple(replace(component, joint=None) for component in tool.components))
+            replace(
+                tool,
+                components=tuple(
+                    replace(component, joint=None) for component in tool.components
+                ),
+            )
         )
         return vary_tool(tool, self.moved(numbers))
 
@@ -179,27 +226,45 @@ class Varied:
             parts[number] = replace(component, joint=None)
             return replace(tool, components=tuple(parts))
         hinge = bool(random.random() < 0.6)
-        upper = float(random.uniform(0.05, 3.0) if hinge else np.exp(random.uniform(np.log(0.003), np.log(0.2))))
-        axis = tuple(map(float, np.eye(3)[int(random.integers(3))] + random.normal(0, 0.1, 3)))
+        upper = float(
+            random.uniform(0.05, 3.0)
+            if hinge
+            else np.exp(random.uniform(np.log(0.003), np.log(0.2)))
+        )
+        axis = tuple(
+            map(float, np.eye(3)[int(random.integers(3))] + random.normal(0, 0.1, 3))
+        )
         middle, sides = component.shape.bounds
-        origin = tuple(map(float, middle + random.choice([-1, 0, 1], 3) * sides / 2)) if hinge else (0.0, 0.0, 0.0)
+        origin = (
+            tuple(map(float, middle + random.choice([-1, 0, 1], 3) * sides / 2))
+            if hinge
+            else (0.0, 0.0, 0.0)
+        )
         lower, rest = (-upper, -upper) if random.random() < 0.5 else (0.0, upper)
         upper = 0.0 if lower < 0 else upper
         kind = "hinge" if hinge else "slider"
         joint = ToolJoint(kind, axis, lower, upper, origin)  # type: ignore[arg-type]
         parts[number] = replace(component, joint=joint)
         tool = replace(tool, components=tuple(parts))
-        bearer = next(bearer for bearer in tool.bearers if bearer.name == component.name)
+        bearer = next(
+            bearer for bearer in tool.bearers if bearer.name == component.name
+        )
         inertia = moved(tool, bearer)[1]
         reach = max(-lower, upper)
-        strong = min(MAX_SPRING[kind] / reach, MAX_SPRINGS_J / reach**2, inertia * (2 * np.pi * MAX_HZ) ** 2)
+        strong = min(
+            MAX_SPRING[kind] / reach,
+            MAX_SPRINGS_J / reach**2,
+            inertia * (2 * np.pi * MAX_HZ) ** 2,
+        )
         slow = min(MAX_DAMPING[kind], inertia * MAX_DECAY)
         stiffness, damping = (
             float(most * random.uniform(0.1, 0.99) * (random.random() < share))
             for most, share in ((strong, 0.8), (slow, 0.4))
         )
         friction = float(random.choice([0.0, 0.0, 0.1 * MAX_SPRING[kind]]))
-        joint = replace(joint, stiffness=stiffness, rest=rest, damping=damping, friction=friction)
+        joint = replace(
+            joint, stiffness=stiffness, rest=rest, damping=damping, friction=friction
+        )
         parts[number] = replace(component, joint=joint)
         return replace(tool, components=tuple(parts))
 
@@ -211,7 +276,9 @@ class Varied:
         kind = random.random()
         if kind < 0.6:
             actions = installed().create("action", "anchored")
-            moved: AnchoredPlan = actions.with_parameters(plan, self.moved(actions.parameters(plan)))
+            moved: AnchoredPlan = actions.with_parameters(
+                plan, self.moved(actions.parameters(plan))
+            )
             return moved
         if kind < 0.7 and len(steps) < 20:
             steps.insert(number, self.step())
@@ -222,7 +289,11 @@ class Varied:
         else:
             anchor = str(random.choice(self.names))
             steps[number] = replace(
-                steps[number], anchor=anchor, toward="", share=0.0, axes=random.choice(["world", "anchor"])
+                steps[number],
+                anchor=anchor,
+                toward="",
+                share=0.0,
+                axes=random.choice(["world", "anchor"]),
             )
         return replace(plan, steps=tuple(steps))
 
@@ -265,7 +336,11 @@ def search(given: Settings) -> None:
     shares = {task: SHARES.get(task, 1.0) for task in given.tasks}
     each = given.rollouts / len(given.measures) / sum(shares.values())
     counts = {task: int(np.ceil(each * share)) for task, share in shares.items()}
-    pairs = [Pair(task, m, sim, given.seed, counts[task], folder) for m in given.measures for task in given.tasks]
+    pairs = [
+        Pair(task, m, sim, given.seed, counts[task], folder)
+        for m in given.measures
+        for task in given.tasks
+    ]
     search_all(pairs, measuring.workers(given.workers))
 
 
@@ -273,10 +348,14 @@ def search_all(pairs: Sequence[Pair], workers: int) -> None:
     """Search the pairs that their folder does not have, and print each summary."""
     words = [f"executor.workers={workers}", "executor.timeout_s=null"]
     with part("executor", load("evaluate", words).executor).create() as executor:
-        for pair, result in executor.map(searched, [pair for pair in pairs if not pair.file.exists()]):
+        for pair, result in executor.map(
+            searched, [pair for pair in pairs if not pair.file.exists()]
+        ):
             if isinstance(result, Exception):
                 raise result
-            console.print(f"{pair.task} {pair.measure}: {result}", highlight=False, soft_wrap=True)
+            console.print(
+                f"{pair.task} {pair.measure}: {result}", highlight=False, soft_wrap=True
+            )
 
 
 def searched(pair: Pair) -> str:
@@ -286,7 +365,12 @@ def searched(pair: Pair) -> str:
     best = run.run()
     absurd = [evaluation for evaluation, lack in best if lack == 0]
     top = max((evaluation.reward for evaluation in absurd), default=0.0)
-    record = {"rollouts": run.rollouts, "statuses": dict(run.statuses), "best": top, "absurd": run.absurd}
+    record = {
+        "rollouts": run.rollouts,
+        "statuses": dict(run.statuses),
+        "best": top,
+        "absurd": run.absurd,
+    }
     record["seconds"] = round(time.perf_counter() - began, 1)
     found = [dump_design(e.candidate, run.tools) for e in absurd if e.reward >= FOUND]
     if found:
@@ -319,20 +403,36 @@ class _Search:
         first = anchored(self.pair.task)
         drawn = [self.sound(self.varied.draw) for _ in range(FIRST)]
         ranked = self.tried(
-            [first, *(self.sound(lambda: self.varied.changed(first, first)) for _ in range(FIRST)), *drawn]
+            [
+                first,
+                *(
+                    self.sound(lambda: self.varied.changed(first, first))
+                    for _ in range(FIRST)
+                ),
+                *drawn,
+            ]
         )
         asked = 0
         while self.rollouts < self.pair.rollouts and asked < 4 * self.pair.rollouts:
             children = []
             for _ in range(CHILDREN):
-                one, other = (ranked[int(self.random.integers(len(ranked)))][0].candidate for _ in range(2))
-                children.append(self.sound(lambda one=one, other=other: self.varied.changed(one, other)))  # type: ignore[misc]
+                one, other = (
+                    ranked[int(self.random.integers(len(ranked)))][0].candidate
+                    for _ in range(2)
+                )
+                children.append(
+                    self.sound(
+                        lambda one=one, other=other: self.varied.changed(one, other)
+                    )
+                )  # type: ignore[misc]
             children.append(self.sound(self.varied.draw))
             asked += len(children)
             ranked = self.kept(ranked + self.tried(children))
         return ranked
 
-    def kept(self, evaluated: list[tuple[Evaluation, float]]) -> list[tuple[Evaluation, float]]:
+    def kept(
+        self, evaluated: list[tuple[Evaluation, float]]
+    ) -> list[tuple[Evaluation, float]]:
         return sorted(evaluated, key=lambda pair: pair[1] - pair[0].reward)[:PARENTS]
 
     def sound(self, make: Callable[[], Candidate]) -> Candidate:
@@ -342,8 +442,14 @@ class _Search:
                 candidate = make()
                 if self.pair.measure == "still":
                     home = self.task.home
-                    step = Step(tuple(map(float, home.position)), tuple(map(float, home.rpy)), wait=2.0)
-                    candidate = replace(candidate, plan=AnchoredPlan((step,), candidate.tool.gripper))  # type: ignore[union-attr]
+                    step = Step(
+                        tuple(map(float, home.position)),
+                        tuple(map(float, home.rpy)),
+                        wait=2.0,
+                    )
+                    candidate = replace(
+                        candidate, plan=AnchoredPlan((step,), candidate.tool.gripper)
+                    )  # type: ignore[union-attr]
                 (read,) = self.read([dump_design(candidate, self.tools)])
             except DesignError as error:
                 read = Candidate(None, AnchoredPlan(()), problem=str(error))
@@ -353,12 +459,16 @@ class _Search:
         return read
 
     def read(self, strategies: list[Any]) -> list[Candidate]:
-        return read_designs({"strategies": strategies}, self.tools, self.task, actions=self.actions)
+        return read_designs(
+            {"strategies": strategies}, self.tools, self.task, actions=self.actions
+        )
 
     def tried(self, candidates: list[Candidate]) -> list[tuple[Evaluation, float]]:
         """Play candidates; those that could be played, with what each lacks to be absurd."""
         sound = [candidate for candidate in candidates if candidate.problem is None]
-        evaluations = evaluate_batch(self.task, self.simulator, sound, self.pair.seed, RolloutSettings())
+        evaluations = evaluate_batch(
+            self.task, self.simulator, sound, self.pair.seed, RolloutSettings()
+        )
         jobs = zip(self.simulator.jobs, self.simulator.outcomes, strict=True)
         played = {id(job.tool): (job, outcome.recording) for job, outcome in jobs}
         ranked = []

@@ -26,9 +26,30 @@ from tests.benchmarks import measuring
 
 USAGE = "usage: python -m tests.benchmarks.exactness [robot=NAME] [sims=NAME,NAME,...] [output=FILE.json]"
 TOOLS_KG = (0.0, 0.3, 1.0)
-LOADS_KG = (0.3, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 11.0, 12.0, 13.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
+LOADS_KG = (
+    0.3,
+    1.0,
+    2.0,
+    3.0,
+    4.0,
+    5.0,
+    6.0,
+    8.0,
+    10.0,
+    11.0,
+    12.0,
+    13.0,
+    14.0,
+    16.0,
+    18.0,
+    20.0,
+    25.0,
+    30.0,
+)
 _HELD_M = 0.02  # a load that the arm holds lowers it by less
-_STIFF_M = 5e-6  # by less for each kilogram, and the load is not seen in the arm's position
+_STIFF_M = (
+    5e-6  # by less for each kilogram, and the load is not seen in the arm's position
+)
 _ASIDE_M = 0.1  # of a load of 1 kg beside the flange
 _STIFF_RAD = 1e-4  # by less, and it is not seen
 _HANG_M = 0.25
@@ -65,17 +86,31 @@ class _Played:
     """
 
     def __init__(
-        self, simulator: Simulator, robot: Robot, tool: Tool, trajectory: JointTrajectory, *bodies: Body
+        self,
+        simulator: Simulator,
+        robot: Robot,
+        tool: Tool,
+        trajectory: JointTrajectory,
+        *bodies: Body,
     ) -> None:
-        (outcome,) = simulator.rollout(Bodies(*bodies, robot=robot), [Rollout(tool, trajectory, record_hz=_HZ)])
+        (outcome,) = simulator.rollout(
+            Bodies(*bodies, robot=robot), [Rollout(tool, trajectory, record_hz=_HZ)]
+        )
         if outcome.error or outcome.recording is None:
-            raise UserError(f"the arm can't be measured: {outcome.error or 'the engine recorded nothing'}")
+            raise UserError(
+                f"the arm can't be measured: {outcome.error or 'the engine recorded nothing'}"
+            )
         ordered = trajectory.sample(outcome.recording.times)[0]
         self.states: State = outcome.recording.states
-        self.moving = (outcome.recording.times >= 0) & (outcome.recording.times <= trajectory.duration)
+        self.moving = (outcome.recording.times >= 0) & (
+            outcome.recording.times <= trajectory.duration
+        )
         self.lag: Array = np.abs(outcome.recording.arm - ordered)
         place = arm_of(robot).forward
-        self.real, self.ordered = (np.array([place(q).matrix for q in qs]) for qs in (outcome.recording.arm, ordered))
+        self.real, self.ordered = (
+            np.array([place(q).matrix for q in qs])
+            for qs in (outcome.recording.arm, ordered)
+        )
 
     def miss(self, point: Vector = (0.0, 0.0, 0.0)) -> Array:
         """Compute how far a point in the mount's frame is from where it is ordered: (T, 3), world axes."""
@@ -99,7 +134,11 @@ def _tracking(simulator: Simulator, robot: Robot) -> dict[str, float]:
     trajectory = motion(np.add(_FAR, [*HOME.position, 0.0, 0.0, 0.0]), robot)
     figures = {}
     for mass in TOOLS_KG:
-        tool = Tool((_component("weight", (0.06,) * 3, (0.0, 0.0, -0.1), mass),)) if mass else Tool()
+        tool = (
+            Tool((_component("weight", (0.06,) * 3, (0.0, 0.0, -0.1), mass),))
+            if mass
+            else Tool()
+        )
         played = _Played(simulator, robot, tool, trajectory)
         miss = np.linalg.norm(played.miss(), axis=1)
         suffix = f"_{mass:g}kg" if mass else ""
@@ -115,12 +154,16 @@ def _loads(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     on_it = HOME.position - (0.0, 0.0, _HANG_M - _SIDE_M / 2)
     sags: dict[float, float] = {}
     for mass in LOADS_KG:
-        sag = -_Played(simulator, robot, plate, still(robot), cube("load", on_it, _SIDE_M, mass)).miss()[:, 2]
+        sag = -_Played(
+            simulator, robot, plate, still(robot), cube("load", on_it, _SIDE_M, mass)
+        ).miss()[:, 2]
         if sag.max() > _HELD_M:
             break
         sags[mass] = float(sag[-1])
     if len(sags) < 2:
-        raise UserError(f"the arm can't be measured: a load of {LOADS_KG[len(sags)]:g} kg is too heavy for it")
+        raise UserError(
+            f"the arm can't be measured: a load of {LOADS_KG[len(sags)]:g} kg is too heavy for it"
+        )
     half = [mass for mass in sags if mass <= max(max(sags) / 2, LOADS_KG[1])]
     per_kg = float(np.polyfit(half, [sags[mass] for mass in half], 1)[0])
     return {
@@ -135,11 +178,19 @@ def _turns(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     rolls = []
     for aside in (0.0, _ASIDE_M):
         place = HOME.position + np.array([0.0, aside, _SIDE_M / 2 - _HANG_M])
-        played = _Played(simulator, robot, _plate(0.36), still(robot), cube("load", place, _SIDE_M, 1.0))
+        played = _Played(
+            simulator,
+            robot,
+            _plate(0.36),
+            still(robot),
+            cube("load", place, _SIDE_M, 1.0),
+        )
         turn = played.real[-1, :3, :3] @ played.ordered[-1, :3, :3].T
         rolls.append(float(Rotation.from_matrix(turn).as_rotvec()[0]))
     turned = abs(rolls[1] - rolls[0])
-    return {"turn_nm_per_rad": GRAVITY * _ASIDE_M / turned if turned > _STIFF_RAD else None}
+    return {
+        "turn_nm_per_rad": GRAVITY * _ASIDE_M / turned if turned > _STIFF_RAD else None
+    }
 
 
 def _plate(width: float) -> Tool:
@@ -162,25 +213,35 @@ def _presses(simulator: Simulator, robot: Robot) -> dict[str, float]:
     def press(top: float, *aside: float, bodies: tuple[Body, ...] = ()) -> _Played:
         way = [(x, 0.05), *((x + shift, 0.0) for shift in (0.0, *aside))]
         plan = [(at, 0.0, top + low + above, 0.0, 0.0, 0.0) for at, above in way]
-        return _Played(simulator, robot, stick(_STICK_M), motion(plan, robot), table(), *bodies)
+        return _Played(
+            simulator, robot, stick(_STICK_M), motion(plan, robot), table(), *bodies
+        )
 
     down = press(0.0)
     slid = press(0.0, 0.1)
     heights = down.at(tip)[:, 2]
     touched = int(np.argmax(heights < max(heights[-1], 0.0) + 1e-5))
-    pressed = press(0.05, bodies=(cube("cube", (x, 0.0, 0.025), 0.05, 0.1),)).states.position("cube")
+    pressed = press(
+        0.05, bodies=(cube("cube", (x, 0.0, 0.025), 0.05, 0.1),)
+    ).states.position("cube")
     return {
         "pressed_depth_mm": -1000 * float(heights[-1]),
         "pressed_lag_rad": float(down.lag[-1].max()),
-        "pressed_slip_mm": 1000 * float(np.linalg.norm(down.miss(tip)[touched:, :2], axis=1).max()),
+        "pressed_slip_mm": 1000
+        * float(np.linalg.norm(down.miss(tip)[touched:, :2], axis=1).max()),
         "pressed_bounce_mm": 1000 * max(0.0, float(heights[touched:].max())),
         "slid_miss_mm": 1000 * float(np.linalg.norm(slid.miss(tip)[-1, :2])),
-        "pressed_cube_mm": 1000 * float(np.linalg.norm(pressed - pressed[0], axis=1).max()),
+        "pressed_cube_mm": 1000
+        * float(np.linalg.norm(pressed - pressed[0], axis=1).max()),
     }
 
 
-def _component(name: str, size: tuple[float, float, float], at: Vector, mass: float = 0.001) -> Component:
-    return Component(name, RIGID_MOUNT, Pose(np.asarray(at, dtype=np.float64)), Box(size), mass)
+def _component(
+    name: str, size: tuple[float, float, float], at: Vector, mass: float = 0.001
+) -> Component:
+    return Component(
+        name, RIGID_MOUNT, Pose(np.asarray(at, dtype=np.float64)), Box(size), mass
+    )
 
 
 def main(words: list[str]) -> None:
@@ -192,7 +253,10 @@ def main(words: list[str]) -> None:
     robot = installed().create("robot", given.robot)
     for name, sim in engines(given.sims).items():
         found = measure(sim.create(), robot)
-        figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
+        figures[name] = {
+            key: None if figure is None else round(figure, 5) + 0.0
+            for key, figure in found.items()
+        }
     file = Path(given.output.format(robot=given.robot))
     write_bytes(file, (json.dumps(figures, indent=1) + "\n").encode())
     say(str(file))

@@ -72,10 +72,21 @@ def record(given: Settings) -> None:
         shutil.copytree(source, folder / "designs", dirs_exist_ok=True)
     with measuring.executor(measuring.workers(given.workers)) as executor:
         for name in names:
-            candidates = designs(name, given.designs, given.seed, folder / "designs" / f"{name}.json")
+            candidates = designs(
+                name, given.designs, given.seed, folder / "designs" / f"{name}.json"
+            )
             for shown, sim in sims.items():
-                measuring.rewards(name, candidates, sim, given.seed, executor, folder / "rewards" / f"{name}.json")
-                solve(name, sim, executor, folder / "solutions" / f"{name}.{shown}.json")
+                measuring.rewards(
+                    name,
+                    candidates,
+                    sim,
+                    given.seed,
+                    executor,
+                    folder / "rewards" / f"{name}.json",
+                )
+                solve(
+                    name, sim, executor, folder / "solutions" / f"{name}.{shown}.json"
+                )
 
 
 def designs(task: str, count: int, seed: int, file: Path) -> list[Candidate]:
@@ -86,12 +97,23 @@ def designs(task: str, count: int, seed: int, file: Path) -> list[Candidate]:
     """
     form = installed().create("tool", "urdf")
     if not file.exists():
-        made = measuring.designs(task, math.ceil(count / PLANS), min(count, PLANS), seed)
+        made = measuring.designs(
+            task, math.ceil(count / PLANS), min(count, PLANS), seed
+        )
         file.parent.mkdir(parents=True, exist_ok=True)
-        measuring.save(file, {"task": task, "seed": seed, "strategies": [dump_design(c, form) for c in made]})
+        measuring.save(
+            file,
+            {
+                "task": task,
+                "seed": seed,
+                "strategies": [dump_design(c, form) for c in made],
+            },
+        )
     document = load_designs(file)
     if document["seed"] != seed:
-        raise UserError(f"{file} has other designs, of seed={document['seed']}; choose another folder=...")
+        raise UserError(
+            f"{file} has other designs, of seed={document['seed']}; choose another folder=..."
+        )
     return read_designs(document, form, installed().create("task", task))
 
 
@@ -101,10 +123,17 @@ def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:
     if file.exists() or not solution.exists():
         return
     made = installed().create("task", task)
-    candidates = read_designs(load_designs(solution), installed().create("tool", "urdf"), made)
-    evaluations = evaluate_all(candidates, Condition(PluginPart("task", task), sim), executor)
+    candidates = read_designs(
+        load_designs(solution), installed().create("tool", "urdf"), made
+    )
+    evaluations = evaluate_all(
+        candidates, Condition(PluginPart("task", task), sim), executor
+    )
     file.parent.mkdir(parents=True, exist_ok=True)
-    measuring.save(file, [entry(e, made) for e in sorted(evaluations, key=lambda e: e.candidate.key)])
+    measuring.save(
+        file,
+        [entry(e, made) for e in sorted(evaluations, key=lambda e: e.candidate.key)],
+    )
 
 
 def compare(before: Path, after: Path) -> None:
@@ -115,22 +144,40 @@ def compare(before: Path, after: Path) -> None:
     """
     for file in before.glob("designs/*.json"):
         other = after / "designs" / file.name
-        if other.exists() and load_designs(other)["strategies"] != load_designs(file)["strategies"]:
-            raise UserError(f"{other} has other designs than {file}; record again with like={before}")
+        if (
+            other.exists()
+            and load_designs(other)["strategies"] != load_designs(file)["strategies"]
+        ):
+            raise UserError(
+                f"{other} has other designs than {file}; record again with like={before}"
+            )
     old = read(before)
     new = read(after)
-    lines = ["| task | engine | rewards | differ | missing | largest difference |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| task | engine | rewards | differ | missing | largest difference |",
+        "|---|---|---|---|---|---|",
+    ]
     total: Counter[str] = Counter()
     for task, engine in sorted({key[:2] for key in old}):
         keys = [key for key in old if key[:2] == (task, engine)]
         pairs = [(old[key], new[key]) for key in keys if key in new]
-        differing = [abs(one - other) for one, other in pairs if one.hex() != other.hex()]
-        row = {"rewards": len(keys), "differ": len(differing), "missing": len(keys) - len(pairs)}
-        lines.append(f"| {task} | {engine} | {' | '.join(map(str, row.values()))} | {max(differing, default=0):.3g} |")
+        differing = [
+            abs(one - other) for one, other in pairs if one.hex() != other.hex()
+        ]
+        row = {
+            "rewards": len(keys),
+            "differ": len(differing),
+            "missing": len(keys) - len(pairs),
+        }
+        lines.append(
+            f"| {task} | {engine} | {' | '.join(map(str, row.values()))} | {max(differing, default=0):.3g} |"
+        )
         total.update(row)
     sys.stdout.write("\n".join(lines) + "\n")
     if not total["rewards"] or total["differ"] or total["missing"]:
-        raise UserError(f"{after}: of {total['rewards']} rewards {total['differ']} differ, {total['missing']} missing")
+        raise UserError(
+            f"{after}: of {total['rewards']} rewards {total['differ']} differ, {total['missing']} missing"
+        )
 
 
 def read(folder: Path) -> dict[tuple[str, str, str], float]:
@@ -143,7 +190,9 @@ def read(folder: Path) -> dict[tuple[str, str, str], float]:
     for file in folder.glob("rewards/*.json"):
         for item in json.loads(file.read_text()):
             for number, reward in enumerate(item["rewards"]):
-                found[file.stem, item["engine"]["name"], f"design {number}"] = float(reward)
+                found[file.stem, item["engine"]["name"], f"design {number}"] = float(
+                    reward
+                )
     return found
 
 

@@ -51,9 +51,13 @@ def settings(words: Sequence[str], of: type[T]) -> T:
         key, _, value = word.partition("=")
         if key not in known:
             raise choices("key", key, [str(name) for name in known])
-        dotted.append(f"{key}=[{value}]" if key in lists and not value.startswith("[") else word)
+        dotted.append(
+            f"{key}=[{value}]" if key in lists and not value.startswith("[") else word
+        )
     try:
-        made = OmegaConf.to_object(OmegaConf.merge(known, OmegaConf.from_dotlist(dotted)))
+        made = OmegaConf.to_object(
+            OmegaConf.merge(known, OmegaConf.from_dotlist(dotted))
+        )
     except OmegaConfBaseException as error:
         raise UsageError(" ".join(str(error).split())) from error
     return typing.cast(T, made)
@@ -69,7 +73,9 @@ def tasks(names: Sequence[str]) -> list[str]:
     for name in names:
         if name not in there:
             raise choices("task", name, there)
-    return list(names) or [name for name in there if not installed().create("task", name).scene(0).softs]
+    return list(names) or [
+        name for name in there if not installed().create("task", name).scene(0).softs
+    ]
 
 
 def workers(number: int | None) -> int:
@@ -85,7 +91,9 @@ def workers(number: int | None) -> int:
 
 def executor(workers: int) -> Executor:
     """Make the worker processes for all measurements."""
-    made: Executor = part("executor", load("evaluate", [f"executor.workers={workers}"]).executor).create()
+    made: Executor = part(
+        "executor", load("evaluate", [f"executor.workers={workers}"]).executor
+    ).create()
     return made
 
 
@@ -101,14 +109,27 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
     n_tool = math.ceil(SPARE * tools)
     words = [f"task={task}", "vlm=offline", "tool=urdf", f"seed={seed}"]
     budget = {"n_agent": 1, "n_tool": n_tool, "n_action": plans, "n_iteration": 0}
-    cfg = load("prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())])
+    cfg = load(
+        "prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())]
+    )
     (reply,) = part("vlm", cfg.vlm).create().complete([compose(cfg)])
     representation = part("tool", cfg.tool).create()
-    read = read_designs(parse_reply(reply.text), representation, installed().create("task", task), most=(n_tool, plans))
-    groups = itertools.groupby((c for c in read if c.problem is None), key=lambda c: c.strategy)
-    whole = [group for group in (list(group) for _, group in groups) if len(group) == plans]
+    read = read_designs(
+        parse_reply(reply.text),
+        representation,
+        installed().create("task", task),
+        most=(n_tool, plans),
+    )
+    groups = itertools.groupby(
+        (c for c in read if c.problem is None), key=lambda c: c.strategy
+    )
+    whole = [
+        group for group in (list(group) for _, group in groups) if len(group) == plans
+    ]
     if len(whole) < tools:
-        raise UserError(f"{task}: {len(whole)} tools of {n_tool} keep the rules; ask for fewer than tools={tools}")
+        raise UserError(
+            f"{task}: {len(whole)} tools of {n_tool} keep the rules; ask for fewer than tools={tools}"
+        )
     return [candidate for group in whole[:tools] for candidate in group]
 
 
@@ -116,17 +137,32 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
 
 
 def rewards(
-    task: str, candidates: Sequence[Candidate], sim: PluginPart, seed: int, executor: Executor, file: Path
+    task: str,
+    candidates: Sequence[Candidate],
+    sim: PluginPart,
+    seed: int,
+    executor: Executor,
+    file: Path,
 ) -> None:
     """Add a record of each design in an engine to a file: ``rewards``, ``reasons`` of those that broke (their reward is
     0), and the engine's settings; unless the file has it.
     """
-    records: list[dict[str, Any]] = json.loads(file.read_text()) if file.exists() else []
+    records: list[dict[str, Any]] = (
+        json.loads(file.read_text()) if file.exists() else []
+    )
     engine = {"name": sim.name, **dict(sim.settings)}
     if any(record["engine"] == engine for record in records):
         return
-    tried = evaluate_all(candidates, Condition(PluginPart("task", task), sim, seed), executor)
-    shown = track(tried, f"{task} in {sim.name}", len(candidates), console=console, disable=not console.is_terminal)
+    tried = evaluate_all(
+        candidates, Condition(PluginPart("task", task), sim, seed), executor
+    )
+    shown = track(
+        tried,
+        f"{task} in {sim.name}",
+        len(candidates),
+        console=console,
+        disable=not console.is_terminal,
+    )
     evaluations = sorted(shown, key=lambda evaluation: evaluation.candidate.key)
     record = {
         "engine": engine,

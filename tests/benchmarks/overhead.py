@@ -55,15 +55,23 @@ def main(words: list[str]) -> None:
     if given.rounds < 1:
         raise UsageError(f"rounds must be at least 1, got {given.rounds}")
     table = Table("task", "engine", "commit", "overhead", "driving", "candidates/s")
-    with tempfile.TemporaryDirectory() as folder, checked_out(words[:2], Path(folder)) as trees:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        checked_out(words[:2], Path(folder)) as trees,
+    ):
         for task in measuring.tasks(given.tasks):
             for sim in given.sims:
                 rounds = [
-                    {commit: measure(tree, task, sim, given) for commit, tree in trees.items()}
+                    {
+                        commit: measure(tree, task, sim, given)
+                        for commit, tree in trees.items()
+                    }
                     for _ in range(given.rounds)
                 ]
                 for commit in trees:
-                    table.add_row(task, sim, commit, *summarise([each[commit] for each in rounds]))
+                    table.add_row(
+                        task, sim, commit, *summarise([each[commit] for each in rounds])
+                    )
     measuring.console.file = sys.stdout
     measuring.console.print(table)
 
@@ -89,7 +97,9 @@ def checked_out(commits: list[str], folder: Path) -> Iterator[dict[str, Path]]:
 
 
 def _git(*words: str) -> None:
-    done = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True)
+    done = subprocess.run(
+        ["git", "-C", str(ROOT), *words], capture_output=True, text=True
+    )
     if done.returncode != 0:
         raise UserError(f"git {' '.join(words[:2])}: {done.stderr.strip()}")
 
@@ -99,10 +109,15 @@ def _declare(tree: Path) -> None:
     project = tomllib.loads((tree / "pyproject.toml").read_text())["project"]
     lines = list[str]()
     for group, entries in project.get("entry-points", {}).items():
-        lines += [f"[{group}]", *(f"{name} = {value}" for name, value in entries.items())]
+        lines += [
+            f"[{group}]",
+            *(f"{name} = {value}" for name, value in entries.items()),
+        ]
     info = tree / f"{project['name']}-0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 0\n")
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 0\n"
+    )
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
 
 
@@ -113,7 +128,12 @@ def measure(tree: Path, task: str, sim: str, given: Settings) -> dict[str, Any]:
         UserError: it broke.
     """
     output = tree / "throughput.json"
-    words = [f"task={task}", f"sim={sim}", f"tools={given.tools}", f"plans={given.plans}"]
+    words = [
+        f"task={task}",
+        f"sim={sim}",
+        f"tools={given.tools}",
+        f"plans={given.plans}",
+    ]
     words += [f"workers={measuring.workers(given.workers)}", f"output={output}"]
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.throughput", *words],
@@ -123,7 +143,9 @@ def measure(tree: Path, task: str, sim: str, given: Settings) -> dict[str, Any]:
         text=True,
     )
     if done.returncode != 0:
-        raise UserError(f"the benchmark broke at {tree.name}: {(done.stderr.strip() or '?').splitlines()[-1]}")
+        raise UserError(
+            f"the benchmark broke at {tree.name}: {(done.stderr.strip() or '?').splitlines()[-1]}"
+        )
     found: dict[str, Any] = json.loads(output.read_text())
     return found
 
@@ -133,7 +155,11 @@ def summarise(found: list[dict[str, Any]]) -> tuple[str, str, str]:
     overheads = [each["overhead"] for each in found]
     shown = f"{mean(overheads):.2f} ({min(overheads):.2f} to {max(overheads):.2f})"
     driving = mean(each["shares"]["driving"] for each in found)
-    return shown, f"{driving:.0%}", f"{mean(each['rollouts_per_s'] for each in found):.2f}"
+    return (
+        shown,
+        f"{driving:.0%}",
+        f"{mean(each['rollouts_per_s'] for each in found):.2f}",
+    )
 
 
 if __name__ == "__main__":

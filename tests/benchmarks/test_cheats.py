@@ -31,7 +31,9 @@ def recording(task, positions):
     """The arm stays at home, and the free bodies are at ``positions`` from the second of four samples on."""
     start = task.scene(0).state()
     trajectory = at_home(task)
-    states = [start] + [replace(start, positions=np.array(positions, dtype=np.float64))] * 3
+    states = [start] + [
+        replace(start, positions=np.array(positions, dtype=np.float64))
+    ] * 3
     arm = np.repeat(trajectory.arm, 4, axis=0)
     fingers = np.full((4, 2), 0.04)
     return Recording(np.arange(4) / 25, arm, fingers, State.stack(states))
@@ -49,7 +51,9 @@ def test_a_sheet_is_inside_of_a_cube_by_its_area(task):
     area, where = absurd.inside(scene, tool, recording(task, [at]))
     assert area == pytest.approx((7 - 2 * 0.3) ** 2, rel=0.15)
     assert where == "sheet in cube at 0.04 s"
-    assert absurd.inside(scene, tool, recording(task, [moved(at, 0.0, 0.034)]))[0] == 0  # 1 mm deep: engines are soft
+    assert (
+        absurd.inside(scene, tool, recording(task, [moved(at, 0.0, 0.034)]))[0] == 0
+    )  # 1 mm deep: engines are soft
     plate = installed().create("task", "ElevatePlate")
     seam = moved(at, 0.0, -0.018)  # between its foot and its disc, which touch
     assert absurd.inside(plate.scene(0), tool, recording(plate, [seam]))[0] > 50
@@ -59,7 +63,10 @@ def test_parts_that_come_away_are_seen(task):
     hinge = ToolJoint("hinge", (0.0, 1.0, 0.0), 0.0, 1.0)
     post = component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1))
     for gap, lack in ((0.0, 1.0), (0.0025, 0.5), (0.02, 0.0)):
-        arm = replace(component("arm", (0.02, 0.02, 0.1), (0.0, 0.0, -0.15 - gap), "post"), joint=hinge)
+        arm = replace(
+            component("arm", (0.02, 0.02, 0.1), (0.0, 0.0, -0.15 - gap), "post"),
+            joint=hinge,
+        )
         tool = Tool((post, arm))
         seen = recording(task, [moved(task.scene(0)["cube"].pose.position, gap, 0.0)])
         seen = replace(seen, fingers=np.pad(seen.fingers, ((0, 0), (0, 1))))
@@ -70,7 +77,16 @@ def test_parts_that_come_away_are_seen(task):
 
 @pytest.fixture
 def search(tmp_path):
-    return cheats._Search(cheats.Pair("LeverStone", "pressed", cheats.engines(["mujoco"])["mujoco"], 0, 10, tmp_path))
+    return cheats._Search(
+        cheats.Pair(
+            "LeverStone",
+            "pressed",
+            cheats.engines(["mujoco"])["mujoco"],
+            0,
+            10,
+            tmp_path,
+        )
+    )
 
 
 def test_the_reference_solution_is_not_absurd(search):
@@ -84,12 +100,20 @@ def test_the_reference_solution_is_not_absurd(search):
 @pytest.mark.thorough
 def test_a_small_search_gives_the_same_again(tmp_path, monkeypatch):
     monkeypatch.setattr(cheats, "FOUND", -1.0)
-    words = ["tasks=LeverStone", "measures=still", "sim=mujoco", "rollouts=40", "workers=1"]
+    words = [
+        "tasks=LeverStone",
+        "measures=still",
+        "sim=mujoco",
+        "rollouts=40",
+        "workers=1",
+    ]
     said = []
     for folder in ("one", "two"):
         monkeypatch.setattr(sys, "argv", ["", f"folder={tmp_path / folder}", *words])
         cheats.main()
-        record = json.loads((tmp_path / folder / "searched/LeverStone.still.0.json").read_text())
+        record = json.loads(
+            (tmp_path / folder / "searched/LeverStone.still.0.json").read_text()
+        )
         said.append({key: value for key, value in record.items() if key != "seconds"})
     assert said[0] == said[1]
     assert said[0]["absurd"] > 30

@@ -16,23 +16,36 @@ from tests.rare import rare
 @pytest.mark.parametrize("engine", rare(["mujoco", "sapien"], "mujoco"))
 def test_the_stored_figures_are_those_of_the_engine(engine):
     pytest.importorskip(engine)
-    measured = measure(part("sim", load("evaluate", [f"sim={engine}"]).sim).create(), PANDA)
+    measured = measure(
+        part("sim", load("evaluate", [f"sim={engine}"]).sim).create(), PANDA
+    )
     stored = PANDA.measured[engine]
     assert measured.keys() == stored.keys()
     for name, figure in stored.items():
         least = 2e-4 if "rad" in name else 0.1  # radians; millimetres and newtons
-        wanted = figure if figure is None else pytest.approx(figure, rel=0.1, abs=least)  # None: too stiff to be seen
+        wanted = (
+            figure if figure is None else pytest.approx(figure, rel=0.1, abs=least)
+        )  # None: too stiff to be seen
         assert measured[name] == wanted, name
 
 
 @pytest.mark.thorough
 def test_a_slower_servo_is_less_exact_and_presses_less():
-    lazy = measure(part("sim", load("evaluate", ["sim=mujoco", "sim.tracking_rate=25"]).sim).create(), PANDA)
+    lazy = measure(
+        part(
+            "sim", load("evaluate", ["sim=mujoco", "sim.tracking_rate=25"]).sim
+        ).create(),
+        PANDA,
+    )
     usual = PANDA.measured["mujoco"]
     assert lazy["lag_mm"] > 1.5 * usual["lag_mm"]
     assert lazy["sag_mm_1kg"] > 2 * usual["sag_mm_1kg"]
-    assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(GRAVITY, rel=0.05)
-    assert lazy["most_n"] == pytest.approx(usual["most_n"], rel=0.2)  # of the joints' torques
+    assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(
+        GRAVITY, rel=0.05
+    )
+    assert lazy["most_n"] == pytest.approx(
+        usual["most_n"], rel=0.2
+    )  # of the joints' torques
 
 
 class Broken(Simulator):
@@ -44,7 +57,9 @@ class Broken(Simulator):
 
 
 def test_an_engine_that_fails_is_named_as_the_cause():
-    with pytest.raises(UserError, match=r"can't be measured: the engine is out of order"):
+    with pytest.raises(
+        UserError, match=r"can't be measured: the engine is out of order"
+    ):
         measure(Broken(), PANDA)
 
 

@@ -39,10 +39,18 @@ def test_the_same_code_earns_the_same_bits(tmp_path, monkeypatch, capsys):
         call(monkeypatch, "compare", "before", "after")
     assert "| BringCube | mujoco | 3 | 1 | 1 | 1.11e-16 |" in capsys.readouterr().out
 
-    kept = [{**found, "rewards": [0.123] * 2}]  # what is there is read, not measured again
+    kept = [
+        {**found, "rewards": [0.123] * 2}
+    ]  # what is there is read, not measured again
     rewards = Path("before/rewards/BringCube.json")
     rewards.write_text(json.dumps(kept))
-    call(monkeypatch, "record", "folder=before", *few, "sims=[mujoco,{name: mujoco, time_step: 0.004}]")
+    call(
+        monkeypatch,
+        "record",
+        "folder=before",
+        *few,
+        "sims=[mujoco,{name: mujoco, time_step: 0.004}]",
+    )
     (first, second) = json.loads(rewards.read_text())
     assert [first] == kept
     assert second["engine"]["time_step"] == 0.004
@@ -53,7 +61,9 @@ def test_the_same_code_earns_the_same_bits(tmp_path, monkeypatch, capsys):
     document = json.loads(designs.read_text())
     document["strategies"].reverse()
     designs.write_text(json.dumps(document))
-    with pytest.raises(UserError, match=r"has other designs than .*; record again with like=before"):
+    with pytest.raises(
+        UserError, match=r"has other designs than .*; record again with like=before"
+    ):
         call(monkeypatch, "compare", "before", "after")
 
 

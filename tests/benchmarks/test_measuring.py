@@ -17,13 +17,15 @@ class Example:
 
 def test_settings():
     assert measuring.settings([], Example) == Example()
-    assert measuring.settings(["names=a,b", "steps=0.001,2", "count=5"], Example) == Example(
-        ["a", "b"], [0.001, 2.0], 5
-    )
+    assert measuring.settings(
+        ["names=a,b", "steps=0.001,2", "count=5"], Example
+    ) == Example(["a", "b"], [0.001, 2.0], 5)
     assert measuring.settings(["names=[a,b]"], Example) == Example(["a", "b"])
     with pytest.raises(UsageError, match=r"no key 'nams' \(did you mean 'names'\?\)"):
         measuring.settings(["nams=a"], Example)
     with pytest.raises(UsageError, match="many"):
         measuring.settings(["count=many"], Example)
-    with pytest.raises(UsageError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\)"):
+    with pytest.raises(
+        UsageError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\)"
+    ):
         measuring.tasks(["OneBok"])

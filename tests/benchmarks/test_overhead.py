@@ -6,13 +6,23 @@ from tests.benchmarks import measuring, overhead
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 
-def test_two_commits_are_measured_with_their_own_code_and_leave_nothing(monkeypatch, capsys):
+def test_two_commits_are_measured_with_their_own_code_and_leave_nothing(
+    monkeypatch, capsys
+):
     made = []
     declare = overhead._declare
-    monkeypatch.setattr(overhead, "_declare", lambda tree: (made.append(tree), declare(tree)))
+    monkeypatch.setattr(
+        overhead, "_declare", lambda tree: (made.append(tree), declare(tree))
+    )
     monkeypatch.setattr(measuring.console, "width", 120)
-    overhead.main(["HEAD", "HEAD~0", "sims=mujoco", "rounds=1", "workers=1", "tools=1", "plans=2"])
-    rows = [line.split("│")[1:-1] for line in capsys.readouterr().out.splitlines() if "BringCube" in line]
+    overhead.main(
+        ["HEAD", "HEAD~0", "sims=mujoco", "rounds=1", "workers=1", "tools=1", "plans=2"]
+    )
+    rows = [
+        line.split("│")[1:-1]
+        for line in capsys.readouterr().out.splitlines()
+        if "BringCube" in line
+    ]
     assert [row[2].strip() for row in rows] == ["HEAD", "HEAD~0"]
     assert all(float(row[3].split()[0]) > 1 and float(row[5]) > 0 for row in rows)
     assert len(made) == 2

@@ -25,7 +25,10 @@ def test_where_the_time_of_a_population_goes(tmp_path, monkeypatch, capsys):
     assert found["overhead"] == pytest.approx(found["wall_s"] / found["engine_s"])
     assert found["overhead"] > found["overhead_in_worker"] > 1
     assert sum(found["shares"].values()) == pytest.approx(1)
-    assert all(found["shares"][part] > 0 for part in ("stepping", "driving", "loading", "ik", "checks", "reward"))
+    assert all(
+        found["shares"][part] > 0
+        for part in ("stepping", "driving", "loading", "ik", "checks", "reward")
+    )
     assert found["steps"] > 4 * 1.5 / 0.004  # settling and holding alone
     assert "4 rollouts with 1 workers" in capsys.readouterr().out
 

@@ -74,22 +74,39 @@ def main() -> None:
     words = [f"task={task}", f"sim={given.sim}", f"seed={given.seed}"]
     if given.time_step is not None:
         words.append(f"sim.time_step={given.time_step}")
-    cfg = load("evaluate", [*words, "designs=none", f"executor={given.executor}", f"executor.workers={workers}"])
+    cfg = load(
+        "evaluate",
+        [
+            *words,
+            "designs=none",
+            f"executor={given.executor}",
+            f"executor.workers={workers}",
+        ],
+    )
     sim = part("sim", cfg.sim)
     steps_of(sim.name)
-    condition = Condition(PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
+    condition = Condition(
+        PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings)
+    )
     candidates = measuring.designs(task, given.tools, given.plans, given.seed)
 
     with part("executor", cfg.executor).create() as executor:
         figures = population(candidates, condition, executor, workers)
 
-    found = {"task": task, "sim": {"name": sim.name, **dict(sim.settings)}, "executor": given.executor} | figures
+    found = {
+        "task": task,
+        "sim": {"name": sim.name, **dict(sim.settings)},
+        "executor": given.executor,
+    } | figures
     measuring.save(Path(given.output), found)
     sys.stdout.write(summary(found) + f"{given.output}\n")
 
 
 def population(
-    candidates: Sequence[Candidate], condition: Condition, executor: Executor, workers: int
+    candidates: Sequence[Candidate],
+    condition: Condition,
+    executor: Executor,
+    workers: int,
 ) -> dict[str, Any]:
     """Measure rollouts per second, and the time of each part."""
     clock = Clocked()
@@ -105,7 +122,12 @@ def population(
 
     began = time.perf_counter()
     tried = executor.map(clock, chunks)
-    shown = track(tried, total=len(chunks), console=measuring.console, disable=not measuring.console.is_terminal)
+    shown = track(
+        tried,
+        total=len(chunks),
+        console=measuring.console,
+        disable=not measuring.console.is_terminal,
+    )
     total: Counter[str] = Counter()
     statuses: Counter[str] = Counter()
     for _, result in shown:
@@ -119,7 +141,8 @@ def population(
     all_time = workers * wall
     parts = {
         "stepping": total["step"],
-        "driving": total["playing"] - total["step"],  # commands, states and recordings between steps
+        "driving": total["playing"]
+        - total["step"],  # commands, states and recordings between steps
         "loading": total["simulator"] - total["playing"],
         "ik": total["ik"],
         "checks": total["checks"],
@@ -220,7 +243,9 @@ def steps_of(sim: str) -> list[tuple[Any, str]]:
     found = []
     for module, path in (step.split(":") for step in STEPS[sim]):
         *outer, name = path.split(".")
-        found.append((functools.reduce(getattr, outer, importlib.import_module(module)), name))
+        found.append(
+            (functools.reduce(getattr, outer, importlib.import_module(module)), name)
+        )
     return found
 
 
@@ -234,7 +259,10 @@ class Clocked:
         steps = clock.steps
         began = time.perf_counter()
         trials = play(chunk.condition, chunk.candidates)
-        took: dict[str, float] = {"chunk": time.perf_counter() - began, "steps": clock.steps - steps}
+        took: dict[str, float] = {
+            "chunk": time.perf_counter() - began,
+            "steps": clock.steps - steps,
+        }
         took |= {label: total - before[label] for label, total in clock.seconds.items()}
         return trials, took
 

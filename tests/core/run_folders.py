@@ -28,8 +28,18 @@ ALONG_X = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 def hook(length: float, name: str = "hook", description: str = "") -> Tool:
     """A shaft of some length and a blade that joins it."""
-    shaft = Component("shaft", "tool_mount", Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)))
-    blade = Component("blade", "shaft", Pose(np.array([0.04, 0, -length / 2])), Box((0.1, 0.03, 0.006)))
+    shaft = Component(
+        "shaft",
+        "tool_mount",
+        Pose(np.array([0, 0, -length / 2])),
+        Box((0.02, 0.02, length)),
+    )
+    blade = Component(
+        "blade",
+        "shaft",
+        Pose(np.array([0.04, 0, -length / 2])),
+        Box((0.1, 0.03, 0.006)),
+    )
     return Tool((shaft, blade), name=name, description=description)
 
 
@@ -50,17 +60,33 @@ def write_run(
     Each candidate has a tool of its own, ``tools[i]`` or a longer hook each time; a tool that comes again has another
     plan. Without ``finish`` the run is left as a killed one leaves it, its store open (as `write_run.open`).
     """
-    cfg = _composed(*(word for word in overrides if not word.startswith("seed="))).copy()
-    cfg.seed = next((int(word[5:]) for word in overrides if word.startswith("seed=")), 0)
+    cfg = _composed(
+        *(word for word in overrides if not word.startswith("seed="))
+    ).copy()
+    cfg.seed = next(
+        (int(word[5:]) for word in overrides if word.startswith("seed=")), 0
+    )
     config = OmegaConf.to_container(cfg, resolve=True)
     task, representation = (
         part("task", cfg.task).create(),
         part("tool", cfg.tool).create(),
     )
-    budget = Budget(**{key: value for key, value in config["budget"].items() if key != "name"})
+    budget = Budget(
+        **{key: value for key, value in config["budget"].items() if key != "name"}
+    )
     parts = {
         kind: config[kind]["name"]
-        for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
+        for kind in (
+            "task",
+            "robot",
+            "sim",
+            "vlm",
+            "tool",
+            "action",
+            "evolution",
+            "fitness",
+            "executor",
+        )
     }
     run = Run(folder, config, parts, "a can", task, representation, budget, cfg.seed)
     events = event_hub()
@@ -85,23 +111,46 @@ def write_run(
             seed=cfg.seed,
             actions=WaypointActions(),
         )
-        request = Request(f"g{index}-a0", brief, (Message("user", (Text("?"),)),), {}, 1.0)
+        request = Request(
+            f"g{index}-a0", brief, (Message("user", (Text("?"),)),), {}, 1.0
+        )
         events.hook.request_composed(request=request)
-        reply = Reply(request.id, "{}", "a can", prompt_tokens=100, completion_tokens=10, cost_usd=cost_usd)
+        reply = Reply(
+            request.id,
+            "{}",
+            "a can",
+            prompt_tokens=100,
+            completion_tokens=10,
+            cost_usd=cost_usd,
+        )
         events.hook.reply_received(request=request, reply=reply)
         evaluations = []
         for i, reward in enumerate(row):
-            tool = given or (tools[i % len(tools)] if tools else hook(0.2 + 0.05 * i + 0.01 * index))
+            tool = given or (
+                tools[i % len(tools)] if tools else hook(0.2 + 0.05 * i + 0.01 * index)
+            )
             plan = PLAN + 0.001 * plans_of[tool.content] * ALONG_X
             plans_of[tool.content] += 1
             if tool.gripper:
                 plan = np.hstack([plan, np.zeros((2, 1))])
-            candidate = Candidate(tool, plan, index, 0, i, 0, strategy_name=name, parents=elite)
+            candidate = Candidate(
+                tool, plan, index, 0, i, 0, strategy_name=name, parents=elite
+            )
             if reward is None:
-                evaluations.append(Evaluation(replace(candidate, problem="it is too heavy")))
+                evaluations.append(
+                    Evaluation(replace(candidate, problem="it is too heavy"))
+                )
             else:
                 distance_m = distances[i % len(distances)]
-                evaluations.append(tried_once(candidate, "ok", reward=reward, distance_m=distance_m, where=where))
+                evaluations.append(
+                    tried_once(
+                        candidate,
+                        "ok",
+                        reward=reward,
+                        distance_m=distance_m,
+                        where=where,
+                    )
+                )
             keep_trials(store, evaluations[-1])
             events.hook.candidate_evaluated(evaluation=evaluations[-1])
         generations.append(Generation(index, tuple(evaluations)))
@@ -112,7 +161,9 @@ def write_run(
     if not finish:
         write_run.open.append(events)
         return folder
-    events.hook.run_finished(run=run, result=Result(tuple(generations), 12.5, stopped, unseen=unseen or {}))
+    events.hook.run_finished(
+        run=run, result=Result(tuple(generations), 12.5, stopped, unseen=unseen or {})
+    )
     events.hook.run_ended()
     return folder
 
@@ -123,7 +174,9 @@ write_run.open = []
 def keep_trials(store: RunStore, evaluation: Evaluation) -> None:
     """Store the trials of an evaluation, as the scheduler does when they end."""
     for trial in (*evaluation.trials, *evaluation.finals):
-        store.keep_trial((evaluation.candidate.of(trial.task).content, trial.where), trial)
+        store.keep_trial(
+            (evaluation.candidate.of(trial.task).content, trial.where), trial
+        )
 
 
 @lru_cache(maxsize=64)

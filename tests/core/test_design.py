@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Tool
+from core.design import (
+    GRIPPER_MOUNTS,
+    RIGID_MOUNT,
+    Candidate,
+    Component,
+    DesignError,
+    Tool,
+)
 from core.geometry import Box, Pose
 from core.trial import best_first, ranked, tried_once
 
@@ -28,7 +35,9 @@ def test_placed_follows_the_chain_of_parents():
     placed = Tool((a, b, c)).placed()
     assert list(placed) == ["a", "b", "c"]
     assert {mount for mount, _ in placed.values()} == {RIGID_MOUNT}
-    np.testing.assert_allclose(placed["c"][1].matrix, a.pose.matrix @ b.pose.matrix @ c.pose.matrix, atol=1e-12)
+    np.testing.assert_allclose(
+        placed["c"][1].matrix, a.pose.matrix @ b.pose.matrix @ c.pose.matrix, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -36,11 +45,23 @@ def test_placed_follows_the_chain_of_parents():
     [
         ([box("a"), box("a")], False, "two parts of the tool are named 'a'"),
         ([box(RIGID_MOUNT)], False, "two parts of the tool are named 'tool_mount'"),
-        ([box("a", "b"), box("b")], False, "'a' hangs from 'b', which is neither a component before it"),
+        (
+            [box("a", "b"), box("b")],
+            False,
+            "'a' hangs from 'b', which is neither a component before it",
+        ),
         ([box("a", "a")], False, "'a' hangs from 'a'"),
-        ([box("a", "panda_link8")], False, r"'a' hangs from 'panda_link8'.*the mount \(tool_mount\)"),
+        (
+            [box("a", "panda_link8")],
+            False,
+            r"'a' hangs from 'panda_link8'.*the mount \(tool_mount\)",
+        ),
         ([box("a", LEFT)], False, r"'a' hangs from 'left_finger'.*\(tool_mount\)"),
-        ([box("a")], True, r"'a' hangs from 'tool_mount'.*\(left_finger or right_finger\)"),
+        (
+            [box("a")],
+            True,
+            r"'a' hangs from 'tool_mount'.*\(left_finger or right_finger\)",
+        ),
     ],
 )
 def test_what_is_no_tool(components, gripper, reason):
@@ -79,7 +100,9 @@ def test_best_first_by_reward_then_distance_then_key_where_there_are_no_ties():
         ok(0.0, 0.0, (0, 0, 0, 1)),
     ]
     for seed in range(20):
-        shuffled = [order[i] for i in np.random.default_rng(seed).permutation(len(order))]
+        shuffled = [
+            order[i] for i in np.random.default_rng(seed).permutation(len(order))
+        ]
         assert best_first(shuffled, tie=0.0) == order
 
 
@@ -109,13 +132,21 @@ def test_the_order_does_not_depend_on_arrival(entries, random, tie):
         highest = max(e.reward for e in found)
         equal = [e for e in found if highest - e.reward <= tie]
         assert found[: len(equal)] == equal  # they go first...
-        lengths = [math.inf if math.isnan(e.distance_m) else e.distance_m for e in equal]
-        assert lengths == sorted(lengths)  # ...the shorter ones before the longer ones...
+        lengths = [
+            math.inf if math.isnan(e.distance_m) else e.distance_m for e in equal
+        ]
+        assert lengths == sorted(
+            lengths
+        )  # ...the shorter ones before the longer ones...
         found = found[len(equal) :]  # ...and the same holds for the rest
 
 
 def test_rewards_within_the_tie_of_the_best_count_as_equal():
-    best, shorter, worse = ok(0.9990, 1.0), ok(0.9941, 0.5, (0, 0, 0, 1)), ok(0.9939, 0.1, (0, 0, 0, 2))
+    best, shorter, worse = (
+        ok(0.9990, 1.0),
+        ok(0.9941, 0.5, (0, 0, 0, 1)),
+        ok(0.9939, 0.1, (0, 0, 0, 2)),
+    )
     assert best_first([best, shorter, worse]) == [shorter, best, worse]
     assert best_first([best, shorter, worse], tie=0.006) == [worse, shorter, best]
     assert best_first([best, shorter, worse], tie=0.0) == [best, shorter, worse]
@@ -124,4 +155,9 @@ def test_rewards_within_the_tie_of_the_best_count_as_equal():
 
 def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest():
     figures = [(0.5, None), (0.501, 1.0), (0.502, 1.0), (0.503, math.nan)]
-    assert ranked(figures, lambda f: f) == [figures[2], figures[1], figures[3], figures[0]]
+    assert ranked(figures, lambda f: f) == [
+        figures[2],
+        figures[1],
+        figures[3],
+        figures[0],
+    ]

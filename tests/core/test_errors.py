@@ -9,9 +9,21 @@ from core.plugins.blame import PluginError
 @pytest.mark.parametrize(
     ("wrong", "where", "message"),
     [
-        ("OneBok", "", "no task 'OneBok' (did you mean 'OneBook'?); possible: BringCube, OneBook"),
-        ("onebook", "", "no task 'onebook' (did you mean 'OneBook'?); possible: BringCube, OneBook"),
-        ("Juggle", "this folder", "no task 'Juggle' in this folder; possible: BringCube, OneBook"),
+        (
+            "OneBok",
+            "",
+            "no task 'OneBok' (did you mean 'OneBook'?); possible: BringCube, OneBook",
+        ),
+        (
+            "onebook",
+            "",
+            "no task 'onebook' (did you mean 'OneBook'?); possible: BringCube, OneBook",
+        ),
+        (
+            "Juggle",
+            "this folder",
+            "no task 'Juggle' in this folder; possible: BringCube, OneBook",
+        ),
     ],
 )
 def test_a_wrong_name_is_answered_with_the_possible_ones(wrong, where, message):
@@ -25,7 +37,9 @@ def test_there_may_be_no_possible_name():
 @pytest.mark.parametrize("number", [0, -1.0, math.nan, math.inf])
 def test_numbers_that_are_not_positive_are_refused(number):
     check_positive("rollout.", segment_s=1e-9)
-    with pytest.raises(UsageError, match=f"rollout.hold_s must be greater than 0, got {number}"):
+    with pytest.raises(
+        UsageError, match=f"rollout.hold_s must be greater than 0, got {number}"
+    ):
         check_positive("rollout.", segment_s=1.0, hold_s=number)
 
 
@@ -39,10 +53,22 @@ def caused(error, cause):
     [
         (OSError(24, "Too many open files"), "OSError: [Errno 24] Too many open files"),
         (MemoryError(), "MemoryError"),
-        (ModuleNotFoundError("No module named 'x'"), "ModuleNotFoundError: No module named 'x'"),
-        (RuntimeError("can't start new thread"), "RuntimeError: can't start new thread"),
+        (
+            ModuleNotFoundError("No module named 'x'"),
+            "ModuleNotFoundError: No module named 'x'",
+        ),
+        (
+            RuntimeError("can't start new thread"),
+            "RuntimeError: can't start new thread",
+        ),
         (Fault("the worker process died"), "the worker process died"),
-        (caused(PluginError("sim 'x' raised it"), caused(ValueError(), OSError(28, "full"))), "sim 'x' raised it"),
+        (
+            caused(
+                PluginError("sim 'x' raised it"),
+                caused(ValueError(), OSError(28, "full")),
+            ),
+            "sim 'x' raised it",
+        ),
         (caused(UserError("no room"), OSError(28, "full")), "no room"),
         (ValueError("a box of no size"), None),
         (PluginError("sim 'x' raised ValueError"), None),

@@ -20,22 +20,49 @@ def evaluated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("evaluated")
     good = json.loads(SOLUTION.read_text())["strategies"][0]
     pressed = [*good["action_sets"][0], [0.255, 0.0, 0.2, 0.0, 0.0, 0.0]]
-    plans = [*good["action_sets"], pressed, [[9, 0, 0, 0, 0, 0]], [[0.5, 0, 0.5, 0, 0, 0]]]
-    off = good | {"tool_urdf": good["tool_urdf"].replace('type="fixed"', 'type="revolute"')}
-    (folder / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}, off]}))
-    words = ["task=BringCube", "sim=mujoco", "designs=designs.json", "output=out/rewards.json", "executor.workers=1"]
+    plans = [
+        *good["action_sets"],
+        pressed,
+        [[9, 0, 0, 0, 0, 0]],
+        [[0.5, 0, 0.5, 0, 0, 0]],
+    ]
+    off = good | {
+        "tool_urdf": good["tool_urdf"].replace('type="fixed"', 'type="revolute"')
+    }
+    (folder / "designs.json").write_text(
+        json.dumps({"strategies": [good | {"action_sets": plans}, off]})
+    )
+    words = [
+        "task=BringCube",
+        "sim=mujoco",
+        "designs=designs.json",
+        "output=out/rewards.json",
+        "executor.workers=1",
+    ]
     done = python_m(folder, "core.evaluate", *words)
     assert (done.returncode, done.stderr) == (0, "")
-    return json.loads((folder / "out/rewards.json").read_text()), done.stdout.splitlines()
+    return json.loads(
+        (folder / "out/rewards.json").read_text()
+    ), done.stdout.splitlines()
 
 
 @pytest.mark.slow
 def test_each_plan_has_a_record_of_what_it_earned(evaluated):
     records, lines = evaluated
-    assert [(r["strategy"], r["plan"]) for r in records] == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0)]
+    assert [(r["strategy"], r["plan"]) for r in records] == [
+        (0, 0),
+        (0, 1),
+        (0, 2),
+        (0, 3),
+        (1, 0),
+    ]
     assert [r["status"] for r in records] == ["ok", "ok", "rejected", "ok", "rejected"]
     solved, _, far, idle, loose = records
-    assert (solved["reward"] >= 0.95, solved["reason"], 0.3 < solved["distance_m"] < 1.0) == (True, "", True)
+    assert (
+        solved["reward"] >= 0.95,
+        solved["reason"],
+        0.3 < solved["distance_m"] < 1.0,
+    ) == (True, "", True)
     assert (idle["reward"] < 0.02, idle["distance_m"] < 1e-4) == (True, True)
     assert (far["reward"], loose["reward"], far["distance_m"]) == (0, 0, None)
     assert "waypoint 1" in far["reason"]
@@ -50,9 +77,18 @@ def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
     assert 0 < free["tracking_error_rad"] < STOPPED_RAD < pressed["tracking_error_rad"]
     assert far["tracking_error_rad"] is None
     assert free["warnings"] == []
-    assert pressed["warnings"][-1].startswith("stopped or held back on its way: a joint of the arm fell ")
+    assert pressed["warnings"][-1].startswith(
+        "stopped or held back on its way: a joint of the arm fell "
+    )
     assert "lag rad" in lines[0]
-    assert lines[2].split() == ["0", "1", f"{pressed['reward']:.3f}", *lines[2].split()[3:5], *lag(pressed), "ok"]
+    assert lines[2].split() == [
+        "0",
+        "1",
+        f"{pressed['reward']:.3f}",
+        *lines[2].split()[3:5],
+        *lag(pressed),
+        "ok",
+    ]
     assert f"strategy 0 plan 1: {pressed['warnings'][-1]}" in lines
 
 
@@ -80,8 +116,16 @@ def test_a_terminal_is_shown_no_control_sequences(capsys):
 
 @pytest.mark.slow
 def test_designs_are_tried_in_layouts(tmp_path):
-    words = ["task.variation=near", "fitness=layouts", "fitness.layouts=2", "sim=mujoco", "output=rewards.json"]
-    done = python_m(tmp_path, "core.evaluate", f"designs={SOLUTION}", *words, "executor.workers=1")
+    words = [
+        "task.variation=near",
+        "fitness=layouts",
+        "fitness.layouts=2",
+        "sim=mujoco",
+        "output=rewards.json",
+    ]
+    done = python_m(
+        tmp_path, "core.evaluate", f"designs={SOLUTION}", *words, "executor.workers=1"
+    )
     assert done.returncode == 0, done.stderr
     (found,) = json.loads((tmp_path / "rewards.json").read_text())
     rewards = found["details"]["engines"]["mujoco"]["rewards"]
@@ -92,14 +136,35 @@ def test_designs_are_tried_in_layouts(tmp_path):
 @pytest.mark.slow
 def test_plans_are_checked_without_playing_them(tmp_path):
     good = json.loads(SOLUTION.read_text())["strategies"][0]
-    plans = [*good["action_sets"], [[0.9, 0.0, 0.2, 0.0, 0.0, 0.0]], [[9, 0, 0, 0, 0, 0]]]
-    (tmp_path / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
-    done = python_m(tmp_path, "core.evaluate", "task=BringCube", "designs=designs.json", "check=true")
+    plans = [
+        *good["action_sets"],
+        [[0.9, 0.0, 0.2, 0.0, 0.0, 0.0]],
+        [[9, 0, 0, 0, 0, 0]],
+    ]
+    (tmp_path / "designs.json").write_text(
+        json.dumps({"strategies": [good | {"action_sets": plans}]})
+    )
+    done = python_m(
+        tmp_path,
+        "core.evaluate",
+        "task=BringCube",
+        "designs=designs.json",
+        "check=true",
+    )
     solved, low, far = done.stdout.splitlines()
-    assert (done.returncode, done.stderr, solved) == (0, "", "strategy 0 plan 0: nothing found")
+    assert (done.returncode, done.stderr, solved) == (
+        0,
+        "",
+        "strategy 0 plan 0: nothing found",
+    )
     assert low.startswith("strategy 0 plan 1: the arm misses the way to waypoint 1 by ")
     assert far.startswith("strategy 0 plan 2: ")
     assert "waypoint 1" in far
     layouts = ["task.variation=wide", "fitness=layouts", "check=true"]
-    done = python_m(tmp_path, "core.evaluate", "task=BringCube", "designs=designs.json", *layouts)
-    assert "strategy 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by " in done.stdout
+    done = python_m(
+        tmp_path, "core.evaluate", "task=BringCube", "designs=designs.json", *layouts
+    )
+    assert (
+        "strategy 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "
+        in done.stdout
+    )

@@ -14,12 +14,21 @@ def evaluation(number, reward, status="ok", distance_m=1.0):
 
 
 def test_a_generation_counts_what_was_tried():
-    tried = (evaluation(0, 0.2), evaluation(1, 0.6), evaluation(2, 0.0, "failed"), evaluation(3, 0.0, "rejected"))
+    tried = (
+        evaluation(0, 0.2),
+        evaluation(1, 0.6),
+        evaluation(2, 0.0, "failed"),
+        evaluation(3, 0.0, "rejected"),
+    )
     generation = Generation(0, tried)
     assert generation.best is tried[1]
     assert generation.ranking == [tried[1], tried[0]]
     assert generation.mean_reward == pytest.approx(0.4)
-    assert [generation.count(status) for status in ("ok", "failed", "rejected")] == [2, 1, 1]
+    assert [generation.count(status) for status in ("ok", "failed", "rejected")] == [
+        2,
+        1,
+        1,
+    ]
 
 
 def test_the_best_may_earn_less_than_the_highest_reward_by_the_tie():
@@ -31,7 +40,11 @@ def test_the_best_may_earn_less_than_the_highest_reward_by_the_tie():
 
 def test_a_generation_in_which_nothing_could_be_tried():
     generation = Generation(0, (evaluation(0, 0.0, "rejected"),))
-    assert (generation.best, generation.best_reward, generation.mean_reward) == (None, None, None)
+    assert (generation.best, generation.best_reward, generation.mean_reward) == (
+        None,
+        None,
+        None,
+    )
     assert Result((generation,), 1.0).best is None
 
 
@@ -46,7 +59,11 @@ def test_a_result_is_of_all_generations():
 def test_rollouts_of_equal_candidates_count_once():
     one, same = evaluation(0, 0.7), evaluation(1, 0.7)
     same = replace(same, trials=one.trials)
-    two_trials = tuple(Trial(Where("Task", "mujoco", layout), "g0-a2-s0-p0") for layout in range(2))
+    two_trials = tuple(
+        Trial(Where("Task", "mujoco", layout), "g0-a2-s0-p0") for layout in range(2)
+    )
     other = replace(evaluation(2, 0.7), trials=two_trials)
-    assert Result((Generation(0, (one, same)), Generation(1, (other,))), 1.0).rollouts == 3
+    assert (
+        Result((Generation(0, (one, same)), Generation(1, (other,))), 1.0).rollouts == 3
+    )
     assert Result((Generation(0, (same, one)),), 1.0).rollouts == 1

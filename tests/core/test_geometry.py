@@ -33,20 +33,26 @@ def turn(axis, angle):
 def test_roll_pitch_yaw_are_turns_about_the_fixed_axes_as_in_urdf(xyz, rpy):
     roll, pitch, yaw = rpy
     matrix = Pose.xyz_rpy(xyz, rpy).matrix
-    np.testing.assert_allclose(matrix[:3, :3], turn("z", yaw) @ turn("y", pitch) @ turn("x", roll), atol=1e-12)
+    np.testing.assert_allclose(
+        matrix[:3, :3], turn("z", yaw) @ turn("y", pitch) @ turn("x", roll), atol=1e-12
+    )
     np.testing.assert_array_equal(matrix[:, 3], [*xyz, 1])
     np.testing.assert_array_equal(matrix[3], [0, 0, 0, 1])
 
 
 @given(poses)
 def test_the_inverse_undoes(pose):
-    np.testing.assert_allclose(pose.inverse().matrix, np.linalg.inv(pose.matrix), atol=1e-11)
+    np.testing.assert_allclose(
+        pose.inverse().matrix, np.linalg.inv(pose.matrix), atol=1e-11
+    )
     np.testing.assert_allclose((pose.inverse() @ pose).matrix, np.eye(4), atol=1e-11)
 
 
 @given(vectors, turns)
 def test_there_and_back_by_roll_pitch_yaw(xyz, rpy):
-    assume(abs(rpy[1]) < math.pi / 2 - 1e-3)  # beyond, other angles name the same orientation
+    assume(
+        abs(rpy[1]) < math.pi / 2 - 1e-3
+    )  # beyond, other angles name the same orientation
     pose = Pose.xyz_rpy(xyz, rpy)
     difference = np.subtract(pose.rpy, rpy)
     np.testing.assert_allclose(np.angle(np.exp(1j * difference)), 0, atol=1e-9)
@@ -54,9 +60,17 @@ def test_there_and_back_by_roll_pitch_yaw(xyz, rpy):
 
 def test_quaternions_are_scalar_first_and_of_length_one():
     quarter = Pose.xyz_rpy((0, 0, 0), (0, 0, math.pi / 2))
-    np.testing.assert_allclose(np.abs(quarter.quaternion), [math.sqrt(0.5), 0, 0, math.sqrt(0.5)], atol=1e-12)
-    np.testing.assert_allclose(Pose(np.zeros(3), np.array([0.0, 0, 3, 0])).quaternion, [0, 0, 1, 0])
-    np.testing.assert_allclose(Pose(np.zeros(3), np.array([0.0, 0, 3, 0])).apply([1, 2, 3]), [-1, 2, -3], atol=1e-12)
+    np.testing.assert_allclose(
+        np.abs(quarter.quaternion), [math.sqrt(0.5), 0, 0, math.sqrt(0.5)], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        Pose(np.zeros(3), np.array([0.0, 0, 3, 0])).quaternion, [0, 0, 1, 0]
+    )
+    np.testing.assert_allclose(
+        Pose(np.zeros(3), np.array([0.0, 0, 3, 0])).apply([1, 2, 3]),
+        [-1, 2, -3],
+        atol=1e-12,
+    )
 
 
 def test_equal_poses_are_one_key():
@@ -88,7 +102,14 @@ def test_what_is_no_pose(position, quaternion, reason):
 
 @pytest.mark.parametrize(
     "shape",
-    [Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3), prism(5, 0.1, 0.2), bowl(0.1, 0.01)],
+    [
+        Box((0.1, 0.2, 0.3)),
+        Sphere(0.1),
+        Cylinder(0.05, 0.3),
+        Capsule(0.05, 0.3),
+        prism(5, 0.1, 0.2),
+        bowl(0.1, 0.01),
+    ],
     ids=lambda shape: type(shape).__name__,
 )
 def test_measures_are_those_of_the_triangles(shape):
@@ -98,10 +119,14 @@ def test_measures_are_those_of_the_triangles(shape):
     assert shape.volume == pytest.approx(mesh.volume, rel=0.01)
     assert shape.area == pytest.approx(mesh.area, rel=0.01)
     middle, size = shape.bounds
-    np.testing.assert_allclose([middle - size / 2, middle + size / 2], mesh.bounds, atol=1e-9)
+    np.testing.assert_allclose(
+        [middle - size / 2, middle + size / 2], mesh.bounds, atol=1e-9
+    )
     center, tensor = mass_properties(shape, 2.0)
     np.testing.assert_allclose(center, mesh.center_mass, atol=1e-9)
-    np.testing.assert_allclose(tensor, 2.0 * mesh.moment_inertia / mesh.volume, rtol=0.01, atol=1e-6)
+    np.testing.assert_allclose(
+        tensor, 2.0 * mesh.moment_inertia / mesh.volume, rtol=0.01, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("length", [0, -1, math.nan, math.inf])

@@ -10,12 +10,25 @@ from hypothesis import strategies as st
 
 from core.geometry import Pose
 from core.goals import goals_margins, goals_reward, goals_shares, needs_trace
-from core.scene import Body, Box, Elastic, Filling, Goal, Joint, Scene, Soft, State, Trace
+from core.scene import (
+    Body,
+    Box,
+    Elastic,
+    Filling,
+    Goal,
+    Joint,
+    Scene,
+    Soft,
+    State,
+    Trace,
+)
 from core.task import Task, margins_of
 
 RED = (1, 0, 0, 1)
 DRAWER = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
-DOOR = Joint("door", "hinge", "leaf", axis=(0, 0, 1), origin=(0, -0.2, 0), lower=-2, upper=2)
+DOOR = Joint(
+    "door", "hinge", "leaf", axis=(0, 0, 1), origin=(0, -0.2, 0), lower=-2, upper=2
+)
 
 
 def body(name, position, mass=1.0):
@@ -46,7 +59,9 @@ def at(state=START, **positions):
 def turned(name, **carried):
     """The start state with a joint at another position."""
     placed = SCENE.placed_joints[name]
-    there = placed.carry(np.asarray(carried["to"]), np.zeros(()), START.placement(placed.joint.parent))
+    there = placed.carry(
+        np.asarray(carried["to"]), np.zeros(()), START.placement(placed.joint.parent)
+    )
     number = START.names.index(placed.joint.body)
     positions, quaternions = START.positions.copy(), START.quaternions.copy()
     positions[number], quaternions[number] = there.position, there.quaternion
@@ -54,7 +69,9 @@ def turned(name, **carried):
 
 
 def reward(goals, end, trace=None, every=False, start=START):
-    task = SimpleNamespace(goals=goals if isinstance(goals, tuple) else (goals,), every=every)
+    task = SimpleNamespace(
+        goals=goals if isinstance(goals, tuple) else (goals,), every=every
+    )
     return np.round(goals_reward(task, start, end, trace), 9)
 
 
@@ -86,7 +103,10 @@ def test_what_a_goal_can_not_be(wrong):
 @given(st.floats(0, 1), st.floats(0, 1))
 def test_progress_rises_from_the_start_to_the_goal(one, other):
     goal = Goal(("cube",), place=(0.7, None, None), tolerance=0.02)
-    first, second = reward(goal, shifted(min(one, other))), reward(goal, shifted(max(one, other)))
+    first, second = (
+        reward(goal, shifted(min(one, other))),
+        reward(goal, shifted(max(one, other))),
+    )
     assert 0 <= first <= second <= 1
     assert reward(goal, START) == 0
     assert reward(goal, shifted(0.9)) == pytest.approx(1)
@@ -94,16 +114,27 @@ def test_progress_rises_from_the_start_to_the_goal(one, other):
 
 
 def test_rewards_are_of_one_world_or_of_many():
-    goals = (Goal(("cube",), place=(0.7, None, None)), Goal(joint="drawer", to=0.2), Goal(("other",), axis=(1, 0, 0)))
+    goals = (
+        Goal(("cube",), place=(0.7, None, None)),
+        Goal(joint="drawer", to=0.2),
+        Goal(("other",), axis=(1, 0, 0)),
+    )
     ends = [START, shifted(0.5), turned("drawer", to=0.15), at(cube=(9, 9, 9))]
     for every in (False, True):
         each = [float(reward(goals, end, every=every)) for end in ends]
-        many = reward(goals, State.stack(ends), every=every, start=State.stack([START] * 4))
+        many = reward(
+            goals, State.stack(ends), every=every, start=State.stack([START] * 4)
+        )
         assert many == pytest.approx(each)
 
 
 def test_places_are_in_the_frame_of_a_mark_and_one_for_each_body():
-    goal = Goal(("cube", "other"), places=((0, 0, 0.05), (0, 0.2, 0.05)), at="mark", tolerance=0.001)
+    goal = Goal(
+        ("cube", "other"),
+        places=((0, 0, 0.05), (0, 0.2, 0.05)),
+        at="mark",
+        tolerance=0.001,
+    )
     assert reward(goal, at(cube=(0.5, 0.1, 0.05), other=(0.5, 0.3, 0.05))) == 1
     assert reward(goal, at(cube=(0.5, 0.3, 0.05), other=(0.5, 0.1, 0.05))) < 0.6
     one, other = goal.within(SCENE).spread()
@@ -121,7 +152,9 @@ def test_a_joint_is_opened_and_a_designer_sees_a_place():
     assert there.place == pytest.approx((0.6, 0, 0.1))
     door = Goal(joint="door", to=np.pi / 2).within(SCENE)
     assert door.place == pytest.approx((0.2, 0.2, 0.2))
-    assert reward(Goal(joint="door", to=1.0), turned("door", to=0.5)) == pytest.approx(0.5)
+    assert reward(Goal(joint="door", to=1.0), turned("door", to=0.5)) == pytest.approx(
+        0.5
+    )
 
 
 def test_an_axis_must_point_somewhere_and_what_was_right_must_stay_so():
@@ -143,11 +176,16 @@ def test_at_rest():
     speeds = np.zeros_like(START.linear_velocities)
     speeds[START.names.index("cube")] = (0, 0, 0.04)
     assert reward(goal, shifted(1)) == 1
-    assert reward(goal, replace(shifted(1), linear_velocities=speeds)) == pytest.approx(0.5)
+    assert reward(goal, replace(shifted(1), linear_velocities=speeds)) == pytest.approx(
+        0.5
+    )
 
 
 def test_all_goals_count_by_weight_or_one_is_enough():
-    one, other = Goal(("cube",), place=(0.7, None, None), weight=3), Goal(("other",), place=(0.9, None, None))
+    one, other = (
+        Goal(("cube",), place=(0.7, None, None), weight=3),
+        Goal(("other",), place=(0.9, None, None)),
+    )
     assert reward((one, other), shifted(0.5), every=True) == pytest.approx(0.375)
     assert reward((one, other), shifted(0.5)) == pytest.approx(0.5)
     assert reward(replace(one, bodies=("cube", "other"), any=True), shifted(1)) == 1
@@ -155,12 +193,17 @@ def test_all_goals_count_by_weight_or_one_is_enough():
 
 def test_a_body_to_keep_must_stay():
     goals = (Goal(("cube",), place=(0.7, None, None)), Goal(keep=("other",)))
-    near, far = (at(shifted(1), other=START.position("other") + np.array([0, way, 0])) for way in (0.06, 0.2))
+    near, far = (
+        at(shifted(1), other=START.position("other") + np.array([0, way, 0]))
+        for way in (0.06, 0.2)
+    )
     for every in (False, True):
         assert reward(goals, shifted(1), every=every) == 1
         assert reward(goals, near, every=every) == pytest.approx(0.5)
         assert reward(goals, far, every=every) == 0
-    assert reward((goals[0], replace(goals[0], keep=("other",))), far) == 1  # the first is enough
+    assert (
+        reward((goals[0], replace(goals[0], keep=("other",))), far) == 1
+    )  # the first is enough
 
 
 def film(*states, **touching):
@@ -171,7 +214,9 @@ def film(*states, **touching):
         other, kind, one = name.split("_")
         pairs[kind, one, other] = flags.copy()
         pairs[kind, one, other][list(at_)] = True
-    return Trace.of(*states, touching=pairs, forces={("tool", "cube"): np.full(len(states), 3.0)})
+    return Trace.of(
+        *states, touching=pairs, forces={("tool", "cube"): np.full(len(states), 3.0)}
+    )
 
 
 def test_goals_that_ask_for_the_past_need_a_trace():
@@ -187,8 +232,14 @@ def test_held_is_touched_by_the_robot_and_by_nothing_fixed():
     assert reward(goal, end, film(START, end)) == 0
     assert reward(goal, end, film(START, end, cube_tool_blade=[1])) == 1
     assert reward(goal, end, film(START, end, cube_tool_blade=[0])) == 0
-    assert reward(goal, end, film(START, end, cube_tool_blade=[1], case_body_cube=[1])) == 0.5
-    assert reward(goal, end, film(START, end, other_arm_link=[1], other_body_cube=[1])) == 1
+    assert (
+        reward(goal, end, film(START, end, cube_tool_blade=[1], case_body_cube=[1]))
+        == 0.5
+    )
+    assert (
+        reward(goal, end, film(START, end, other_arm_link=[1], other_body_cube=[1]))
+        == 1
+    )
 
 
 def test_in_time_and_at_some_time():
@@ -209,11 +260,15 @@ def test_one_after_another():
     assert reward(goals, put, film(START, opened, put), every=True) == 1
     assert reward(goals, put, film(START, put, put), every=True) == 0
     both = at(opened, cube=put.position("cube"))
-    assert reward(goals, both, film(START, put, both, both), every=True) == 0.5  # in the wrong order
+    assert (
+        reward(goals, both, film(START, put, both, both), every=True) == 0.5
+    )  # in the wrong order
     closed = (goals[0], Goal(joint="drawer", to=0.0, after=0))
     assert reward(closed, START, film(START, opened, START), every=True) == 1
     assert reward(closed, START, film(START, START), every=True) == 0
-    with pytest.raises(ValueError, match="comes after 'shut', which is no goal; there are: open, 1"):
+    with pytest.raises(
+        ValueError, match="comes after 'shut', which is no goal; there are: open, 1"
+    ):
         reward((goals[0], replace(goals[1], after="shut")), put, film(START, put))
 
 
@@ -221,54 +276,88 @@ def test_what_must_not_be_touched():
     goal = Goal(("other",), place=(0.9, None, None))
     end, touched = shifted(1, "other"), film(START, START, cube_tool_blade=[0])
     for every in (False, True):
-        assert reward((goal, Goal(untouched=("cube",))), end, film(START, START), every) == 1
+        assert (
+            reward((goal, Goal(untouched=("cube",))), end, film(START, START), every)
+            == 1
+        )
         assert reward((goal, Goal(untouched=("cube",))), end, touched, every) == 0
-        assert reward((goal, Goal(untouched=("cube",), max_force_n=4)), end, touched, every) == 1
-        assert reward((goal, Goal(untouched=("cube",), max_force_n=2)), end, touched, every) == 0
+        assert (
+            reward(
+                (goal, Goal(untouched=("cube",), max_force_n=4)), end, touched, every
+            )
+            == 1
+        )
+        assert (
+            reward(
+                (goal, Goal(untouched=("cube",), max_force_n=2)), end, touched, every
+            )
+            == 0
+        )
 
 
 def margins(*goals, end, trace=None, every=True):
     found = goals_margins(SimpleNamespace(goals=goals, every=every), START, end, trace)
-    return {margin.name: (round(margin.value, 6), margin.limit, round(margin.margin, 6)) for margin in found}
+    return {
+        margin.name: (round(margin.value, 6), margin.limit, round(margin.margin, 6))
+        for margin in found
+    }
 
 
 def test_margins_say_how_far_the_end_is_from_the_limits_of_goals():
-    near = Goal(bodies=("cube",), place=(0.5, -0.3, None), tolerance=0.04, keep=("other",))
+    near = Goal(
+        bodies=("cube",), place=(0.5, -0.3, None), tolerance=0.04, keep=("other",)
+    )
     end = at(cube=(0.53, -0.3, 0.05), other=(0.7, -0.31, 0.05))
     assert margins(near, end=end) == {
         "other moved": (0.01, 0.02, 0.5),
         "cube off its place": (0.03, 0.04, 0.25),
     }
-    assert margins(Goal(joint="drawer", to=0.2, tolerance=0.02), end=turned("drawer", to=0.19)) == {
-        "drawer off its position": (0.01, 0.02, 0.5)
-    }
-    assert margins(Goal(bodies=("cube",), away=0.1), end=at(cube=(0.65, -0.3, 0.05))) == {
-        "way of cube": (0.15, 0.1, 0.5)
-    }
+    assert margins(
+        Goal(joint="drawer", to=0.2, tolerance=0.02), end=turned("drawer", to=0.19)
+    ) == {"drawer off its position": (0.01, 0.02, 0.5)}
+    assert margins(
+        Goal(bodies=("cube",), away=0.1), end=at(cube=(0.65, -0.3, 0.05))
+    ) == {"way of cube": (0.15, 0.1, 0.5)}
     upright = Goal(bodies=("cube",), axis=(0, 0, 1), tolerance_deg=10)
     assert margins(upright, end=START)["angle of cube"][2] == 1
-    assert margins(Goal(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}  # no tolerance, no room
+    assert (
+        margins(Goal(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}
+    )  # no tolerance, no room
 
 
 def test_margins_of_what_must_not_be_touched_or_pressed():
     forces = {("tool", "case"): np.array([0.0, 5.0])}
     gaps = {"other": np.array(0.005)}
     trace = Trace.of(START, START, forces=forces, clearances=gaps)
-    press, avoid = Goal(untouched=("case",), max_force_n=20.0), Goal(untouched=("other", "cube"))
+    press, avoid = (
+        Goal(untouched=("case",), max_force_n=20.0),
+        Goal(untouched=("other", "cube")),
+    )
     assert margins(press, avoid, end=START, trace=trace) == {
         "force on case": (5.0, 20.0, 0.75),
         "clearance to other": (0.005, 0.0, 0.25),
     }
-    touched = replace(trace, touching={("tool", "blade", "other"): np.array([False, True])})
-    assert margins(avoid, end=START, trace=touched) == {"clearance to other": (0.0, 0.0, -1.0)}
+    touched = replace(
+        trace, touching={("tool", "blade", "other"): np.array([False, True])}
+    )
+    assert margins(avoid, end=START, trace=touched) == {
+        "clearance to other": (0.0, 0.0, -1.0)
+    }
 
 
-@pytest.mark.parametrize(("reward", "success", "margin"), [(0.975, 0.95, 0.5), (0.95, 0.95, 0.0), (0.9, 0.95, -1.0)])
-def test_without_a_limit_the_margin_is_what_the_reward_exceeds_success_by(reward, success, margin):
+@pytest.mark.parametrize(
+    ("reward", "success", "margin"),
+    [(0.975, 0.95, 0.5), (0.95, 0.95, 0.0), (0.9, 0.95, -1.0)],
+)
+def test_without_a_limit_the_margin_is_what_the_reward_exceeds_success_by(
+    reward, success, margin
+):
     (found,) = margins_of(Untold(success), START, START, None, reward)
     assert (found.name, found.value, found.limit) == ("reward", reward, success)
     assert found.margin == pytest.approx(margin)
-    assert margins_of(Untold(1.0), START, START, None, reward) == ()  # no room above success
+    assert (
+        margins_of(Untold(1.0), START, START, None, reward) == ()
+    )  # no room above success
 
 
 class Untold(Task):
@@ -287,33 +376,53 @@ class Untold(Task):
 
 
 def test_each_of_several_goals_that_count_has_a_share():
-    goals = (Goal(joint="drawer", to=0.2), Goal(("cube",), away=0.2, name="cube away"), Goal(keep=("other",)))
+    goals = (
+        Goal(joint="drawer", to=0.2),
+        Goal(("cube",), away=0.2, name="cube away"),
+        Goal(keep=("other",)),
+    )
     end = shifted(0.25)
     task = SimpleNamespace(goals=goals, every=True)
     shares = dict(goals_shares(task, START, end))
     assert shares == pytest.approx({"drawer (goal 0)": 0.0, "cube away": 0.25})
-    assert np.mean(list(shares.values())) == pytest.approx(goals_reward(task, START, end))
+    assert np.mean(list(shares.values())) == pytest.approx(
+        goals_reward(task, START, end)
+    )
     assert goals_shares(SimpleNamespace(goals=goals, every=False), START, end) == ()
     assert goals_shares(SimpleNamespace(goals=goals[1:], every=True), START, end) == ()
 
 
 def test_soft_bodies_get_a_node_to_a_place_flat_and_wide():
     form = Filling(Box((0.1, 0.1, 0.04)))
-    slab = Soft.make("slab", form, Elastic(400, 5e3), Pose(np.array([0.5, 0, 0.02])), color=RED)
+    slab = Soft.make(
+        "slab", form, Elastic(400, 5e3), Pose(np.array([0.5, 0, 0.02])), color=RED
+    )
     start = Scene((slab,)).state()
 
     def pressed(x, z):
         return replace(start, soft={"slab": start.nodes("slab") * [x, 1, z]})
 
     flat, wide = Goal(("slab",), max_height_m=0.02), Goal(("slab",), min_area_m2=0.02)
-    assert reward(flat, pressed(1, 0.5), start=start) == reward(wide, pressed(2, 1), start=start) == 1
-    assert reward(flat, pressed(1, 0.75), start=start) == reward(wide, pressed(1.5, 1), start=start) == 0.5
+    assert (
+        reward(flat, pressed(1, 0.5), start=start)
+        == reward(wide, pressed(2, 1), start=start)
+        == 1
+    )
+    assert (
+        reward(flat, pressed(1, 0.75), start=start)
+        == reward(wide, pressed(1.5, 1), start=start)
+        == 0.5
+    )
     many = State.stack([start, pressed(1, 0.75), pressed(2, 0.5)])
     both = (Goal(("slab",), max_height_m=0.02, min_area_m2=0.02),)
-    np.testing.assert_allclose(reward(both, many, start=State.stack([start] * 3)), [0, 0.25, 1], atol=1e-8)
+    np.testing.assert_allclose(
+        reward(both, many, start=State.stack([start] * 3)), [0, 0.25, 1], atol=1e-8
+    )
     corner = Goal(("slab",), node=0, place=(0.9, None, None))
     np.testing.assert_allclose(reward(corner, pressed(1.5, 1), start=start), 0.5)
-    area, height = goals_margins(SimpleNamespace(goals=both, every=False), start, pressed(2.1, 0.4))[::-1]
+    area, height = goals_margins(
+        SimpleNamespace(goals=both, every=False), start, pressed(2.1, 0.4)
+    )[::-1]
     assert (area.name, area.limit, height.name, round(height.margin, 6)) == (
         "area of slab",
         0.02,

@@ -44,7 +44,10 @@ def test_a_tasks_source_is_its_file():
 
 
 def test_a_simulator_need_not_be_stepped():
-    with pytest.raises(UserError, match="Blind plays whole rollouts only; one that can be stepped is needed"):
+    with pytest.raises(
+        UserError,
+        match="Blind plays whole rollouts only; one that can be stepped is needed",
+    ):
         Blind().world(Stand(), Tool())
 
 
@@ -60,5 +63,7 @@ def test_a_tie_is_a_finite_number(tie):
     budget = Budget(2, 3, 4, 1, 5, 0.6)
     assert budget.population == 24
     assert Random(None, budget).tie == EvolutionStrategy.tie
-    with pytest.raises(UsageError, match=f"evolution.tie must be 0 or greater, got {tie}"):
+    with pytest.raises(
+        UsageError, match=f"evolution.tie must be 0 or greater, got {tie}"
+    ):
         Random(None, budget, tie)

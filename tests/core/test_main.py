@@ -16,18 +16,30 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 SCRIPT = [str(Path(sys.executable).with_name("vlmgineer"))]
 TINY = [
-    *("run", "task=LiftBox", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"),
+    *(
+        "run",
+        "task=LiftBox",
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ),
     *("executor.workers=1", "film=false", "listener=[]"),
 ]
 
 
 def call(folder, *words, start=SCRIPT):
-    return subprocess.run([*start, *words], cwd=folder, capture_output=True, text=True, timeout=240)
+    return subprocess.run(
+        [*start, *words], cwd=folder, capture_output=True, text=True, timeout=240
+    )
 
 
 def listed(done):
     """Return the names in the table under the usage."""
-    return [line.split()[0] for line in done.stdout.partition("\ncommand ")[2].splitlines()[1:]]
+    return [
+        line.split()[0]
+        for line in done.stdout.partition("\ncommand ")[2].splitlines()[1:]
+    ]
 
 
 def test_every_command_is_listed_with_a_line(tmp_path):
@@ -35,21 +47,36 @@ def test_every_command_is_listed_with_a_line(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     assert call(tmp_path, "--help").stdout == done.stdout
     assert listed(done) == installed().names("command")
-    files = [file for file in (ROOT / "core").rglob("*.py") if "    command(main)\n" in file.read_text()]
-    assert set(COMMANDS) == {file.stem if file.stem != "__main__" else file.parent.name for file in files}
+    files = [
+        file
+        for file in (ROOT / "core").rglob("*.py")
+        if "    command(main)\n" in file.read_text()
+    ]
+    assert set(COMMANDS) == {
+        file.stem if file.stem != "__main__" else file.parent.name for file in files
+    }
 
 
 def test_an_unknown_command_is_one_line(tmp_path):
     done = call(tmp_path, "rnu")
     assert (done.returncode, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
-    assert line.startswith("error: no command 'rnu' (did you mean 'run'?); possible: conformance, evaluate, ")
+    assert line.startswith(
+        "error: no command 'rnu' (did you mean 'run'?); possible: conformance, evaluate, "
+    )
 
 
 def test_mistakes_have_the_same_line_and_exit_status(tmp_path):
     words = ["run", "task=OneBok"]
-    done, other = call(tmp_path, *words), call(tmp_path, *words[1:], start=[sys.executable, "-m", "core.run"])
-    assert (done.returncode, done.stderr) == (other.returncode, other.stderr) == (2, other.stderr)
+    done, other = (
+        call(tmp_path, *words),
+        call(tmp_path, *words[1:], start=[sys.executable, "-m", "core.run"]),
+    )
+    assert (
+        (done.returncode, done.stderr)
+        == (other.returncode, other.stderr)
+        == (2, other.stderr)
+    )
 
 
 @pytest.mark.parametrize("name", ["tasks.py", "conf.py", "core.py"])
@@ -74,18 +101,25 @@ def test_a_run_beside_such_modules(tmp_path):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong module')")
     done = call(tmp_path, *TINY, "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr
-    assert json.loads((tmp_path / "run" / "result.json").read_text())["task"] == "LiftBox"
+    assert (
+        json.loads((tmp_path / "run" / "result.json").read_text())["task"] == "LiftBox"
+    )
     done = call(tmp_path, "conformance", "tool=none")
     assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_an_interrupt(tmp_path):
     words = [*TINY, "vlm=mailbox", "hydra.run.dir=run"]
-    process = subprocess.Popen([*SCRIPT, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*SCRIPT, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("run/mailbox/*")) and time.monotonic() < deadline:
         time.sleep(0.2)
     process.terminate()
     _, err = process.communicate(timeout=120)
     assert process.returncode == 130
-    assert err.splitlines()[-1] == f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}"
+    assert (
+        err.splitlines()[-1]
+        == f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}"
+    )

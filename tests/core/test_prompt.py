@@ -35,7 +35,9 @@ def designs(tmp_path_factory):
     (good,) = json.loads(SOLUTION.read_text())["strategies"]
     idle = [[0.5, 0, 0.5, 0, 0, 0]]
     document = [good | {"action_sets": [idle], "tool_name": "idle"}]
-    document += [good | {"action_sets": [idle, *good["action_sets"]], "tool_name": "good"}]
+    document += [
+        good | {"action_sets": [idle, *good["action_sets"]], "tool_name": "good"}
+    ]
     document += [good | {"tool_urdf": "<link/>", "tool_name": "broken"}]
     file = tmp_path_factory.mktemp("designs") / "designs.json"
     file.write_text(json.dumps({"strategies": document}))
@@ -51,9 +53,24 @@ def idea(tmp_path):
 
 USES = {
     "first sampling": ([], "Invent", "in place of the gripper", 6),
-    "first sampling, gripper": (["task.tool_kinds=[gripper]"], "Invent", "mounted on `left_finger`", 7),
-    "no tool": (["tool=none"], "nothing but its two-finger gripper", "## The robot\n", 7),
-    "given tool": (["task=BringCube", "tool=rlbench"], "The tool, stick", "## The robot and the tool\n", 6),
+    "first sampling, gripper": (
+        ["task.tool_kinds=[gripper]"],
+        "Invent",
+        "mounted on `left_finger`",
+        7,
+    ),
+    "no tool": (
+        ["tool=none"],
+        "nothing but its two-finger gripper",
+        "## The robot\n",
+        7,
+    ),
+    "given tool": (
+        ["task=BringCube", "tool=rlbench"],
+        "The tool, stick",
+        "## The robot and the tool\n",
+        6,
+    ),
     "human": (["prompt=human"], "Use a long hook.", "in place of the gripper", 6),
 }
 
@@ -68,14 +85,20 @@ def test_every_use(use, idea):
     assert f"exactly {numbers} numbers" in text
     assert "class " in text
     assert request.id == "g0-a0"
-    plan = request.schema["properties"]["strategies"]["items"]["properties"]["action_sets"]["items"]
+    plan = request.schema["properties"]["strategies"]["items"]["properties"][
+        "action_sets"
+    ]["items"]
     assert plan["items"]["minItems"] == numbers
 
 
 @pytest.mark.parametrize("kinds", rare(["rigid", "gripper"], "rigid"))
 def test_evolution_shows_what_the_designs_earned(designs, kinds):
-    request = composed("prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]")
-    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text_of(request), re.DOTALL)
+    request = composed(
+        "prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]"
+    )
+    block = re.search(
+        r"## The elites\n.*?```json\n(.*?)```", text_of(request), re.DOTALL
+    )
     first, second = json.loads(block[1])
     assert (first["tool_name"], first["id"]) == ("good", "g0-a0-s1-p1")
     assert first["reward"] > 0.95
@@ -87,7 +110,12 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
 @pytest.mark.parametrize("picture", rare([True, False], False))
 def test_the_scene_is_drawn_if_the_settings_say_so(picture):
     """Of two kinds of tools, gripper tools get a picture with the hand, rigid ones a picture without."""
-    words = [f"prompt.picture={picture}", "task=OneBook", "task.tool_kinds=[rigid,gripper]", "sim=mujoco"]
+    words = [
+        f"prompt.picture={picture}",
+        "task=OneBook",
+        "task.tool_kinds=[rigid,gripper]",
+        "sim=mujoco",
+    ]
     by_kind = {}
     for agent in range(8):
         request = composed(*words, f"agent={agent}")
@@ -96,8 +124,12 @@ def test_the_scene_is_drawn_if_the_settings_say_so(picture):
             break
     pictures = set()
     for gripper, request in by_kind.items():
-        drawn = [part for part in request.messages[-1].parts if isinstance(part, Picture)]
-        assert [part.name for part in drawn] == ["scene_gripper" if gripper else "scene"] * picture
+        drawn = [
+            part for part in request.messages[-1].parts if isinstance(part, Picture)
+        ]
+        assert [part.name for part in drawn] == [
+            "scene_gripper" if gripper else "scene"
+        ] * picture
         assert ("## Picture" in text_of(request)) == picture
         pictures |= {part.png for part in drawn}
     assert len(pictures) == 2 * picture
@@ -107,7 +139,9 @@ def test_the_scene_is_drawn_if_the_settings_say_so(picture):
 def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
     assert [elite.candidate.id for elite in request.brief.elites] == ["g0-a0-s1-p1"]
-    scene, elite, failure = [part for part in request.messages[-1].parts if isinstance(part, Picture)]
+    scene, elite, failure = [
+        part for part in request.messages[-1].parts if isinstance(part, Picture)
+    ]
     assert (scene.name, elite.name) == ("scene", "strip_g0-a0-s1-p1")
     assert failure.name in ("strip_g0-a0-s0-p0", "strip_g0-a0-s1-p0")
     assert '"result": "solved"' in text_of(request)
@@ -134,12 +168,22 @@ def test_designs_that_make_no_elites(tmp_path):
     (good,) = json.loads(SOLUTION.read_text())["strategies"]
     file = tmp_path / "designs.json"
     file.write_text(json.dumps({"strategies": [good | {"tool_urdf": "<link/>"}]}))
-    with pytest.raises(UserError, match=re.escape("none of its designs can be an elite; the first reason: ")):
+    with pytest.raises(
+        UserError,
+        match=re.escape("none of its designs can be an elite; the first reason: "),
+    ):
         composed(f"designs={file}")
 
 
 def test_the_command_writes_what_would_be_sent(tmp_path):
-    words = ["task=OneBook", "vlm=litellm", "vlm.model=openai/gpt-4.1", "output=there", "budget.n_tool=2", "agent=3"]
+    words = [
+        "task=OneBook",
+        "vlm=litellm",
+        "vlm.model=openai/gpt-4.1",
+        "output=there",
+        "budget.n_tool=2",
+        "agent=3",
+    ]
     done = python_m(tmp_path, "core.prompt", *words)
     assert done.returncode == 0, done.stderr
     assert not done.stderr  # no key is needed, no request is sent
@@ -151,18 +195,32 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
     assert (folder / "scene.png").read_bytes() == user.parts[-1].png
     assert json.loads((folder / "schema.json").read_text()) == request.schema
     sent = json.loads((folder / "request.json").read_text())
-    assert (sent["id"], sent["seed"], sent["temperature"]) == ("g0-a3", request.brief.seed, request.temperature)
+    assert (sent["id"], sent["seed"], sent["temperature"]) == (
+        "g0-a3",
+        request.brief.seed,
+        request.temperature,
+    )
     estimate = sent["estimate"]
     tokens = estimate["prompt_tokens"]
     assert abs(tokens / VLM.estimate(request, "any").prompt_tokens - 1) < 0.2
-    assert (estimate["usd_per_prompt_token"], estimate["counted_by"]) == (2e-6, "litellm.token_counter")
+    assert (estimate["usd_per_prompt_token"], estimate["counted_by"]) == (
+        2e-6,
+        "litellm.token_counter",
+    )
     first, last = done.stdout.splitlines()
     assert first == f"{tokens} tokens for openai/gpt-4.1 (litellm.token_counter)"
     assert last == "there"
 
 
-def test_without_a_language_model_tokens_are_estimated_from_the_length(tmp_path, capsys):
-    words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.picture=false"]
+def test_without_a_language_model_tokens_are_estimated_from_the_length(
+    tmp_path, capsys
+):
+    words = [
+        "task=OneBook",
+        "vlm=offline",
+        f"output={tmp_path}",
+        "prompt.picture=false",
+    ]
     main(words)
     said = capsys.readouterr().out
     assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in said

@@ -19,7 +19,10 @@ def test_a_shape_of_its_own_size_stays_the_same(shape):
     assert again.volume == pytest.approx(shape.volume)
 
 
-@given(st.tuples(sides, sides, sides), st.sampled_from([Box((1, 1, 1)), prism(7, 0.1, 0.2), bowl(0.1, 0.01)]))
+@given(
+    st.tuples(sides, sides, sides),
+    st.sampled_from([Box((1, 1, 1)), prism(7, 0.1, 0.2), bowl(0.1, 0.01)]),
+)
 def test_boxes_and_meshes_get_the_sides_and_keep_their_middle(size, shape):
     changed = resized(shape, size)
     np.testing.assert_allclose(changed.bounds[1], size)
@@ -34,7 +37,11 @@ def test_what_is_round_stays_round(shape):
     changed = resized(shape, (0.1, 0.3, 0.6))
     assert type(changed) is type(shape)
     width = changed.bounds[1]
-    assert width[0] == width[1] == pytest.approx(1 / 3 if isinstance(shape, Sphere) else 0.2)
+    assert (
+        width[0]
+        == width[1]
+        == pytest.approx(1 / 3 if isinstance(shape, Sphere) else 0.2)
+    )
     assert isinstance(shape, Sphere) or width[2] == pytest.approx(0.6)
 
 

@@ -34,37 +34,73 @@ def tried(*trials, shown=0, reward=0.5, **score):
 
 def test_an_evaluation_says_what_the_trial_that_is_shown_says():
     seen = Observation("missed")
-    shown = trial(1, 0.25, reason="it passed through", warnings=("it bent",), observation=seen)
-    evaluation = tried(trial(0, 1.0), shown, shown=1, warnings=("it failed elsewhere",), figures={"lean": 0.1})
+    shown = trial(
+        1, 0.25, reason="it passed through", warnings=("it bent",), observation=seen
+    )
+    evaluation = tried(
+        trial(0, 1.0),
+        shown,
+        shown=1,
+        warnings=("it failed elsewhere",),
+        figures={"lean": 0.1},
+    )
     assert evaluation.shown is shown
-    assert (evaluation.status, evaluation.reason, evaluation.reward) == ("ok", "it passed through", 0.5)
+    assert (evaluation.status, evaluation.reason, evaluation.reward) == (
+        "ok",
+        "it passed through",
+        0.5,
+    )
     assert evaluation.warnings == ("it bent", "it failed elsewhere")
     assert evaluation.observation is seen
     assert evaluation.figures == {"lean": 0.1}
 
 
 def test_a_score_may_say_why_it_is_less_than_the_trials_earned():
-    evaluation = tried(trial(0, 1.0, reason="it passed through"), reward=0.0, reason="no printer makes it")
+    evaluation = tried(
+        trial(0, 1.0, reason="it passed through"),
+        reward=0.0,
+        reason="no printer makes it",
+    )
     assert evaluation.reason == "no printer makes it"
 
 
 def test_without_trials_it_is_rejected_for_the_candidates_problem():
     refused = Evaluation(replace(CANDIDATE, problem="it is too heavy"))
-    assert (refused.status, refused.reason, refused.reward) == ("rejected", "it is too heavy", 0.0)
-    assert (refused.shown, refused.observation, refused.warnings, refused.effort) == (None, None, (), None)
-    assert (refused.least_margin, refused.tasks, refused.rollouts, refused.holds) == (None, (), 0, False)
+    assert (refused.status, refused.reason, refused.reward) == (
+        "rejected",
+        "it is too heavy",
+        0.0,
+    )
+    assert (refused.shown, refused.observation, refused.warnings, refused.effort) == (
+        None,
+        None,
+        (),
+        None,
+    )
+    assert (refused.least_margin, refused.tasks, refused.rollouts, refused.holds) == (
+        None,
+        (),
+        0,
+        False,
+    )
     assert math.isnan(refused.distance_m)
 
 
 def test_the_distance_is_the_mean_over_the_trials_that_were_played():
     rejected = trial(2, status="rejected", distance_m=9.0)
-    assert tried(trial(0, distance_m=1.0), trial(1, distance_m=2.0), rejected).distance_m == 1.5
+    assert (
+        tried(trial(0, distance_m=1.0), trial(1, distance_m=2.0), rejected).distance_m
+        == 1.5
+    )
     assert math.isnan(tried(rejected).distance_m)
 
 
 def test_the_least_margin_is_that_of_all_trials():
     near, far = Margin.clearance("vase", 0.004), Margin.clearance("cup", 0.04)
-    assert tried(trial(0, margins=(far,)), trial(1, margins=(near, far))).least_margin == near
+    assert (
+        tried(trial(0, margins=(far,)), trial(1, margins=(near, far))).least_margin
+        == near
+    )
 
 
 def test_several_trials_are_combined():
@@ -81,8 +117,14 @@ def test_it_holds_where_it_holds_in_each_engine():
 
 
 def test_the_effort_is_the_mean_over_the_trials_that_came_to_their_end():
-    margins = [(Margin.at_most("x", value, 1, "m"), Margin.at_most("y", 0.1, 1, "m")) for value in (0.5, 1.4)]
-    ended = [trial(0, motion_s=3.0, margins=margins[0]), trial(1, motion_s=5.0, margins=margins[1])]
+    margins = [
+        (Margin.at_most("x", value, 1, "m"), Margin.at_most("y", 0.1, 1, "m"))
+        for value in (0.5, 1.4)
+    ]
+    ended = [
+        trial(0, motion_s=3.0, margins=margins[0]),
+        trial(1, motion_s=5.0, margins=margins[1]),
+    ]
     effort = tried(*ended, trial(2, status="failed")).effort
     assert effort == effort_of(CANDIDATE, ended)
     assert (effort.motion_s, effort.mass_kg) == (4.0, pytest.approx(ROD.mass))
@@ -100,7 +142,10 @@ def test_the_effort_is_the_mean_over_the_trials_that_came_to_their_end():
         ([trial(status="failed")], 1),
         ([trial(0), trial(1), trial(0, engine="sapien")], 3),
         ([trial(0), trial(1, status="rejected")], 1),
-        ([trial(0), replace(trial(1), candidate="g0-a3-s0-p0")], 1),  # another candidate's, with the same plan
+        (
+            [trial(0), replace(trial(1), candidate="g0-a3-s0-p0")],
+            1,
+        ),  # another candidate's, with the same plan
     ],
 )
 def test_the_rollouts_of_a_candidate_are_those_that_were_played_for_it(trials, count):
@@ -119,7 +164,9 @@ def test_what_was_earned_in_one_of_several_tasks():
         trial(1, 0.6, task="Lift"),
         trial(2, 0.4, task="Lift"),
     )
-    evaluation = Evaluation(both, trials, Score(0.65, {"Push": 0.9, "Lift": 0.4}, shown=3))
+    evaluation = Evaluation(
+        both, trials, Score(0.65, {"Push": 0.9, "Lift": 0.4}, shown=3)
+    )
     assert evaluation.tasks == ("Push", "Lift")
 
     lifted = evaluation.in_task("Lift")
@@ -131,26 +178,49 @@ def test_what_was_earned_in_one_of_several_tasks():
 def test_of_one_task_alone_an_evaluation_is_its_own():
     evaluation = tried(trial(0, 0.9))
     alone = evaluation.in_task("Slide")
-    assert (alone.candidate, alone.trials, alone.score) == (CANDIDATE, evaluation.trials, evaluation.score)
+    assert (alone.candidate, alone.trials, alone.score) == (
+        CANDIDATE,
+        evaluation.trials,
+        evaluation.score,
+    )
 
 
 # --- one trial, or many -----------------------------------------------------------------------------------------
 
 
 def test_a_candidate_that_was_tried_once():
-    evaluation = tried_once(CANDIDATE, "failed", 0.25, 3.0, reason="it broke", motion_s=2.0)
+    evaluation = tried_once(
+        CANDIDATE, "failed", 0.25, 3.0, reason="it broke", motion_s=2.0
+    )
     (only,) = evaluation.trials
-    assert (only.candidate, only.status, only.reward, only.distance_m) == (CANDIDATE.id, "failed", 0.25, 3.0)
-    assert (evaluation.status, evaluation.reward, evaluation.reason) == ("failed", 0.25, "it broke")
+    assert (only.candidate, only.status, only.reward, only.distance_m) == (
+        CANDIDATE.id,
+        "failed",
+        0.25,
+        3.0,
+    )
+    assert (evaluation.status, evaluation.reward, evaluation.reason) == (
+        "failed",
+        0.25,
+        "it broke",
+    )
     assert only.motion_s == 2.0
     where = Where("Slide", "sapien", 3, 1)
     only = tried_once(CANDIDATE, where=where).shown
-    assert (only.task, only.engine, only.layout, only.change) == ("Slide", "sapien", 3, 1)
+    assert (only.task, only.engine, only.layout, only.change) == (
+        "Slide",
+        "sapien",
+        3,
+        1,
+    )
 
 
 def test_the_best_tools_are_the_first_of_each():
     numbers = ((1, 4), (1, 0), (0, 2))
-    ranking = [tried_once(Candidate(ROD, PLAN, 0, 0, strategy, action)) for strategy, action in numbers]
+    ranking = [
+        tried_once(Candidate(ROD, PLAN, 0, 0, strategy, action))
+        for strategy, action in numbers
+    ]
     assert best_tools(ranking) == [ranking[0], ranking[2]]
 
 
@@ -158,16 +228,26 @@ def test_the_best_tools_are_the_first_of_each():
 
 
 def made(layout=0, **given):
-    return Condition(PluginPart("task", "BringCube"), PluginPart("sim", "mujoco"), layout, **given)
+    return Condition(
+        PluginPart("task", "BringCube"), PluginPart("sim", "mujoco"), layout, **given
+    )
 
 
 def test_a_condition_travels_to_workers_and_is_known_there():
-    for condition in (made(), made(3, change=Perturbation(PerturbationRange(), 1), engine="mujoco (coarse)")):
+    for condition in (
+        made(),
+        made(3, change=Perturbation(PerturbationRange(), 1), engine="mujoco (coarse)"),
+    ):
         again = pickle.loads(pickle.dumps(condition))
         assert again == condition
         assert hash(again) == hash(condition)
         assert again.where == condition.where
-    assert len({made(), made(), made(1), made(change=Perturbation(PerturbationRange(), 1))}) == 3
+    assert (
+        len(
+            {made(), made(), made(1), made(change=Perturbation(PerturbationRange(), 1))}
+        )
+        == 3
+    )
 
 
 def test_a_condition_names_where_a_trial_is():
@@ -180,7 +260,9 @@ def test_the_scene_of_a_condition_is_the_layout_perturbed_if_asked():
     task = made().task.shared()
     plain, changed = made(3), made(3, change=Perturbation(PerturbationRange(), 7))
     layout = task.scene(3)
-    assert [body.mass for body in plain.scene().bodies] == [body.mass for body in layout.bodies]
+    assert [body.mass for body in plain.scene().bodies] == [
+        body.mass for body in layout.bodies
+    ]
     masses = [body.mass for body in changed.scene().bodies]
     assert masses != [body.mass for body in layout.bodies]
     assert masses == [body.mass for body in changed.scene().bodies]

@@ -39,9 +39,47 @@ from tests.plugins.tasks.file.imports.test_urdf import cabinet, joint, link, mes
 
 SLOWEST_S = 20.0
 VALUES = [
-    *("", " ", "0", "-0", "1", "-1", "1e-300", "5e-324", "1e300", "1e308", "inf", "-inf", "nan", "0x1", "1_000", "1,5"),
-    *("0 0 0", "1 0 0", "0 0 1e-200", "nan 0 0", "1e200 1e200 1e200", "1 1", "1 1 1 1", "9" * 5000, "1 " * 5000),
-    *("fixed", "continuous", "revolute", "prismatic", "planar", "floating", "link0", "case", "drawer", "world"),
+    *(
+        "",
+        " ",
+        "0",
+        "-0",
+        "1",
+        "-1",
+        "1e-300",
+        "5e-324",
+        "1e300",
+        "1e308",
+        "inf",
+        "-inf",
+        "nan",
+        "0x1",
+        "1_000",
+        "1,5",
+    ),
+    *(
+        "0 0 0",
+        "1 0 0",
+        "0 0 1e-200",
+        "nan 0 0",
+        "1e200 1e200 1e200",
+        "1 1",
+        "1 1 1 1",
+        "9" * 5000,
+        "1 " * 5000,
+    ),
+    *(
+        "fixed",
+        "continuous",
+        "revolute",
+        "prismatic",
+        "planar",
+        "floating",
+        "link0",
+        "case",
+        "drawer",
+        "world",
+    ),
     *(
         "panda",
         "../box.stl",
@@ -51,10 +89,46 @@ VALUES = [
         "box.obj",
         "http://x.org/a.stl",
     ),
-    *("a\nb", "\u202e", "x" * 300, "${oc.env:HOME}", "<b>", "tool", "table", "$(find x)", "\u0663", "3\u00a04"),
+    *(
+        "a\nb",
+        "\u202e",
+        "x" * 300,
+        "${oc.env:HOME}",
+        "<b>",
+        "tool",
+        "table",
+        "$(find x)",
+        "\u0663",
+        "3\u00a04",
+    ),
 ]
-TAGS = ["link", "joint", "visual", "collision", "inertial", "geometry", "box", "mesh", "axis", "limit", "mimic"]
-ATTRIBUTES = ["name", "type", "link", "xyz", "rpy", "value", "lower", "upper", "size", "radius", "length", "filename"]
+TAGS = [
+    "link",
+    "joint",
+    "visual",
+    "collision",
+    "inertial",
+    "geometry",
+    "box",
+    "mesh",
+    "axis",
+    "limit",
+    "mimic",
+]
+ATTRIBUTES = [
+    "name",
+    "type",
+    "link",
+    "xyz",
+    "rpy",
+    "value",
+    "lower",
+    "upper",
+    "size",
+    "radius",
+    "length",
+    "filename",
+]
 
 
 def files(folder: Path) -> list[bytes]:
@@ -62,13 +136,16 @@ def files(folder: Path) -> list[bytes]:
     for name in ("box.stl", "box.obj"):
         trimesh.creation.box((0.1, 0.1, 0.1)).export(folder / name)
     chain = link("link0") + "".join(
-        link(f"link{k}") + joint(f"j{k}", kind, f"link{k - 1}", f"link{k}", '<axis xyz="0 1 0"/>')
+        link(f"link{k}")
+        + joint(f"j{k}", kind, f"link{k - 1}", f"link{k}", '<axis xyz="0 1 0"/>')
         for k, kind in enumerate(("continuous", "fixed", "floating"), 1)
     )
     ball = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
     round_ = '<collision><geometry><cylinder radius="0.1" length="0.2"/></geometry></collision>'
     texts = [
-        cabinet(more='<dynamics damping="3" friction="0.5"/><mimic joint="glue" multiplier="2"/>'),
+        cabinet(
+            more='<dynamics damping="3" friction="0.5"/><mimic joint="glue" multiplier="2"/>'
+        ),
         chain,
         link("crate", mesh("box.obj") + mesh("box.stl", "visual") + ball)
         + link("door", round_)
@@ -95,7 +172,10 @@ def changed(rng: random.Random, data: bytes) -> bytes:
 def change(rng: random.Random, root: Element) -> None:
     """Change one element of a tree: its attributes, its name, its place, or how often it is there."""
     every = [root, *root.iter()]
-    parent, other = rng.choice([one for one in every if len(one)] or [root]), rng.choice(every)
+    parent, other = (
+        rng.choice([one for one in every if len(one)] or [root]),
+        rng.choice(every),
+    )
     child, kind = rng.choice([*parent] or [root]), rng.random()
     if kind < 0.5:
         attributes = [*child.attrib] or ATTRIBUTES
@@ -117,12 +197,20 @@ def read_scene(rng: random.Random, file: Path) -> None:
     """Read a file as an import, check that its numbers are finite, and play it sometimes."""
     made = read_urdf(file, fixed=rng.random() < 0.7, prefix=rng.choice(["", "a_"]))
     task = Bodies(*made.bodies, joints=made.joints)
-    state, inertias = task.scene(0).state(), [body.inertia() for body in made.bodies if not body.fixed]
-    numbers = [*state.arrays, *([inertia.mass, *inertia.moments] for inertia in inertias)]
+    state, inertias = (
+        task.scene(0).state(),
+        [body.inertia() for body in made.bodies if not body.fixed],
+    )
+    numbers = [
+        *state.arrays,
+        *([inertia.mass, *inertia.moments] for inertia in inertias),
+    ]
     assert all(np.isfinite(part).all() for part in numbers), "a number is not finite"
     assert all("\n" not in note for note in made.notes), made.notes
     if rng.random() < 0.1:
-        installed().create("sim", "mujoco").rollout(task, [Rollout(BARE, still(), hold_s=0.05)])
+        installed().create("sim", "mujoco").rollout(
+            task, [Rollout(BARE, still(), hold_s=0.05)]
+        )
 
 
 def read_arm(file: Path) -> None:
@@ -130,14 +218,25 @@ def read_arm(file: Path) -> None:
     robot = read_robot(file, outside_arm.HOME, outside_arm.FLANGE)
     arm = arm_of(robot)
     assert np.isfinite(arm.forward(arm.home).position).all(), "the arm is nowhere"
-    assert all(np.isfinite(solid.bounds()).all() for solid in robot_solids(robot, False)), "a link is nowhere"
+    assert all(
+        np.isfinite(solid.bounds()).all() for solid in robot_solids(robot, False)
+    ), "a link is nowhere"
 
 
 def one_case(seed: int, texts: list[bytes], folder: Path, counts: Counter[str]) -> None:
     rng = random.Random(seed)
     text = rng.choice(texts)
-    arm, data, began, wrong = text is texts[-1], changed(rng, text), time.monotonic(), ""
-    file = folder / "outside_arm" / "urdf" / "changed.urdf" if arm else folder / "changed.urdf"
+    arm, data, began, wrong = (
+        text is texts[-1],
+        changed(rng, text),
+        time.monotonic(),
+        "",
+    )
+    file = (
+        folder / "outside_arm" / "urdf" / "changed.urdf"
+        if arm
+        else folder / "changed.urdf"
+    )
     file.write_bytes(data)
     solids._cut.cache_clear()
     try:
@@ -153,7 +252,9 @@ def one_case(seed: int, texts: list[bytes], folder: Path, counts: Counter[str]) 
     counts["cases"] += 1
     if wrong:
         counts["findings"] += 1
-        sys.stdout.write(f"-seed={seed} {'arm' if arm else 'scene'}\n{data[:3000]!r}\n{wrong}\n\n")
+        sys.stdout.write(
+            f"-seed={seed} {'arm' if arm else 'scene'}\n{data[:3000]!r}\n{wrong}\n\n"
+        )
 
 
 def main() -> None:
@@ -167,7 +268,10 @@ def main() -> None:
         texts = files(Path(scratch))
         for number in range(int(flags.get("runs", "1000"))):
             one_case(seed + number, texts, Path(scratch), counts)
-    figures = ", ".join(f"{counts[what]} {what}" for what in ("cases", "read", "errors of one line", "findings"))
+    figures = ", ".join(
+        f"{counts[what]} {what}"
+        for what in ("cases", "read", "errors of one line", "findings")
+    )
     sys.stdout.write(f"{figures}; next: -seed={seed + counts['cases']}\n")
     sys.exit(counts["findings"] > 0)
 

@@ -13,7 +13,9 @@ BEFORE = TASK.scene(0).state()
 
 
 def reward(*places, start=BEFORE):
-    ends = [replace(start, positions=np.array([place], dtype=float)) for place in places]
+    ends = [
+        replace(start, positions=np.array([place], dtype=float)) for place in places
+    ]
     return TASK.reward(State.stack([start] * len(ends)), State.stack(ends)).tolist()
 
 

@@ -31,4 +31,6 @@ def test_inside_is_a_centimetre_more_than_the_circle():
     almost = end.copy()
     almost[3] = np.add(MIDDLE, (0, 0.1601, 0))
     whole = np.linalg.norm(BEFORE.positions[3] - MIDDLE)
-    np.testing.assert_allclose(reward(end, almost), [1, 7 / 8 + (1 - 0.1601 / whole) / 8])
+    np.testing.assert_allclose(
+        reward(end, almost), [1, 7 / 8 + (1 - 0.1601 / whole) / 8]
+    )

@@ -21,7 +21,9 @@ def test_reward_rises_in_step_with_the_spheres_lifted():
     lifted = [raised(z) for z in np.linspace(RADIUS, WANTED_HEIGHT, 11)]
     rewards = np.array([TASK.reward(START, end) for end in lifted])
     assert rewards == pytest.approx(np.linspace(0, 1, 11))
-    assert TASK.reward(State.stack([START] * 11), State.stack(lifted)) == pytest.approx(rewards)
+    assert TASK.reward(State.stack([START] * 11), State.stack(lifted)) == pytest.approx(
+        rewards
+    )
 
 
 def test_each_sphere_counts_the_same_and_higher_than_wanted_is_no_better():

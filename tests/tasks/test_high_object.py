@@ -37,5 +37,7 @@ def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
         pytest.param((1.3, 0.0, 0.025), False, id="on the floor below the shelf"),
     ],
 )
-def test_only_a_cube_inside_the_bin_earns_everything(where: tuple[float, float, float], inside: bool) -> None:
+def test_only_a_cube_inside_the_bin_earns_everything(
+    where: tuple[float, float, float], inside: bool
+) -> None:
     assert (rewards(np.array([where]))[0] == 1.0) == inside

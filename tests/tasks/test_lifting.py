@@ -9,10 +9,16 @@ from core.scene import State
 from tasks import elevate_plate, lift_box
 
 LIFTED = {
-    "box": (lift_box.LiftBox(), lift_box.CENTER, lift_box.WANTED_HEIGHT - lift_box.CENTER[2]),
+    "box": (
+        lift_box.LiftBox(),
+        lift_box.CENTER,
+        lift_box.WANTED_HEIGHT - lift_box.CENTER[2],
+    ),
     "plate": (elevate_plate.ElevatePlate(), elevate_plate.START, elevate_plate.LIFT),
 }
-every_body = pytest.mark.parametrize(("task", "begin", "rise"), LIFTED.values(), ids=LIFTED)
+every_body = pytest.mark.parametrize(
+    ("task", "begin", "rise"), LIFTED.values(), ids=LIFTED
+)
 
 
 def moved(task, begin, *way):
@@ -27,7 +33,9 @@ def test_the_reward_rises_in_step_with_the_body(task, begin, rise):
     assert task.scene(0).state().positions == pytest.approx(start.positions, abs=1e-3)
     rewards = np.array([task.reward(start, end) for end in lifted])
     assert rewards == pytest.approx(np.linspace(0, 1, 11))
-    assert task.reward(State.stack([start] * 11), State.stack(lifted)) == pytest.approx(rewards)
+    assert task.reward(State.stack([start] * 11), State.stack(lifted)) == pytest.approx(
+        rewards
+    )
 
 
 @every_body
@@ -36,4 +44,6 @@ def test_the_reward_counts_from_where_the_body_settled(task, begin, rise):
     settled = moved(task, begin, 0.01, 0.0, -0.002)
     goal = rise - (0.002 if task.name == "ElevatePlate" else 0.0)
     assert task.reward(settled, settled) == 0.0
-    assert task.reward(settled, moved(task, begin, 0.01, 0.0, goal)) == pytest.approx(1.0)
+    assert task.reward(settled, moved(task, begin, 0.01, 0.0, goal)) == pytest.approx(
+        1.0
+    )

@@ -15,7 +15,11 @@ from tests.engines import every_simulator, mujoco_first, simulator
 from tests.playing import evaluate_batch
 
 SHAPES = Path(__file__).parent / "solutions" / "shapes"
-TOOLS = {"ladle": ("GatherSpheres", "solids"), "tongs": ("BringCube", "boxes"), "scraper": ("CleanTable", "boxes")}
+TOOLS = {
+    "ladle": ("GatherSpheres", "solids"),
+    "tongs": ("BringCube", "boxes"),
+    "scraper": ("CleanTable", "boxes"),
+}
 LIFTED = 11  # waypoints of the tongs' plan until the cube is 3 cm above the table
 
 
@@ -26,19 +30,26 @@ def task_of(name):
 
 def candidate_of(name):
     representation = installed().create("tool", TOOLS[name][1], joints=True)
-    (candidate,) = read_designs(load_designs(SHAPES / f"{name}.json"), representation, task_of(name))
+    (candidate,) = read_designs(
+        load_designs(SHAPES / f"{name}.json"), representation, task_of(name)
+    )
     assert candidate.problem is None
     return candidate
 
 
 def play(name, engine, candidate):
-    (evaluation,) = evaluate_batch(task_of(name), simulator(engine), [candidate], 0, RolloutSettings())
+    (evaluation,) = evaluate_batch(
+        task_of(name), simulator(engine), [candidate], 0, RolloutSettings()
+    )
     assert evaluation.status == "ok"
     return evaluation
 
 
 @mujoco_first
-@pytest.mark.parametrize("name", ["tongs", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ladle", "scraper"))])
+@pytest.mark.parametrize(
+    "name",
+    ["tongs", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ladle", "scraper"))],
+)
 def test_it_solves_its_task_without_a_penetration(name, engine):
     evaluation = play(name, engine, candidate_of(name))
     assert evaluation.reward >= 0.9
@@ -66,5 +77,7 @@ def test_tongs_lift_the_cube_by_their_springs(engine):
 
 
 def locked(candidate):
-    components = tuple(replace(component, joint=None) for component in candidate.tool.components)
+    components = tuple(
+        replace(component, joint=None) for component in candidate.tool.components
+    )
     return replace(candidate, tool=replace(candidate.tool, components=components))

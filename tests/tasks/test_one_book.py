@@ -33,6 +33,10 @@ def test_part_of_the_way():
 @given(st.floats(0, 0.5))
 def test_motion_of_the_others_is_subtracted(shift):
     due = np.exp(-2 * shift)
-    assert reward(book_3=(-0.2, 0, 0), book_2=(shift, 0, 0), book_4=(0, 0, shift)) == pytest.approx(due)
+    assert reward(
+        book_3=(-0.2, 0, 0), book_2=(shift, 0, 0), book_4=(0, 0, shift)
+    ) == pytest.approx(due)
     partial = np.clip(0.1 / PULLED_OUT - (1 - due), 0, 1)
-    assert reward(book_3=(0.1, 0, 0), book_1=(shift, 0, 0), book_5=(0, shift, 0)) == pytest.approx(partial)
+    assert reward(
+        book_3=(0.1, 0, 0), book_1=(shift, 0, 0), book_5=(0, shift, 0)
+    ) == pytest.approx(partial)

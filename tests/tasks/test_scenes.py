@@ -22,7 +22,13 @@ def tried(scene, engine, variation="none", seeds=(0,)):
     designs = load_designs(ROOT / "tests/tasks/scenes" / f"{scene.stem}.json")
     boxes = installed().create("tool", "boxes")
     return [
-        evaluate_batch(task, simulator(engine), read_designs(designs, boxes, task), seed, RolloutSettings())[0]
+        evaluate_batch(
+            task,
+            simulator(engine),
+            read_designs(designs, boxes, task),
+            seed,
+            RolloutSettings(),
+        )[0]
         for seed in seeds
     ]
 
@@ -32,7 +38,8 @@ def tried(scene, engine, variation="none", seeds=(0,)):
 def test_the_reference_solution_earns_all(scene, engine):
     if scene.stem == "turn_hose" and engine != "mujoco":
         with pytest.raises(
-            UserError, match=rf"sim={engine} can't have soft bodies \(hose\) in a scene; use sim=mujoco"
+            UserError,
+            match=rf"sim={engine} can't have soft bodies \(hose\) in a scene; use sim=mujoco",
         ):
             tried(scene, engine)
         return

@@ -16,13 +16,17 @@ GOAL = SCENE["goal"]
 
 
 def reward(*places):
-    ends = [replace(BEFORE, positions=np.array([place], dtype=float)) for place in places]
+    ends = [
+        replace(BEFORE, positions=np.array([place], dtype=float)) for place in places
+    ]
     return TASK.reward(State.stack([BEFORE] * len(ends)), State.stack(ends)).tolist()
 
 
 def gap(puck):
     """Metres between a puck, in the goal's frame, and the goal; negative: penetration of a bar or a net."""
-    disc = Solid("puck", solid_geometry(Cylinder(PUCK_RADIUS, PUCK_HEIGHT)), GOAL.pose @ puck)
+    disc = Solid(
+        "puck", solid_geometry(Cylinder(PUCK_RADIUS, PUCK_HEIGHT)), GOAL.pose @ puck
+    )
     return min(signed_distance(disc, part) for part in body_solids(GOAL))
 
 
@@ -33,14 +37,19 @@ def lying(x, y):
 
 @pytest.mark.parametrize("friction", ["puck", 0.5])
 def test_what_slides_on_the_floor_slides_as_if_on_ice(friction):
-    other = SCENE[friction].friction if isinstance(friction, str) else friction  # 0.5: tools
+    other = (
+        SCENE[friction].friction if isinstance(friction, str) else friction
+    )  # 0.5: tools
     assert np.sqrt(SCENE["floor"].friction * other) == pytest.approx(0.1)
 
 
 def test_the_way_to_the_goal():
     way = np.subtract((2.0, 0.0, LYING), START)
     np.testing.assert_allclose(
-        reward(*[np.add(START, share * way) for share in (0, 0.25, 0.5, 0.75, 0.95, 1)]), [0, 0.25, 0.5, 0.75, 1, 1]
+        reward(
+            *[np.add(START, share * way) for share in (0, 0.25, 0.5, 0.75, 0.95, 1)]
+        ),
+        [0, 0.25, 0.5, 0.75, 1, 1],
     )
 
 
@@ -53,17 +62,37 @@ def test_anywhere_in_the_goal_is_a_goal(x, y, z):
 
 @pytest.mark.parametrize(
     "place",
-    [(1.86, 0, LYING), (2.14, 0, LYING), (2.0, 0.24, LYING), (2.0, -0.24, LYING), (2.1, 0.2, 0.34), (2.1, 0.2, -0.05)],
+    [
+        (1.86, 0, LYING),
+        (2.14, 0, LYING),
+        (2.0, 0.24, LYING),
+        (2.0, -0.24, LYING),
+        (2.1, 0.2, 0.34),
+        (2.1, 0.2, -0.05),
+    ],
 )
 def test_next_to_it_above_it_or_below_it_the_horizontal_distance_counts(place):
     (earned,) = reward(place)
     assert earned < 0.95
-    assert earned == pytest.approx(1 - np.hypot(place[0] - 2.0, place[1]) / np.hypot(1.2, 0.6))
+    assert earned == pytest.approx(
+        1 - np.hypot(place[0] - 2.0, place[1]) / np.hypot(1.2, 0.6)
+    )
 
 
 def test_the_mouth_is_open_and_the_rest_is_shut():
-    assert all(gap(lying(x, y)) > 0 for x in np.linspace(1.7, 2.08, 20) for y in (-0.19, 0.0, 0.19))
-    for inside, outside in [((2.0, 0), (2.3, 0)), ((2.0, 0), (2.0, 0.4)), ((2.0, 0), (2.0, -0.4))]:
-        way = [np.add(inside, share * np.subtract(outside, inside)) for share in np.linspace(0, 1, 40)]
+    assert all(
+        gap(lying(x, y)) > 0
+        for x in np.linspace(1.7, 2.08, 20)
+        for y in (-0.19, 0.0, 0.19)
+    )
+    for inside, outside in [
+        ((2.0, 0), (2.3, 0)),
+        ((2.0, 0), (2.0, 0.4)),
+        ((2.0, 0), (2.0, -0.4)),
+    ]:
+        way = [
+            np.add(inside, share * np.subtract(outside, inside))
+            for share in np.linspace(0, 1, 40)
+        ]
         assert min(gap(lying(*place)) for place in way) < 0
     assert min(gap(lying(1.85, y)) for y in (-0.2475, 0.2475)) < 0  # the posts

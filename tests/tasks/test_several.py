@@ -17,7 +17,13 @@ def test_one_tool_does_three_tasks(file: Path) -> None:
     tasks = file.stem.split("_")
     (strategy,) = json.loads(file.read_text())["strategies"]
     assert [plan["task"] for plan in strategy["action_sets"][0]] == tasks
-    words = ["task=several", f"task.of=[{','.join(tasks)}]", "tool=boxes", "sim=mujoco", "executor.workers=1"]
+    words = [
+        "task=several",
+        f"task.of=[{','.join(tasks)}]",
+        "tool=boxes",
+        "sim=mujoco",
+        "executor.workers=1",
+    ]
     (found,) = evaluate(load("evaluate", [*words, f"designs={file}"]))
     assert found.warnings == ()
     assert min(found.figures.values()) >= 0.95

@@ -24,7 +24,10 @@ def moved(name: str, position: Array) -> State:
 def lifted(name: str, to: float) -> list[State]:
     """The layout of seed 0 with one cookie raised to a height."""
     here = START.position(name)
-    return [moved(name, np.array([here[0], here[1], z])) for z in np.linspace(here[2], to, 60)]
+    return [
+        moved(name, np.array([here[0], here[1], z]))
+        for z in np.linspace(here[2], to, 60)
+    ]
 
 
 def rewards(ends: list[State]) -> Array:
@@ -47,5 +50,7 @@ def test_the_reward_rises_from_0_to_1_while_a_cookie_is_lifted_out(name: str) ->
         pytest.param((2.0, 1.0, -0.6), id="flung to the floor"),
     ],
 )
-def test_a_cookie_that_ends_low_earns_nothing(where: tuple[float, float, float]) -> None:
+def test_a_cookie_that_ends_low_earns_nothing(
+    where: tuple[float, float, float],
+) -> None:
     assert rewards([moved("cookie_6", np.array(where))])[0] == 0.0

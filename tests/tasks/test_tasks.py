@@ -33,7 +33,11 @@ from tests.solutions import anchored
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-OFFERED = {name: offer.entry_point for (kind, name), offer in installed().offers.items() if kind == "task"}
+OFFERED = {
+    name: offer.entry_point
+    for (kind, name), offer in installed().offers.items()
+    if kind == "task"
+}
 TASKS = [name for name, benchmark in OFFERED.items() if benchmark == "robotoolbench"]
 HARD = [name for name, benchmark in OFFERED.items() if benchmark == "hardtoolbench"]
 MOVING = {"StopCart"}  # in which things move by themselves
@@ -42,7 +46,14 @@ PROTOCOL = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
 # n_agent, n_tool, n_action, k_top, reward_save, n_iteration
 PAPER = {
     **dict.fromkeys(
-        ("BringCube", "CleanTable", "DislodgeCube", "ElevatePlate", "GatherSpheres", "MoveBall"),
+        (
+            "BringCube",
+            "CleanTable",
+            "DislodgeCube",
+            "ElevatePlate",
+            "GatherSpheres",
+            "MoveBall",
+        ),
         (20, 10, 10, 5, 0.6, 3),
     ),
     "HighObject": (20, 10, 10, 5, 0.5, 3),
@@ -70,12 +81,18 @@ def task_of(name, variation="none"):
 def idle(name, engine):
     """The outcome of seconds in which the bare arm stays home: of HardToolBench in a drawn layout."""
     task = task_of(name, "wide" if name in HARD else "none")
-    still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN]))
+    still = JointTrajectory(
+        np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN])
+    )
     hold_s = 0.0 if name in MOVING else 3.0 if name in HARD else 5.0
-    (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, settle_s=0.5, hold_s=hold_s)])
+    (outcome,) = simulator(engine).rollout(
+        task, [Rollout(Tool(), still, settle_s=0.5, hold_s=hold_s)]
+    )
     assert outcome.error is None
     scene = task.scene(0)
-    return scene, replace(outcome, start=scene.complete(outcome.start), end=scene.complete(outcome.end))
+    return scene, replace(
+        outcome, start=scene.complete(outcome.start), end=scene.complete(outcome.end)
+    )
 
 
 # --- what a task says of itself ---------------------------------------------------------------------------------
@@ -92,7 +109,10 @@ def test_names_and_words(name):
     assert load("config", [f"task={name}"]).task.name == name
     if name in HARD:
         assert set(task.variations) == set(VARIATIONS)
-        assert all(heading in type(task).__doc__ for heading in ("Task: ", "Layouts: ", "Success: "))
+        assert all(
+            heading in type(task).__doc__
+            for heading in ("Task: ", "Layouts: ", "Success: ")
+        )
 
 
 @every_task
@@ -115,7 +135,11 @@ def test_all_that_matters_is_in_the_picture(name):
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
-    places = [body.pose.position for body in task.scene(0).bodies if not body.fixed or not body.collisions]
+    places = [
+        body.pose.position
+        for body in task.scene(0).bodies
+        if not body.fixed or not body.collisions
+    ]
     for point in [*places, task.home.position]:
         way = point - position
         depth = way @ forward
@@ -132,12 +156,18 @@ def layout(name, seed, variation="none"):
     """A digest of all bodies and their poses."""
     digest = hashlib.sha256()
     for body in task_of(name, variation).scene(seed).bodies:
-        digest.update(f"{body.name} {body.mass} {body.friction} {body.rolling_friction} {body.restitution}".encode())
+        digest.update(
+            f"{body.name} {body.mass} {body.friction} {body.rolling_friction} {body.restitution}".encode()
+        )
         digest.update(body.pose.matrix.tobytes())
         for part in (*body.visuals, *body.collisions):
             digest.update(part.pose.matrix.tobytes())
             shape = part.shape
-            digest.update(shape.vertices.tobytes() if isinstance(shape, Mesh) else repr(shape).encode())
+            digest.update(
+                shape.vertices.tobytes()
+                if isinstance(shape, Mesh)
+                else repr(shape).encode()
+            )
     return digest.hexdigest()
 
 
@@ -147,34 +177,51 @@ def test_a_variation_draws_all_that_it_names(name, variation, monkeypatch):
     assert len({layout(name, seed, variation) for seed in range(4)}) == 4
     asked = set()
     draw = Draw.__call__
-    monkeypatch.setattr(Draw, "__call__", lambda self, key, nominal: asked.add(key) or draw(self, key, nominal))
+    monkeypatch.setattr(
+        Draw,
+        "__call__",
+        lambda self, key, nominal: asked.add(key) or draw(self, key, nominal),
+    )
     task = installed().create("task", name, variation=variation)
     task.scene(0)
     assert set(task.ranges) <= asked
 
 
 def test_a_variation_that_a_task_does_not_have():
-    with pytest.raises(UserError, match=r"no variation 'far' in the task BringCube.*near, none, wide"):
+    with pytest.raises(
+        UserError, match=r"no variation 'far' in the task BringCube.*near, none, wide"
+    ):
         installed().create("task", "BringCube", variation="far")
 
 
 @every_task_of_both
 @pytest.mark.parametrize(
     ("variation", "seeds"),
-    [("none", [0]), ("near", [0]), ("wide", [3, 4]), pytest.param("wide", range(5, 12), marks=pytest.mark.thorough)],
+    [
+        ("none", [0]),
+        ("near", [0]),
+        ("wide", [3, 4]),
+        pytest.param("wide", range(5, 12), marks=pytest.mark.thorough),
+    ],
 )
 def test_no_body_penetrates_another(name, variation, seeds):
     """By a twentieth of a millimetre; any task may by a whole one."""
     pairs = 0
     for scene in (task_of(name, variation).scene(seed) for seed in seeds):
-        for one, other in itertools.combinations([body for body in scene.bodies if body.collisions], 2):
-            if (one.fixed and other.fixed) or frozenset((one.name, other.name)) in scene.joined:
+        for one, other in itertools.combinations(
+            [body for body in scene.bodies if body.collisions], 2
+        ):
+            if (one.fixed and other.fixed) or frozenset(
+                (one.name, other.name)
+            ) in scene.joined:
                 continue
             others = Obstacles(body_solids(other))
             for solid in body_solids(one):
                 for _, gap in others.gaps(solid, 0.01):
                     pairs += 1
-                    assert gap > -5e-5, f"{one.name} is {-1000 * gap:.2f} mm inside {other.name}"
+                    assert gap > -5e-5, (
+                        f"{one.name} is {-1000 * gap:.2f} mm inside {other.name}"
+                    )
     assert pairs > 0
 
 
@@ -190,7 +237,10 @@ def test_the_scene_rests_and_the_bare_arm_is_clear_of_it(name, engine):
     assert outcome.tracking_error_rad < 2e-3
     assert np.linalg.norm(end.positions - start.positions, axis=-1).max() < 2e-3
     if name not in HARD:
-        turned = [(start.pose(body).rotation.inv() * end.pose(body).rotation).magnitude() for body in start.names]
+        turned = [
+            (start.pose(body).rotation.inv() * end.pose(body).rotation).magnitude()
+            for body in start.names
+        ]
         assert math.degrees(max(turned)) < 2
         assert np.abs(end.linear_velocities).max() < 0.02
 
@@ -215,7 +265,9 @@ def ways(task, start, seed=0):
         shifts = {}
         for body in goal.bodies:
             here = start.position(body)
-            there = [h if t is None else t for h, t in zip(here, goal.place, strict=True)]
+            there = [
+                h if t is None else t for h, t in zip(here, goal.place, strict=True)
+            ]
             shifts[body] = there - here
         yield shifts
 
@@ -230,11 +282,15 @@ def test_doing_nothing_earns_nothing(name, engine):
 
 
 @pytest.mark.parametrize("name", HARD)
-@pytest.mark.parametrize("engine", ["mujoco", *(pytest.param(e, marks=pytest.mark.thorough) for e in OTHERS)])
+@pytest.mark.parametrize(
+    "engine", ["mujoco", *(pytest.param(e, marks=pytest.mark.thorough) for e in OTHERS)]
+)
 def test_doing_nothing_earns_nothing_where_rewards_read_traces(name, engine):
     task = task_of(name, "wide")
     home = Waypoints(np.array([[*task.home.position, *task.home.rpy]]))
-    (evaluation,) = evaluate_batch(task, simulator(engine), [Candidate(Tool(), home)], 0, PROTOCOL)
+    (evaluation,) = evaluate_batch(
+        task, simulator(engine), [Candidate(Tool(), home)], 0, PROTOCOL
+    )
     assert (evaluation.status, evaluation.reason) == ("ok", "")
     assert 0 <= evaluation.reward < 0.02
 
@@ -249,13 +305,22 @@ def test_the_reward_rises_from_0_to_1_on_the_way_to_the_goal(name, data):
     for shifts in ways(task, start, seed):
 
         def reward(share, shifts=shifts):
-            return float(task.reward(start, moved(start, {body: share * shift for body, shift in shifts.items()})))
+            return float(
+                task.reward(
+                    start,
+                    moved(
+                        start, {body: share * shift for body, shift in shifts.items()}
+                    ),
+                )
+            )
 
         less, more = sorted(data.draw(st.tuples(st.floats(0, 1), st.floats(0, 1))))
         assert reward(0) == pytest.approx(0, abs=1e-9)
         assert reward(1) >= 0.95
         assert 0 <= reward(less) <= reward(more) + 1e-9 <= 1 + 1e-9
-        assert any(0.02 < reward(share) < 0.98 for share in np.linspace(0, 1, 50))  # progress counts
+        assert any(
+            0.02 < reward(share) < 0.98 for share in np.linspace(0, 1, 50)
+        )  # progress counts
 
 
 @every_task
@@ -278,15 +343,23 @@ def cases(quick):
     """Tasks in engines: all in MuJoCo, and those in ``quick`` in the others; the rest is thorough."""
     for name, engine in itertools.product([*TASKS, *HARD], ("mujoco", *OTHERS)):
         rare = engine != "mujoco" and name not in quick
-        yield pytest.param(name, engine, marks=[pytest.mark.slow, *([pytest.mark.thorough] if rare else [])])
+        yield pytest.param(
+            name,
+            engine,
+            marks=[pytest.mark.slow, *([pytest.mark.thorough] if rare else [])],
+        )
 
 
-@pytest.mark.parametrize(("name", "engine"), [case for case in cases(QUICK) if case.values[0] in TASKS])
+@pytest.mark.parametrize(
+    ("name", "engine"), [case for case in cases(QUICK) if case.values[0] in TASKS]
+)
 def test_the_reference_solution_solves_it(name, engine):
     task = task_of(name)
     candidates = solutions(name)
     assert [candidate.problem for candidate in candidates] == [None] * len(candidates)
-    evaluations = evaluate_batch(task, simulator(engine), candidates, 0, RolloutSettings())
+    evaluations = evaluate_batch(
+        task, simulator(engine), candidates, 0, RolloutSettings()
+    )
     best = max(evaluations, key=lambda e: e.reward)
     assert best.status == "ok"
     assert best.reward >= 0.95
@@ -296,12 +369,19 @@ def test_the_reference_solution_solves_it(name, engine):
 
 @pytest.mark.parametrize("count", [1, pytest.param(4, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize(("name", "engine"), [*cases(())])
-def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine, count):
+def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(
+    name, engine, count
+):
     """A few of those that the docs have figures of."""
-    protocol, material = (PROTOCOL, "pla") if name in HARD else (RolloutSettings(), "paper")
+    protocol, material = (
+        (PROTOCOL, "pla") if name in HARD else (RolloutSettings(), "paper")
+    )
     solution = anchored(name, material)
     task = task_of(name, "wide")
     seeds = range(UNSEEN, UNSEEN + count)
-    trials = [evaluate_batch(task, simulator(engine), [solution], seed, protocol)[0] for seed in seeds]
+    trials = [
+        evaluate_batch(task, simulator(engine), [solution], seed, protocol)[0]
+        for seed in seeds
+    ]
     assert not [trial.reason for trial in trials if trial.status != "ok"]
     assert np.mean([trial.reward for trial in trials]) >= 0.7

@@ -51,22 +51,36 @@ def test_with_the_pot_dropped_along_it_is_0_7() -> None:
     assert rewards([end(**everything)])[0] == pytest.approx(0.7)
 
 
-LEANS = Pose.xyz_rpy((BOX[0] + 0.17, BOX[1] - 0.045, BOX_HEIGHT + 0.005), (2.0, 0.0, 0.0))
+LEANS = Pose.xyz_rpy(
+    (BOX[0] + 0.17, BOX[1] - 0.045, BOX_HEIGHT + 0.005), (2.0, 0.0, 0.0)
+)
 
 
 @pytest.mark.parametrize(
     ("pose", "inside"),
     [
         pytest.param(Pose(np.array([*BOX, 0.01])), True, id="stands in it"),
-        pytest.param(Pose.xyz_rpy((*BOX, POT_HEIGHT + 0.01), (np.pi, 0.0, 0.0)), True, id="lies in it upside down"),
+        pytest.param(
+            Pose.xyz_rpy((*BOX, POT_HEIGHT + 0.01), (np.pi, 0.0, 0.0)),
+            True,
+            id="lies in it upside down",
+        ),
         pytest.param(LEANS, True, id="leans in it with its bottom above the edge"),
         pytest.param(
-            Pose.xyz_rpy((*BOX, BOX_HEIGHT + POT_HEIGHT + 0.01), (np.pi, 0.0, 0.0)), False, id="is held above"
+            Pose.xyz_rpy((*BOX, BOX_HEIGHT + POT_HEIGHT + 0.01), (np.pi, 0.0, 0.0)),
+            False,
+            id="is held above",
         ),
         pytest.param(
-            Pose.xyz_rpy((BOX[0], BOX[1] - 0.3, 0.15), (2.0, 0.0, 0.0)), False, id="is held beside it, tilted"
+            Pose.xyz_rpy((BOX[0], BOX[1] - 0.3, 0.15), (2.0, 0.0, 0.0)),
+            False,
+            id="is held beside it, tilted",
         ),
-        pytest.param(Pose(np.array([BOX[0], BOX[1] - BOX_WIDTH / 2 - 0.13, 0.0])), False, id="stands beside it"),
+        pytest.param(
+            Pose(np.array([BOX[0], BOX[1] - BOX_WIDTH / 2 - 0.13, 0.0])),
+            False,
+            id="stands beside it",
+        ),
     ],
 )
 def test_the_pot_is_in_the_box_if_any_of_it_is(pose: Pose, inside: bool) -> None:

@@ -14,4 +14,8 @@ def listeners() -> Mapping[str, str]:
 
 @hookimpl
 def commands() -> Mapping[str, Command]:
-    return {"view": Command("show the recording of a run", "plugins.listeners.rerun.view:main")}
+    return {
+        "view": Command(
+            "show the recording of a run", "plugins.listeners.rerun.view:main"
+        )
+    }

@@ -47,12 +47,18 @@ class RerunListener:
             writer.close()
 
     def _open(self, run: Run) -> None:
-        os.environ.setdefault("RUST_LOG", "off")  # or Rerun logs to the terminal; what fails is raised as well
-        from plugins.listeners.rerun.writer import Writer  # Rerun takes a third of a second to import, so only now
+        os.environ.setdefault(
+            "RUST_LOG", "off"
+        )  # or Rerun logs to the terminal; what fails is raised as well
+        from plugins.listeners.rerun.writer import (
+            Writer,
+        )  # Rerun takes a third of a second to import, so only now
 
         for task in run.task.parts:
             name = "recording" if task is run.task else f"recording_{task.name}"
-            self._writers.append(Writer(replace(run, task=task), run.folder / f"{name}.rrd"))
+            self._writers.append(
+                Writer(replace(run, task=task), run.folder / f"{name}.rrd")
+            )
             self._writers[-1].begin()
 
     def _record(self, generation: Generation, writer: Writer) -> None:

@@ -32,9 +32,15 @@ def recordings(run: Path) -> list[Path]:
     """
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    files = [file for pattern in ("recording*.rrd", "*/recording*.rrd") for file in sorted(run.glob(pattern))]
+    files = [
+        file
+        for pattern in ("recording*.rrd", "*/recording*.rrd")
+        for file in sorted(run.glob(pattern))
+    ]
     if not files:
-        raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
+        raise UserError(
+            f"{run} holds no recording.rrd; runs with the listener rerun write one"
+        )
     return files
 
 
@@ -55,7 +61,9 @@ def free_port(wanted: int = 0) -> int:
             return int(server.getsockname()[1])
     except (OSError, OverflowError) as error:
         mend = "choose another with port=N, or any with port=0"
-        raise UserError(f"port {wanted} of {HERE} is not free ({error}); {mend}") from error
+        raise UserError(
+            f"port {wanted} of {HERE} is not free ({error}); {mend}"
+        ) from error
 
 
 def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
@@ -66,18 +74,36 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     """
     page, data = free_port(port) if web else 0, free_port()
     server = ("--serve-web", "--web-viewer-port", str(page)) if web else ()
-    spec = importlib.util.find_spec("rerun_cli")  # the package that Rerun's makers deliver the viewer in
+    spec = importlib.util.find_spec(
+        "rerun_cli"
+    )  # the package that Rerun's makers deliver the viewer in
     if spec is None or spec.origin is None:
         raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
-    words = [str(Path(spec.origin).with_name("rerun")), *map(str, files), *server, "--port", str(data), "--bind", HERE]
+    words = [
+        str(Path(spec.origin).with_name("rerun")),
+        *map(str, files),
+        *server,
+        "--port",
+        str(data),
+        "--bind",
+        HERE,
+    ]
     with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
-        viewer = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=output)  # noqa: S603
+        viewer = subprocess.Popen(  # noqa: S603
+            words, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+        )
         try:
-            while web and viewer.poll() is None and not (listens(page) and listens(data)):
+            while (
+                web and viewer.poll() is None and not (listens(page) and listens(data))
+            ):
                 time.sleep(0.05)
             if web and viewer.poll() is None:
-                say("Ctrl-C ends it", file=sys.stderr)  # before the address, whose reader may interrupt at once
-                say(f"http://{HERE}:{page}/?url={quote(f'rerun+http://{HERE}:{data}/proxy', safe='')}")
+                say(
+                    "Ctrl-C ends it", file=sys.stderr
+                )  # before the address, whose reader may interrupt at once
+                say(
+                    f"http://{HERE}:{page}/?url={quote(f'rerun+http://{HERE}:{data}/proxy', safe='')}"
+                )
                 sys.stdout.flush()
             status = viewer.wait()
         finally:
@@ -86,7 +112,9 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
                 viewer.wait(_END_S)
             viewer.kill()
         output.seek(0)
-        last = (output.read().decode(errors="replace").strip() or "it printed nothing").splitlines()[-1]
+        last = (
+            output.read().decode(errors="replace").strip() or "it printed nothing"
+        ).splitlines()[-1]
         if web or status:
             hint = "" if web else "; without a screen, use web=true"
             raise UserError(f"the viewer ended with status {status}: {last}{hint}")
@@ -96,5 +124,7 @@ def main(words: list[str]) -> None:
     folders, options = folders_and_overrides(USAGE, words)
     if len(folders) != 1:
         raise UsageError(f"{len(folders)} run folders given; one is needed; {USAGE}")
-    settings = check_settings(view, dict(option.split("=", 1) for option in options), "view", {"files": None})
+    settings = check_settings(
+        view, dict(option.split("=", 1) for option in options), "view", {"files": None}
+    )
     view(recordings(folders[0]), **settings)

@@ -30,15 +30,27 @@ class Painted:
 def painted(tool: Tool, robot: Robot) -> list[Painted]:
     """A tool as the arm holds it at home, with the flange or the fingers that carry it in grey."""
     if tool.gripper:
-        fingers = [pose for mount, pose in open_mounts(robot, True).items() if mount in GRIPPER_MOUNTS]
+        fingers = [
+            pose
+            for mount, pose in open_mounts(robot, True).items()
+            if mount in GRIPPER_MOUNTS
+        ]
         apart = fingers[0].position - fingers[1].position
         outward = apart / np.linalg.norm(apart) * FINGER.size[1] / 2
         tips = [pose.apply((0.0, 0.0, FINGER.size[2] / 2)) for pose in fingers]
-        places = [Pose(tip + side * outward) for tip, side in zip(tips, (1, -1), strict=True)]
-        bearing = [Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT) for pose in places]
+        places = [
+            Pose(tip + side * outward) for tip, side in zip(tips, (1, -1), strict=True)
+        ]
+        bearing = [
+            Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT)
+            for pose in places
+        ]
     else:
         bearing = [Painted(robot.flange.disc.to_trimesh(), ROBOT)]
-    return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool, robot))]
+    return [
+        *bearing,
+        *(Painted(solid, component.color) for component, solid in as_held(tool, robot)),
+    ]
 
 
 def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
@@ -47,5 +59,12 @@ def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]
     held = []
     for mount, placed in solids_of(tool).items():
         for component, solid in placed:
-            held.append((component, solid.apply_transform(mounts[mount].matrix) if mount in mounts else solid))
+            held.append(
+                (
+                    component,
+                    solid.apply_transform(mounts[mount].matrix)
+                    if mount in mounts
+                    else solid,
+                )
+            )
     return held

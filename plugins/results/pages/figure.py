@@ -35,14 +35,23 @@ class FigurePage:
         import matplotlib
 
         buffer = io.BytesIO()
-        metadata = {"Software": None} if format_ == "png" else {"Date": None, "Creator": None}
+        metadata = (
+            {"Software": None} if format_ == "png" else {"Date": None, "Creator": None}
+        )
         style = Path(__file__).parent / "templates" / "figure.mplstyle"
-        with matplotlib.rc_context({"svg.hashsalt": self.name}, style), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Glyph .* missing")  # a name in a script that the font lacks
+        with (
+            matplotlib.rc_context({"svg.hashsalt": self.name}, style),
+            warnings.catch_warnings(),
+        ):
+            warnings.filterwarnings(
+                "ignore", "Glyph .* missing"
+            )  # a name in a script that the font lacks
             figure = self.paint()
             if titled:
                 figure.suptitle(wrapped(self.title, 80))
-            figure.savefig(buffer, format=format_, dpi=160, facecolor=ground, metadata=metadata)
+            figure.savefig(
+                buffer, format=format_, dpi=160, facecolor=ground, metadata=metadata
+            )
         return buffer.getvalue()
 
 
@@ -53,7 +62,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def wrapped(text: str, width: int, lines: int = 3) -> str:
-    return "\n".join(textwrap.wrap(clean(text, 300), width, max_lines=lines, placeholder=" …") or [""])
+    return "\n".join(
+        textwrap.wrap(clean(text, 300), width, max_lines=lines, placeholder=" …")
+        or [""]
+    )
 
 
 def slug(text: str, longest: int = 60) -> str:

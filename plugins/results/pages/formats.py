@@ -44,13 +44,17 @@ class Table:
     def of(cls, name: str, head: str, rows: Iterable[tuple[Cell, ...]]) -> Table:
         """Make a table with a head such as ``task|runs:0|best reward:3``: names, and digits where they hold numbers."""
         split = (word.partition(":") for word in head.split("|"))
-        columns = tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
+        columns = tuple(
+            Column(name, int(digits) if digits else None) for name, _, digits in split
+        )
         return cls(name, columns, tuple(rows))
 
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.columns):
-                raise ValueError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
+                raise ValueError(
+                    f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns"
+                )
 
 
 def printed(cell: Cell, column: Column) -> str:
@@ -68,7 +72,13 @@ def printed(cell: Cell, column: Column) -> str:
 
 def links(cell: Cell) -> tuple[CellLink, ...]:
     """The links of a cell that holds nothing else."""
-    return (cell,) if isinstance(cell, CellLink) else cell if isinstance(cell, tuple) else ()
+    return (
+        (cell,)
+        if isinstance(cell, CellLink)
+        else cell
+        if isinstance(cell, tuple)
+        else ()
+    )
 
 
 def to_csv(table: Table, folder: Path) -> str:
@@ -76,8 +86,12 @@ def to_csv(table: Table, folder: Path) -> str:
 
     def plain(cell: Cell) -> Any:
         if isinstance(cell, CellLink | tuple):
-            return _no_formula(" ".join(relative(link.target, folder) for link in links(cell)))
-        return _no_formula(cell) if isinstance(cell, str) else cell  # None is written as nothing
+            return _no_formula(
+                " ".join(relative(link.target, folder) for link in links(cell))
+            )
+        return (
+            _no_formula(cell) if isinstance(cell, str) else cell
+        )  # None is written as nothing
 
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

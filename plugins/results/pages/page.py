@@ -30,7 +30,9 @@ _SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is draw
 _LIGHT_INK = "#e6edf3"  # on a dark page, as in page.css
 
 
-def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
+def render(
+    template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any
+) -> str:
     """Render a template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
     style = _text("page.css")
     script = _text("tables.js") + (_text("viewer.js") if viewer else "")
@@ -43,7 +45,11 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         # No control characters; what is markup already passes.
-        finalize=lambda x: clean(x, _LONGEST) if isinstance(x, str) and not isinstance(x, Markup) else x,
+        finalize=lambda x: (
+            clean(x, _LONGEST)
+            if isinstance(x, str) and not isinstance(x, Markup)
+            else x
+        ),
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -51,7 +57,9 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
     environment.filters["sort_key"] = lambda cell: (
         repr(cell) if isinstance(cell, float | int) and isfinite(cell) else ""
     )
-    environment.filters["href"] = lambda target: quote(relative(target, folder), errors="surrogateescape")
+    environment.filters["href"] = lambda target: quote(
+        relative(target, folder), errors="surrogateescape"
+    )
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return environment.get_template(template).render(
         **values,
@@ -64,7 +72,11 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
 
 
 def _text(name: str) -> str:
-    return importlib.resources.files("plugins.results.pages").joinpath("templates", name).read_text(encoding="utf-8")
+    return (
+        importlib.resources.files("plugins.results.pages")
+        .joinpath("templates", name)
+        .read_text(encoding="utf-8")
+    )
 
 
 def _hash(text: str) -> str:
@@ -75,7 +87,9 @@ def figure_address(svg: bytes) -> Markup:
     """The data address of a figure whose ink follows the browser's colour scheme."""
     text = svg.decode().replace(INK, "currentColor")
     ink = f"svg {{ color: {INK} }} @media (prefers-color-scheme: dark) {{ svg {{ color: {_LIGHT_INK} }} }}"
-    return data_address(text.replace("<defs>", f"<style>{ink}</style><defs>", 1).encode(), "svg+xml")
+    return data_address(
+        text.replace("<defs>", f"<style>{ink}</style><defs>", 1).encode(), "svg+xml"
+    )
 
 
 def data_address(picture: bytes, format_: str = "png") -> Markup:

@@ -51,22 +51,41 @@ class FinishedRun:
 
     @property
     def rollouts(self) -> int:
-        return self.figures.n_evaluations if self.figures.rollouts is None else self.figures.rollouts
+        return (
+            self.figures.n_evaluations
+            if self.figures.rollouts is None
+            else self.figures.rollouts
+        )
 
     def best_so_far(self, length: int) -> list[float]:
         """The best reward up to and with each of ``length`` generations; a run that stopped early keeps its last."""
-        so_far = list(itertools.accumulate((g.best_reward or 0.0 for g in self.figures.generations), max)) or [0.0]
+        so_far = list(
+            itertools.accumulate(
+                (g.best_reward or 0.0 for g in self.figures.generations), max
+            )
+        ) or [0.0]
         return (so_far + so_far[-1:] * length)[:length]
 
     def recordings(self) -> dict[str, Path]:
         """The recordings and the films that it left, by what they are; of several tasks each has its own."""
-        found = {file.stem: file for file in sorted(self.folder.glob("recording*.rrd")) if self._holds(file)}
-        return found | {f"film {film.parent.name}".removesuffix(" best"): film for film in self.films()}
+        found = {
+            file.stem: file
+            for file in sorted(self.folder.glob("recording*.rrd"))
+            if self._holds(file)
+        }
+        return found | {
+            f"film {film.parent.name}".removesuffix(" best"): film
+            for film in self.films()
+        }
 
     def films(self) -> list[Path]:
         """The films of the best candidate, one for each of its tasks."""
         best = self.folder / "best"
-        return [file for file in (best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))) if self._holds(file)]
+        return [
+            file
+            for file in (best / "rollout.gif", *sorted(best.glob("*/rollout.gif")))
+            if self._holds(file)
+        ]
 
     def _holds(self, file: Path) -> bool:
         return file.is_file() and file.resolve().is_relative_to(self.folder.resolve())
@@ -95,10 +114,14 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
     runs: dict[Path, FinishedRun | LeftOutRun] = {}
     for folder in folders:
         if not folder.is_dir():
-            raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
+            raise UserError(
+                f"no folder {folder}; give the folder of a run or of a multirun"
+            )
         paths = run_folders(folder)
         if not paths:
-            raise UserError(f"{folder} holds no run: neither {RESULT} nor {FILE} is in it or below it")
+            raise UserError(
+                f"{folder} holds no run: neither {RESULT} nor {FILE} is in it or below it"
+            )
         for path in paths:
             if path.resolve() not in runs:
                 runs[path.resolve()] = read_run(path)
@@ -115,7 +138,11 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
     if {FILE, RESULT} & entries.keys():
         return [folder]
     skipped = (HYDRA, "best", "requests", "replies")
-    below = [name for name, entry in entries.items() if entry.is_dir(follow_symlinks=False) and name not in skipped]
+    below = [
+        name
+        for name, entry in entries.items()
+        if entry.is_dir(follow_symlinks=False) and name not in skipped
+    ]
     names = sorted(below, key=natural) if depth > 0 else []
     runs = [path for name in names for path in run_folders(folder / name, depth - 1)]
     return runs or [folder] * (HYDRA in entries)
@@ -123,14 +150,20 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
 
 def natural(name: str) -> list[tuple[int, int | str]]:
     """A sort key that orders numbers in names by their size."""
-    return [(0, int(word)) if word.isdigit() else (1, word) for word in re.split(r"(\d+)", name) if word]
+    return [
+        (0, int(word)) if word.isdigit() else (1, word)
+        for word in re.split(r"(\d+)", name)
+        if word
+    ]
 
 
 def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     """Read a run from its folder."""
     store = StoredRun(folder)
     if (folder / FILE).is_symlink():
-        return LeftOutRun(folder, "unreadable", f"{FILE} is a link, which is not followed")
+        return LeftOutRun(
+            folder, "unreadable", f"{FILE} is a link, which is not followed"
+        )
     if not store.exists:
         config = _stored(folder / HYDRA / "config.yaml")
         reason = f"it has no {FILE}: it ended before it began, or that was deleted"
@@ -142,12 +175,37 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         return LeftOutRun(folder, "unreadable", short(str(error)))
     if figures is None:
         config = config or _stored(folder / HYDRA / "config.yaml")
-        return LeftOutRun(folder, "unfinished", _progress(folder, store), _task(folder, config), config)
+        return LeftOutRun(
+            folder,
+            "unfinished",
+            _progress(folder, store),
+            _task(folder, config),
+            config,
+        )
     if figures.stopped is not None:
-        return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
+        return LeftOutRun(
+            folder,
+            "unfinished",
+            short(f"stopped: {figures.stopped}"),
+            figures.task,
+            config,
+        )
     if figures.best is None:
-        first = next((f"; the first reason: {e.reason}" for e in store.evaluations() if e.status != "ok"), "")
-        return LeftOutRun(folder, "failed", f"no candidate could be tried{short(first)}", figures.task, config)
+        first = next(
+            (
+                f"; the first reason: {e.reason}"
+                for e in store.evaluations()
+                if e.status != "ok"
+            ),
+            "",
+        )
+        return LeftOutRun(
+            folder,
+            "failed",
+            f"no candidate could be tried{short(first)}",
+            figures.task,
+            config,
+        )
     return FinishedRun(folder, figures, config)
 
 
@@ -185,12 +243,18 @@ def _progress(folder: Path, store: StoredRun) -> str:
 
 def reasons(store: StoredRun) -> list[str]:
     """Why candidates were rejected, failed, or earned less than their rollout did or nothing, by candidate."""
-    return by_reason((e.candidate, e.reason or _why_zero(e)) for e in store.evaluations())
+    return by_reason(
+        (e.candidate, e.reason or _why_zero(e)) for e in store.evaluations()
+    )
 
 
 def _why_zero(evaluation: StoredEvaluation) -> str:
     """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
     if evaluation.status != "ok" or evaluation.reward > 0:
         return ""
-    seen = {trial.observation.result for trial in evaluation.trials if trial.observation is not None}
+    seen = {
+        trial.observation.result
+        for trial in evaluation.trials
+        if trial.observation is not None
+    }
     return f"earned nothing{': ' if seen else ''}{', '.join(sorted(seen))}"

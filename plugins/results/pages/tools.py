@@ -54,12 +54,23 @@ def best_tool(run: FinishedRun) -> Winner:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     name = run.best.candidate
-    evaluation = next((e for e in run.store.evaluations() if e.candidate == name and e.status == "ok"), None)
+    evaluation = next(
+        (
+            e
+            for e in run.store.evaluations()
+            if e.candidate == name and e.status == "ok"
+        ),
+        None,
+    )
     if evaluation is None:
         raise UserError(f"its best candidate {name} is not among those that were tried")
-    chosen = {kind: run.config.get(kind, {}) for kind in ("task", "tool", "material", "robot")}
+    chosen = {
+        kind: run.config.get(kind, {}) for kind in ("task", "tool", "material", "robot")
+    }
     representation, task = _parts(json.dumps(chosen, sort_keys=True))
-    design = run.store.designs()[evaluation.design].written | {"action_sets": [evaluation.plan]}
+    design = run.store.designs()[evaluation.design].written | {
+        "action_sets": [evaluation.plan]
+    }
     # It may break a rule, but must have a size: there were others when it was tried.
     (read,) = read_designs({"strategies": [design]}, representation, task)
     if read.tool is None:
@@ -67,9 +78,13 @@ def best_tool(run: FinishedRun) -> Winner:
     for component, solid in as_held(read.tool, representation.robot):
         corners = np.abs(solid.vertices)
         if not (
-            np.isfinite(corners).all() and corners.max() < _FARTHEST and min(component.shape.bounds[1]) > _THINNEST
+            np.isfinite(corners).all()
+            and corners.max() < _FARTHEST
+            and min(component.shape.bounds[1]) > _THINNEST
         ):
-            raise UserError(f"component {component.name!r} of {name} has no size that can be drawn")
+            raise UserError(
+                f"component {component.name!r} of {name} has no size that can be drawn"
+            )
     return Winner(
         run=run,
         robot=representation.robot,
@@ -88,5 +103,7 @@ def size(tool: Tool, robot: Robot) -> str:
     """The extent along x, y and z, in millimetres."""
     if not tool.components:
         return "no tool"
-    extent = np.ptp(np.concatenate([solid.vertices for _, solid in as_held(tool, robot)]), axis=0)
+    extent = np.ptp(
+        np.concatenate([solid.vertices for _, solid in as_held(tool, robot)]), axis=0
+    )
     return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"

@@ -14,7 +14,12 @@ from core.support.cli import folders_and_overrides, print_table, say, write_byte
 from plugins.results.pages.formats import printed
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.contents import DATA, contents
-from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_entries, read_entry
+from plugins.results.report.leaderboard import (
+    ListedEntry,
+    entry_tables,
+    find_entries,
+    read_entry,
+)
 from plugins.results.report.results import Results
 from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify
@@ -43,7 +48,11 @@ class ReportConfig:
 
 
 def report(
-    folders: list[Path], output: Path, name: str = "", others: Sequence[Path] = (), claimed: Path | None = None
+    folders: list[Path],
+    output: Path,
+    name: str = "",
+    others: Sequence[Path] = (),
+    claimed: Path | None = None,
 ) -> Results:
     """Read the runs in ``folders``; write the page, the tables and the figures to ``output``.
 
@@ -56,14 +65,24 @@ def report(
     theirs = [ListedEntry(read_entry(file), "no") for file in others]
     verified = tuple(verify(read_entry(claimed))) if claimed is not None else ()
     if verified:
-        theirs.append(ListedEntry(verified[0].entry, f"{sum(run.same for run in verified)} of {len(verified)} runs"))
+        theirs.append(
+            ListedEntry(
+                verified[0].entry,
+                f"{sum(run.same for run in verified)} of {len(verified)} runs",
+            )
+        )
     finished, left_out = find_runs(folders)
     entries, problems = find_entries(finished, left_out, name)
     for entry in entries:
-        file = re.sub(r"[^\w.=-]+", "_", f"{entry.protocol}_{entry.track}_{entry.name}")[:100]
+        file = re.sub(
+            r"[^\w.=-]+", "_", f"{entry.protocol}_{entry.track}_{entry.name}"
+        )[:100]
         write_bytes(output / DATA / f"{file}.json", entry.dump())
     say(*problems)
-    listed_entries = (*(ListedEntry(entry, "runs at hand") for entry in entries), *theirs)
+    listed_entries = (
+        *(ListedEntry(entry, "runs at hand") for entry in entries),
+        *theirs,
+    )
     results = Results(tuple(finished), tuple(left_out), listed_entries, verified)
     for file, make in contents(results, output).items():
         write_bytes(output / file, make())
@@ -74,11 +93,22 @@ def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
     whole = rewards(results)
     short = itemgetter(0, 1, 2, 4, 5, 6, 8)
-    short_rewards = replace(whole, columns=short(whole.columns), rows=tuple(map(short, whole.rows)))
-    for table in (short_rewards, *entry_tables(results.entries)[:1], verification(results.verified)):
+    short_rewards = replace(
+        whole, columns=short(whole.columns), rows=tuple(map(short, whole.rows))
+    )
+    for table in (
+        short_rewards,
+        *entry_tables(results.entries)[:1],
+        verification(results.verified),
+    ):
         if table.rows:
-            cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]
-            digits = [column.name for column in table.columns if column.digits is not None]
+            cells = [
+                [printed(*pair) for pair in zip(row, table.columns, strict=True)]
+                for row in table.rows
+            ]
+            digits = [
+                column.name for column in table.columns if column.digits is not None
+            ]
             print_table([column.name for column in table.columns], cells, digits)
     for run in results.left_out:
         say(f"not counted, {run}")
@@ -90,11 +120,21 @@ def main(words: list[str]) -> None:
     if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
     claimed = Path(cfg.verify) if cfg.verify else None
-    results = report(folders, Path(cfg.output), cfg.name, [*map(Path, cfg.entries)], claimed)
+    results = report(
+        folders, Path(cfg.output), cfg.name, [*map(Path, cfg.entries)], claimed
+    )
     if not results.runs and results.left_out:
         (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
-        raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {first}")
+        raise UserError(
+            f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {first}"
+        )
     show(results)
     say(str(Path(cfg.output) / "index.html"))
-    if wrong := [f"{run.task} with seed {run.seed}" for run in results.verified if not run.same and run.claimed > 0]:
-        raise UserError(f"{cfg.verify} claims what its designs don't earn here: {', '.join(wrong)}")
+    if wrong := [
+        f"{run.task} with seed {run.seed}"
+        for run in results.verified
+        if not run.same and run.claimed > 0
+    ]:
+        raise UserError(
+            f"{cfg.verify} claims what its designs don't earn here: {', '.join(wrong)}"
+        )

@@ -43,7 +43,11 @@ def _in_viewer(results: Results) -> list[dict[str, Any]]:
     shown = []
     for (task, method), winner in results.tools.best.items():
         said = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
-        shown.append(in_viewer(winner.tool, winner.robot, f"{task}, {method}: {winner.name}", said))
+        shown.append(
+            in_viewer(
+                winner.tool, winner.robot, f"{task}, {method}: {winner.name}", said
+            )
+        )
     return shown
 
 
@@ -51,9 +55,18 @@ def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
     """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
     listed = tables(results)
     drawn = figure_pages(results)
-    drawings = {picture.name: picture.render("svg", ground="none", titled=False) for picture in drawn}
-    counts = {"finished run": results.runs, "method": results.methods, "task": results.tasks}
-    runs, methods, tasks = (f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items())
+    drawings = {
+        picture.name: picture.render("svg", ground="none", titled=False)
+        for picture in drawn
+    }
+    counts = {
+        "finished run": results.runs,
+        "method": results.methods,
+        "task": results.tasks,
+    }
+    runs, methods, tasks = (
+        f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items()
+    )
     page = render(
         "report.html.j2",
         folder,
@@ -61,7 +74,10 @@ def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
         title="Tools and their rewards",
         summary=f"{runs} of {methods} on {tasks}.",
         films=_films(results),
-        warnings=[f"Tools that can't be shown: {problem}" for problem in results.tools.problems],
+        warnings=[
+            f"Tools that can't be shown: {problem}"
+            for problem in results.tools.problems
+        ],
         tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
         drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
@@ -72,6 +88,15 @@ def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
     )
     files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
     csv = {table.name: to_csv(table, folder / DATA) for table in listed}
-    files |= {f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace") for name, text in csv.items()}
-    files |= {f"{DATA}/{picture.name}.png": partial(picture.render, "png") for picture in drawn}
-    return files | {f"{DATA}/{name}.svg": partial(bytes, drawing) for name, drawing in drawings.items()}
+    files |= {
+        f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace")
+        for name, text in csv.items()
+    }
+    files |= {
+        f"{DATA}/{picture.name}.png": partial(picture.render, "png")
+        for picture in drawn
+    }
+    return files | {
+        f"{DATA}/{name}.svg": partial(bytes, drawing)
+        for name, drawing in drawings.items()
+    }

@@ -58,19 +58,33 @@ def protocol(name: str) -> Protocol:
     Raises:
         UserError: there is none.
     """
-    if name == "none" or not re.fullmatch(r"\w{1,50}", name):  # a file or a store says it
+    # A file or a store says it.
+    if name == "none" or not re.fullmatch(r"\w{1,50}", name):
         raise UserError(f"no protocol {short(name)!r}")
     config = load("config", [f"protocol={name}"])
-    chosen, settings = config.protocol, flatten(OmegaConf.to_container(config, resolve=True))  # type: ignore[arg-type]
+    chosen = config.protocol
+    container: Any = OmegaConf.to_container(config, resolve=True)
+    settings = flatten(container)
     starts = tuple(f"{key}." for key in chosen.fixed)
-    fixed = {key: value for key, value in settings.items() if f"{key}.".startswith(starts)}
+    fixed = {
+        key: value for key, value in settings.items() if f"{key}.".startswith(starts)
+    }
     offers = [offer for offer in installed().offers.values() if offer.kind == "task"]
-    known = {task: Effort(*numbers) for task, numbers in config.fitness.get("references", {}).items()}
+    known = {
+        task: Effort(*numbers)
+        for task, numbers in config.fitness.get("references", {}).items()
+    }
     tracks = {
-        track: [o.name for o in offers if o.entry_point == plugin and (o.name in known or not known)]
+        track: [
+            o.name
+            for o in offers
+            if o.entry_point == plugin and (o.name in known or not known)
+        ]
         for track, plugin in chosen.tracks.items()
     }
-    return Protocol(name, chosen.version, fixed, tracks, list(chosen.engines), chosen.layouts, known)
+    return Protocol(
+        name, chosen.version, fixed, tracks, list(chosen.engines), chosen.layouts, known
+    )
 
 
 @dataclass(frozen=True)
@@ -81,7 +95,9 @@ class RunResult:
     """
 
     seed: Seed
-    rewards: dict[str, Annotated[tuple[Reward, ...], Field(min_length=1, max_length=1000)]]
+    rewards: dict[
+        str, Annotated[tuple[Reward, ...], Field(min_length=1, max_length=1000)]
+    ]
     candidates: Count
     rollouts: Count
     requests: Count
@@ -98,7 +114,11 @@ class RunResult:
         lowest = min(map(fmean, self.rewards.values()), default=0.0)
         if not rules.references:
             return lowest
-        return self.effort.saved(rules.references[task]) if self.effort is not None and holds(lowest) else 0.0
+        return (
+            self.effort.saved(rules.references[task])
+            if self.effort is not None and holds(lowest)
+            else 0.0
+        )
 
 
 @dataclass(frozen=True)
@@ -132,7 +152,10 @@ class Entry:
     def scores(self) -> dict[str, list[float]]:
         """The scores of the runs of each task."""
         rules = protocol(self.protocol)
-        return {name: [run.score(rules, name) for run in task.runs] for name, task in self.tasks.items()}
+        return {
+            name: [run.score(rules, name) for run in task.runs]
+            for name, task in self.tasks.items()
+        }
 
     @property
     def score(self) -> float:
@@ -163,7 +186,9 @@ def check(entry: Entry) -> Entry:
     """
     rules = protocol(entry.protocol)
     if entry.version != rules.version:
-        raise UserError(f"it follows version {entry.version} of the protocol {rules.name}, not {rules.version}")
+        raise UserError(
+            f"it follows version {entry.version} of the protocol {rules.name}, not {rules.version}"
+        )
     if entry.track not in rules.tracks:
         raise choices("track", entry.track, rules.tracks)
     engine = entry.settings.get("sim.name", "")
@@ -171,23 +196,38 @@ def check(entry: Entry) -> Entry:
         value_of_runs = entry.settings.get(key, "not the same in all runs")
         if value_of_runs != value:
             where = engine if key.startswith("sim.") else f"the protocol {rules.name}"
-            raise UserError(f"{key} is {short(value_of_runs)}, where {where} has {value}")
+            raise UserError(
+                f"{key} is {short(value_of_runs)}, where {where} has {value}"
+            )
     tasks = rules.tracks[entry.track]
     if lacks := [task for task in tasks if task not in entry.tasks]:
-        raise UserError(f"it lacks {', '.join(lacks)}; an entry has all {len(tasks)} tasks of the track {entry.track}")
+        raise UserError(
+            f"it lacks {', '.join(lacks)}; an entry has all {len(tasks)} tasks of the track {entry.track}"
+        )
     if more := [short(task) for task in entry.tasks if task not in tasks]:
         raise UserError(f"the track {entry.track} has no task {', '.join(more)}")
-    seeds = {tuple(sorted(run.seed for run in task.runs)) for task in entry.tasks.values()}
+    seeds = {
+        tuple(sorted(run.seed for run in task.runs)) for task in entry.tasks.values()
+    }
     if len(seeds) > 1 or any(len({*own}) < len(own) for own in seeds):
-        raise UserError("its tasks have other seeds, or one twice; run each task once with each of the same seeds")
+        raise UserError(
+            "its tasks have other seeds, or one twice; run each task once with each of the same seeds"
+        )
     wanted = dict.fromkeys(rules.engines, rules.layouts)
-    if any({engine: len(earned) for engine, earned in run.rewards.items()} != wanted for run in entry.runs):
-        raise UserError(f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}")
+    if any(
+        {engine: len(earned) for engine, earned in run.rewards.items()} != wanted
+        for run in entry.runs
+    ):
+        raise UserError(
+            f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}"
+        )
     tried = [entry.settings.get(f"fitness.{name}", "") for name in ("layouts", "final")]
     layouts = sum(int(count) for count in tried if re.fullmatch(r"\d{1,9}", count))
     for run in entry.runs:
         if run.seed + max(layouts, 1) > FIRST_UNSEEN:
-            raise UserError(f"no run has the seed {run.seed}: its layouts reach the unseen ones")
+            raise UserError(
+                f"no run has the seed {run.seed}: its layouts reach the unseen ones"
+            )
     return entry
 
 
@@ -200,7 +240,9 @@ def _engine(protocol_name: str, name: str) -> dict[str, str]:
     """
     if not re.fullmatch(r"\w{1,50}", name):
         raise UserError(f"sim.name is {short(name)!r}, which is no engine")
-    config = OmegaConf.to_container(load("config", [f"protocol={protocol_name}", f"sim={name}"]).sim, resolve=True)
+    config = OmegaConf.to_container(
+        load("config", [f"protocol={protocol_name}", f"sim={name}"]).sim, resolve=True
+    )
     return flatten({"sim": config})
 
 
@@ -216,16 +258,26 @@ def find_entries(
     methods = label([(run.task, run.config) for run in known])
     grouped: dict[tuple[str, str, int], list[AnyRun]] = {}
     for run, method in zip(known, methods, strict=True):
-        called = " ".join([name] * bool(name) + [method] * (not name or len({*methods}) > 1))
+        called = " ".join(
+            [name] * bool(name) + [method] * (not name or len({*methods}) > 1)
+        )
         named = run.config.get("protocol")
-        if isinstance(named, dict) and named.get("name", "none") != "none" and isinstance(named.get("version"), int):
-            grouped.setdefault((called, str(named["name"]), named["version"]), []).append(run)
+        if (
+            isinstance(named, dict)
+            and named.get("name", "none") != "none"
+            and isinstance(named.get("version"), int)
+        ):
+            grouped.setdefault(
+                (called, str(named["name"]), named["version"]), []
+            ).append(run)
     entries: list[Entry] = []
     problems: list[str] = []
     for (called, rules, version), runs in grouped.items():
         try:
             chosen = protocol(rules)
-        except UserError:  # runs of a protocol that is not installed are runs like others
+        except (
+            UserError
+        ):  # runs of a protocol that is not installed are runs like others
             continue
         for track, tasks in chosen.tracks.items():
             own = [run for run in runs if run.task in tasks]
@@ -242,14 +294,24 @@ def differences(runs: Sequence[AnyRun]) -> str:
     return "; ".join(sorted(methods)) if len(methods) > 1 else ""
 
 
-def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]) -> Entry:
+def _entry(
+    name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]
+) -> Entry:
     for run in runs:
-        if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
-            raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
+        if isinstance(run, LeftOutRun) and not (
+            run.status == "failed" and (run.folder / FILE).exists()
+        ):
+            raise UserError(
+                f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
+            )
     if apart := differences(runs):
         raise UserError(f"its runs differ in more than task and seed: {apart}")
     settings = [flatten(run.config) for run in runs]
-    shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
+    shared = {
+        key: value
+        for key, value in settings[0].items()
+        if all(own.get(key) == value for own in settings)
+    }
     versions: dict[str, str] = {}
     tasks: dict[str, list[RunResult]] = {}
     for run in sorted(runs, key=lambda run: run.task):
@@ -280,7 +342,9 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
     return replace(
         result,
         rewards=run.figures.unseen.engines if run.figures.unseen else {},
-        design=store.designs()[best.design].written | {"action_sets": [best.plan]} if best else None,
+        design=store.designs()[best.design].written | {"action_sets": [best.plan]}
+        if best
+        else None,
         effort=run.figures.effort,
     )
 
@@ -296,7 +360,11 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     """Make the table of entries, the best of each track first, and that of their tasks."""
     listed = sorted(entries, key=lambda item: (item.entry.track, -item.entry.score))
     ranked = [item.entry for item in listed]
-    engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
+    engines = list(
+        dict.fromkeys(
+            engine for entry in ranked for engine in protocol(entry.protocol).engines
+        )
+    )
     head = f"track|entry|told|score:3|low:3|high:3{''.join(f'|{engine}:3' for engine in engines)}|seeds"
     head += "|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"
     rows = []
@@ -307,15 +375,39 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
         alone = "" if len(rules.engines) > 1 else ", one engine"
         rows.append(
             (
-                *(entry.track, entry.name, entry.settings.get("prompt.told", "source"), entry.score),
+                *(
+                    entry.track,
+                    entry.name,
+                    entry.settings.get("prompt.told", "source"),
+                    entry.score,
+                ),
                 *(interval([*entry.scores.values()], "mean") or (None, None)),
-                *(fmean([task.reward(e) for task in tasks]) if e in rules.engines else None for e in engines),
+                *(
+                    fmean([task.reward(e) for task in tasks])
+                    if e in rules.engines
+                    else None
+                    for e in engines
+                ),
                 ", ".join(str(run.seed) for run in tasks[0].runs),
-                *(fmean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
+                *(
+                    fmean([getattr(run, name) for run in entry.runs])
+                    for name in ("rollouts", "requests")
+                ),
                 sum(costs) if costs else None,
-                *(f"{entry.protocol} {entry.version}{alone}", entry.versions.get("vlmgineer"), verified),
+                *(
+                    f"{entry.protocol} {entry.version}{alone}",
+                    entry.versions.get("vlmgineer"),
+                    verified,
+                ),
             )
         )
-    by_task = [(e.track, task, e.name, fmean(own), len(own)) for e in ranked for task, own in e.scores.items()]
+    by_task = [
+        (e.track, task, e.name, fmean(own), len(own))
+        for e in ranked
+        for task, own in e.scores.items()
+    ]
     by_task_head = "track|task|entry|score:3|runs:0"
-    return [Table.of("entries", head, rows), Table.of("entries_by_task", by_task_head, sorted(by_task))]
+    return [
+        Table.of("entries", head, rows),
+        Table.of("entries_by_task", by_task_head, sorted(by_task)),
+    ]

@@ -10,10 +10,29 @@ from typing import Any
 
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 
-CHOICES = ("tool", "evolution", "vlm", "action", "robot", "material", "prompt", "sim", "budget")
+CHOICES = (
+    "tool",
+    "evolution",
+    "vlm",
+    "action",
+    "robot",
+    "material",
+    "prompt",
+    "sim",
+    "budget",
+)
 """The choices that describe a method best, in this order; others follow."""
 
-_NO_METHOD = ("name", "seed", "film", "listener", "executor", "protocol", "task.name", "task.paper")
+_NO_METHOD = (
+    "name",
+    "seed",
+    "film",
+    "listener",
+    "executor",
+    "protocol",
+    "task.name",
+    "task.paper",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,28 +52,52 @@ class Group:
     @property
     def best(self) -> FinishedRun:
         """The run with the highest reward; of two with the same, the one with the shorter distance."""
-        return min(self.runs, key=lambda run: (-run.best.reward, run.best.distance_m is None, run.best.distance_m))
+        return min(
+            self.runs,
+            key=lambda run: (
+                -run.best.reward,
+                run.best.distance_m is None,
+                run.best.distance_m,
+            ),
+        )
 
 
-def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) -> list[Group]:
+def group(
+    finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()
+) -> list[Group]:
     """Group runs by task, in alphabetical order, and method, in the order in which methods appear."""
     known = [run for run in left_out if run.task and run.config]
-    labels = label([(run.task, run.config) for run in finished] + [(run.task, run.config) for run in known])
+    labels = label(
+        [(run.task, run.config) for run in finished]
+        + [(run.task, run.config) for run in known]
+    )
     order = list(dict.fromkeys(labels))
     grouped: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
     for run, name in zip(finished, labels, strict=False):
         grouped[run.task, order.index(name)].append(run)
-    lost = Counter((run.task, name) for run, name in zip(known, labels[len(finished) :], strict=True))
+    lost = Counter(
+        (run.task, name)
+        for run, name in zip(known, labels[len(finished) :], strict=True)
+    )
     return [
-        Group(task, order[method], tuple(grouped[task, method]), lost[task, order[method]])
+        Group(
+            task, order[method], tuple(grouped[task, method]), lost[task, order[method]]
+        )
         for task, method in sorted(grouped)
     ]
 
 
 def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     """Name the method of each (task, configuration): by the user's ``name``, or else as `_distinguished`."""
-    given = [short(name) if isinstance(name := config.get("name"), str) else "" for _, config in configs]
-    others = iter(_distinguished([pair for pair, name in zip(configs, given, strict=True) if not name]))
+    given = [
+        short(name) if isinstance(name := config.get("name"), str) else ""
+        for _, config in configs
+    ]
+    others = iter(
+        _distinguished(
+            [pair for pair, name in zip(configs, given, strict=True) if not name]
+        )
+    )
     return [name or next(others) for name in given]
 
 
@@ -66,7 +109,12 @@ def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str
     of its own. The seed, the executor and the listeners never do.
     """
     settings = [flatten(config) for _, config in configs]
-    named = {key for setting in settings for key in setting if key.endswith(".name") and key.count(".") == 1}
+    named = {
+        key
+        for setting in settings
+        for key in setting
+        if key.endswith(".name") and key.count(".") == 1
+    }
     first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]
     varying = [key for key in choices if len(_values(settings, key)) > 1]
@@ -74,9 +122,16 @@ def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str
     for (task, _), setting in zip(configs, settings, strict=True):
         alike[task, *(setting.get(key) for key in choices)].append(setting)
     others = sorted({key for setting in settings for key in setting} - set(choices))
-    varying += [key for key in others if any(len(_values(runs, key)) > 1 for runs in alike.values())]
+    varying += [
+        key
+        for key in others
+        if any(len(_values(runs, key)) > 1 for runs in alike.values())
+    ]
     named_by = varying or choices[:3]
-    return [" ".join(_say(key, setting.get(key)) for key in named_by) for setting in settings]
+    return [
+        " ".join(_say(key, setting.get(key)) for key in named_by)
+        for setting in settings
+    ]
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -85,8 +140,14 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     for key, value in config.items():
         name = f"{prefix}{key}"
         if name not in _NO_METHOD:
-            below = flatten(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
-            found |= {k: v if isinstance(v, str) else json.dumps(v) for k, v in below.items()}
+            below = (
+                flatten(value, f"{name}.")
+                if isinstance(value, Mapping)
+                else {name: value}
+            )
+            found |= {
+                k: v if isinstance(v, str) else json.dumps(v) for k, v in below.items()
+            }
     return found
 
 

@@ -49,7 +49,11 @@ class Results:
 
     def of(self, method: str, tasks: Sequence[str] | None = None) -> list[Group]:
         """The groups of a method, on ``tasks`` or on all its tasks."""
-        return [g for g in self.groups if g.method == method and (tasks is None or g.task in tasks)]
+        return [
+            g
+            for g in self.groups
+            if g.method == method and (tasks is None or g.task in tasks)
+        ]
 
     @cached_property
     def tools(self) -> BestTools:
@@ -61,5 +65,7 @@ class Results:
                 if winner.tool.components:
                     tools.best[g.task, g.method] = winner
             except UserError as error:
-                tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
+                tools.problems.append(
+                    f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}"
+                )
         return tools

@@ -33,7 +33,9 @@ def interquartile_mean(values: Sequence[float] | Array) -> float:
     return float(scipy.stats.trim_mean(np.asarray(values), 0.25, axis=None))
 
 
-def interval(tasks: Sequence[Sequence[float] | Array], statistic: Statistic) -> tuple[float, float] | None:
+def interval(
+    tasks: Sequence[Sequence[float] | Array], statistic: Statistic
+) -> tuple[float, float] | None:
     """The percentile interval of a statistic over the runs of several tasks, resampled within each task.
 
     Args:
@@ -60,8 +62,12 @@ def interval(tasks: Sequence[Sequence[float] | Array], statistic: Statistic) -> 
 
 
 _STATISTICS = {
-    "mean": lambda *tasks, axis: np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0),
-    "interquartile mean": lambda *tasks, axis: scipy.stats.trim_mean(np.concatenate(tasks, axis=axis), 0.25, axis=axis),
+    "mean": lambda *tasks, axis: np.mean(
+        [np.mean(runs, axis=axis) for runs in tasks], axis=0
+    ),
+    "interquartile mean": lambda *tasks, axis: scipy.stats.trim_mean(
+        np.concatenate(tasks, axis=axis), 0.25, axis=axis
+    ),
 }
 
 
@@ -83,11 +89,21 @@ class RunCost(NamedTuple):
         """Add up requests and their replies."""
         asked = list(requests)
         replies = [request.reply for request in asked if request.reply is not None]
-        sums = (over_known(sum, (getattr(reply, name) for reply in replies)) for name in cls._fields[3:])
-        return cls(len(asked), len(replies), sum(reply.error is not None for reply in replies), *sums)
+        sums = (
+            over_known(sum, (getattr(reply, name) for reply in replies))
+            for name in cls._fields[3:]
+        )
+        return cls(
+            len(asked),
+            len(replies),
+            sum(reply.error is not None for reply in replies),
+            *sums,
+        )
 
 
-def over_known(function: Callable[[list[N]], N], values: Iterable[N | None]) -> N | None:
+def over_known(
+    function: Callable[[list[N]], N], values: Iterable[N | None]
+) -> N | None:
     """``function`` of the values that are known, None where none is."""
     known = [value for value in values if value is not None]
     return function(known) if known else None

@@ -14,7 +14,13 @@ from plugins.results.pages.runs import reasons as why
 from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import RunCost, deviation, interquartile_mean, interval, over_known
+from plugins.results.report.statistics import (
+    RunCost,
+    deviation,
+    interquartile_mean,
+    interval,
+    over_known,
+)
 from plugins.results.report.verify import verification
 
 REASONS = 12  # of a run
@@ -23,7 +29,17 @@ SHOWN = 5  # designs of a generation, where the budget does not say how many may
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    makers = (rewards, methods, generations, reasons, lineage, tools, runs, left_out, models)
+    makers = (
+        rewards,
+        methods,
+        generations,
+        reasons,
+        lineage,
+        tools,
+        runs,
+        left_out,
+        models,
+    )
     every = [
         *(make(results) for make in (*makers, costs)),
         *entry_tables(results.entries),
@@ -32,9 +48,15 @@ def tables(results: Results) -> list[Table]:
     return [table for table in every if table.rows]
 
 
-def _table(head: str) -> Callable[[Callable[[Results], Iterator[tuple[Cell, ...]]]], Callable[[Results], Table]]:
+def _table(
+    head: str,
+) -> Callable[
+    [Callable[[Results], Iterator[tuple[Cell, ...]]]], Callable[[Results], Table]
+]:
     """Make a function that yields rows into one that returns a table of its name, with this head (`Table.of`)."""
-    return lambda rows: wraps(rows)(lambda results: Table.of(rows.__name__, head, rows(results)))
+    return lambda rows: wraps(rows)(
+        lambda results: Table.of(rows.__name__, head, rows(results))
+    )
 
 
 @_table(
@@ -48,8 +70,12 @@ def rewards(results: Results) -> Iterator[tuple[Cell, ...]]:
             *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
             *(fmean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
             *(g.best.best.distance_m, g.best.best.candidate),
-            over_known(fmean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]),
-            over_known(min, [getattr(run.figures.unseen, "worst", None) for run in g.runs]),
+            over_known(
+                fmean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]
+            ),
+            over_known(
+                min, [getattr(run.figures.unseen, "worst", None) for run in g.runs]
+            ),
         )
 
 
@@ -65,7 +91,13 @@ def methods(results: Results) -> Iterator[tuple[Cell, ...]]:
         means = fmean([fmean(rewards) for rewards in by_task])
         every = [reward for task in by_task for reward in task]
         yield (
-            *(method, len(groups), len(every), fmean([g.best.best.reward for g in groups]), means),
+            *(
+                method,
+                len(groups),
+                len(every),
+                fmean([g.best.best.reward for g in groups]),
+                means,
+            ),
             *(interval(by_task, "mean") or (None, None)),
             interquartile_mean(every),
             *(interval(by_task, "interquartile mean") or (None, None)),
@@ -82,11 +114,22 @@ def generations(results: Results) -> Iterator[tuple[Cell, ...]]:
     for g in results.groups:
         for index in range(max(len(run.figures.generations) for run in g.runs)):
             so_far = [run.best_so_far(index + 1)[index] for run in g.runs]
-            there = [run.figures.generations[index] for run in g.runs if index < len(run.figures.generations)]
+            there = [
+                run.figures.generations[index]
+                for run in g.runs
+                if index < len(run.figures.generations)
+            ]
             candidates = sum(f.n_candidates for f in there)
             lost = (sum(f.n_rejected for f in there), sum(f.n_failed for f in there))
             yield (
-                *(g.task, g.method, index, len(there), fmean(so_far), deviation(so_far)),
+                *(
+                    g.task,
+                    g.method,
+                    index,
+                    len(there),
+                    fmean(so_far),
+                    deviation(so_far),
+                ),
                 over_known(fmean, [f.best_reward for f in there]),
                 over_known(fmean, [f.mean_reward for f in there]),
                 *(100 * count / candidates if candidates else None for count in lost),
@@ -99,7 +142,12 @@ def reasons(results: Results) -> Iterator[tuple[Cell, ...]]:
     for g in results.groups:
         for run in g.runs:
             for line in why(run.store)[:REASONS]:
-                yield (g.task, g.method, CellLink(run.folder.name, run.folder), *line.split(": ", 1))
+                yield (
+                    g.task,
+                    g.method,
+                    CellLink(run.folder.name, run.folder),
+                    *line.split(": ", 1),
+                )
 
 
 @_table("generation:0|candidate|reward:3|derives from|in the model's words")
@@ -109,13 +157,25 @@ def lineage(results: Results) -> Iterator[tuple[Cell, ...]]:
         designs = run.store.designs()
         evaluations = run.store.evaluations()
         for generation in range(len(run.figures.generations)):
-            tried = [e for e in evaluations if e.design[0] == generation and e.status == "ok"]
+            tried = [
+                e for e in evaluations if e.design[0] == generation and e.status == "ok"
+            ]
             best: dict[Key, StoredEvaluation] = {}
             for e in ranked(tried, lambda e: (e.reward, e.distance_m), run.figures.tie):
                 best.setdefault(e.design, e)
-            for e in [*best.values()][: run.config.get("budget", {}).get("k_top") or SHOWN]:
-                names = ("tool_name", "tool_description", "strategy_name", "strategy_description")
-                said = (str(designs[e.design].written.get(name) or "").strip(" .") for name in names)
+            for e in [*best.values()][
+                : run.config.get("budget", {}).get("k_top") or SHOWN
+            ]:
+                names = (
+                    "tool_name",
+                    "tool_description",
+                    "strategy_name",
+                    "strategy_description",
+                )
+                said = (
+                    str(designs[e.design].written.get(name) or "").strip(" .")
+                    for name in names
+                )
                 words = ". ".join(dict.fromkeys(filter(None, said)))
                 parents = ", ".join(sorted(designs[e.design].parents)) or "–"
                 yield (generation, e.candidate, e.reward, parents, words)
@@ -133,9 +193,15 @@ def models(results: Results) -> Iterator[tuple[Cell, ...]]:
         for run in g.runs:
             answers = run.store.answers()
             for request, reply in answers:
-                asked[reply.model, "critiques" if request.critique else "designs"].append(request)
+                asked[
+                    reply.model, "critiques" if request.critique else "designs"
+                ].append(request)
             # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
-            designers = {(r.generation, r.agent): reply.model for r, reply in answers if not r.critique}
+            designers = {
+                (r.generation, r.agent): reply.model
+                for r, reply in answers
+                if not r.critique
+            }
             for evaluation in run.store.evaluations():
                 if (name := designers.get(evaluation.design[:2])) is not None:
                     earned[name, "designs"].append(evaluation)
@@ -143,7 +209,13 @@ def models(results: Results) -> Iterator[tuple[Cell, ...]]:
             tried = [e for e in earned[model] if e.status != "rejected"]
             rewards = [e.reward for e in tried if e.status == "ok"]
             yield (
-                *(g.task, g.method, *model, *RunCost.of(asked[model])[1:], len(earned[model])),
+                *(
+                    g.task,
+                    g.method,
+                    *model,
+                    *RunCost.of(asked[model])[1:],
+                    len(earned[model]),
+                ),
                 100 * len(tried) / len(earned[model]) if earned[model] else None,
                 *(over_known(function, rewards) for function in (max, fmean)),
             )
@@ -160,11 +232,20 @@ def costs(results: Results) -> Iterator[tuple[Cell, ...]]:
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         tried = sum(run.rollouts for run in g.runs)
         yield (
-            *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
+            *(
+                g.task,
+                g.method,
+                len(g.runs),
+                tried / len(g.runs),
+                seconds / len(g.runs),
+            ),
             tried / seconds if seconds > 0 else None,
             fmean([s.requests for s in spent]),
             sum(s.errors for s in spent),
-            *(over_known(sum, (getattr(s, name) for s in spent)) for name in RunCost._fields[3:]),
+            *(
+                over_known(sum, (getattr(s, name) for s in spent))
+                for name in RunCost._fields[3:]
+            ),
         )
 
 
@@ -177,12 +258,24 @@ def runs(results: Results) -> Iterator[tuple[Cell, ...]]:
     for g in results.groups:
         for run in g.runs:
             yield (
-                *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
-                *(getattr(run.best.margin, "margin", None), run.best.distance_m, run.best.generation),
+                *(
+                    g.task,
+                    g.method,
+                    run.seed,
+                    run.best.reward,
+                    getattr(run.figures.unseen, "mean", None),
+                ),
+                *(
+                    getattr(run.best.margin, "margin", None),
+                    run.best.distance_m,
+                    run.best.generation,
+                ),
                 *(run.best.candidate, run.rollouts, run.figures.wall_time_s),
                 *(
                     CellLink(run.folder.name, run.folder),
-                    tuple(CellLink(what, file) for what, file in run.recordings().items()),
+                    tuple(
+                        CellLink(what, file) for what, file in run.recordings().items()
+                    ),
                 ),
             )
 
@@ -195,8 +288,19 @@ def tools(results: Results) -> Iterator[tuple[Cell, ...]]:
     """The best tools, with the model's descriptions."""
     for (task, method), winner in results.tools.best.items():
         yield (
-            *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
-            *(1000 * winner.tool.mass, winner.material.name, len(winner.tool.components)),
+            *(
+                task,
+                method,
+                winner.name,
+                winner.reward,
+                winner.distance_m,
+                size(winner.tool, winner.robot),
+            ),
+            *(
+                1000 * winner.tool.mass,
+                winner.material.name,
+                len(winner.tool.components),
+            ),
             *(winner.tool.description, winner.use, winner.candidate),
             CellLink(winner.run.folder.name, winner.run.folder),
         )

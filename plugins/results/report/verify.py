@@ -46,7 +46,9 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
     for task, result in entry.tasks.items():
         for run in result.runs:
             claimed = run.score(protocol(entry.protocol), task)
-            score, why = (0.0, "") if claimed == 0 else (None, "the file has no design of it")
+            score, why = (
+                (0.0, "") if claimed == 0 else (None, "the file has no design of it")
+            )
             if run.design is not None and claimed > 0:
                 try:
                     score, why = earned(entry, task, run), ""
@@ -64,10 +66,17 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
     """
     cfg = _config(entry, task)
     document = {"strategies": [run.design]}
-    (candidate, *_) = read_designs(document, tool_part(cfg).create(), task_part(cfg).create(), most=(1, 1))
+    (candidate, *_) = read_designs(
+        document, tool_part(cfg).create(), task_part(cfg).create(), most=(1, 1)
+    )
     if candidate.problem is not None:
         raise DesignError(candidate.problem)
-    condition = Condition(task_part(cfg), part(SIMULATOR, cfg.sim), run.seed, node(cfg.rollout, RolloutSettings))
+    condition = Condition(
+        task_part(cfg),
+        part(SIMULATOR, cfg.sim),
+        run.seed,
+        node(cfg.rollout, RolloutSettings),
+    )
     fitness = part(FITNESS, cfg.fitness).create(condition=condition)
     with part(EXECUTOR, cfg.executor).create() as executor:
         rewards, effort = try_unseen(Evaluation(candidate), fitness, Trials(executor))
@@ -77,10 +86,16 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
 
 def _config(entry: Entry, task: str) -> DictConfig:
     """Compose the protocol's configuration, with the entry's own way to write tools."""
-    settings = {key: value for key, value in entry.settings.items() if key.startswith("tool.")}
+    settings = {
+        key: value for key, value in entry.settings.items() if key.startswith("tool.")
+    }
     name = settings.pop("tool.name", "urdf")
-    if not re.fullmatch(r"\w{1,50}", name) or any("$" in value for value in settings.values()):
-        raise UserError(f"tool={short(name)} with such settings is no tool representation")
+    if not re.fullmatch(r"\w{1,50}", name) or any(
+        "$" in value for value in settings.values()
+    ):
+        raise UserError(
+            f"tool={short(name)} with such settings is no tool representation"
+        )
     cfg = load("config", [f"protocol={entry.protocol}", f"task={task}", f"tool={name}"])
     for key, value in settings.items():
         if OmegaConf.select(cfg, key) is None:
@@ -94,7 +109,16 @@ def _config(entry: Entry, task: str) -> DictConfig:
 def verification(runs: Sequence[VerifiedRun]) -> Table:
     """Make the table of runs that were verified."""
     rows = [
-        (run.entry.name, run.task, run.seed, run.claimed, run.score, "yes" if run.same else f"no {run.why}".strip())
+        (
+            run.entry.name,
+            run.task,
+            run.seed,
+            run.claimed,
+            run.score,
+            "yes" if run.same else f"no {run.why}".strip(),
+        )
         for run in runs
     ]
-    return Table.of("verification", "entry|task|seed|claimed:3|earned again:3|verified", rows)
+    return Table.of(
+        "verification", "entry|task|seed|claimed:3|earned again:3|verified", rows
+    )

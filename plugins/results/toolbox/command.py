@@ -21,7 +21,16 @@ from core.support.text import number
 from core.values.plans import TaskPlans
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
-from plugins.results.toolbox.trials import OF_RUN, Cell, Held, Nodes, attempt, groups, nodes_of, tools_of
+from plugins.results.toolbox.trials import (
+    OF_RUN,
+    Cell,
+    Held,
+    Nodes,
+    attempt,
+    groups,
+    nodes_of,
+    tools_of,
+)
 
 USAGE = (
     "usage: vlmgineer toolbox FOLDER [FOLDER ...] [output=DIR] [tasks=[NAME,...]] [good=0.9] [top=1] "
@@ -70,10 +79,16 @@ class Toolbox:
 
     def done(self, tools: Sequence[int]) -> list[str]:
         """Name the tasks that tools do."""
-        return [task for task in self.tasks if any(self.earned[i][task][0] >= self.good for i in tools)]
+        return [
+            task
+            for task in self.tasks
+            if any(self.earned[i][task][0] >= self.good for i in tools)
+        ]
 
 
-def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -> Toolbox:
+def toolbox(
+    folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]
+) -> Toolbox:
     """Try the tools of all finished runs in all of their tasks and ``cfg.tasks``, and choose.
 
     Raises:
@@ -82,17 +97,27 @@ def toolbox(folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]) -
     runs, left_out = find_runs(folders)
     for lost in left_out:
         say(f"not counted, {lost}")
-    tools = [*{tool.name: tool for run in runs for tool in tools_of(run, cfg.top)}.values()]
+    tools = [
+        *{tool.name: tool for run in runs for tool in tools_of(run, cfg.top)}.values()
+    ]
     nodes: dict[str, dict[str, Any]] = {}
     more = [{"task": {"name": "several", "of": cfg.tasks}}] if cfg.tasks else []
-    for name, own in (pair for config in [*(run.config for run in runs), *more] for pair in nodes_of(config).items()):
+    for name, own in (
+        pair
+        for config in [*(run.config for run in runs), *more]
+        for pair in nodes_of(config).items()
+    ):
         if nodes.setdefault(name, own) != own:
-            raise UsageError(f"{name} has different settings in these runs; give runs with the same")
+            raise UsageError(
+                f"{name} has different settings in these runs; give runs with the same"
+            )
     if not tools:
         raise UserError("there is no tool to try")
     for kind in {*OF_RUN} - groups(words):
         if any(tool.run.config[kind] != tools[0].run.config[kind] for tool in tools):
-            raise UsageError(f"the runs differ in {kind}; set it for all of them, as in {kind}=...")
+            raise UsageError(
+                f"the runs differ in {kind}; set it for all of them, as in {kind}=..."
+            )
     earned = [attempt(tool, nodes, words, Path(cfg.output)) for tool in tools]
     covers = np.array([[row[task][0] >= cfg.good for task in nodes] for row in earned])
     return Toolbox(tools, nodes, earned, cfg.good, best_sets(covers))
@@ -107,7 +132,9 @@ def write(found: Toolbox, output: Path) -> None:
         writer.writerow([tool.name, *rewards.tolist()])
     write_bytes(output / TABLE, table.getvalue().encode())
 
-    shutil.rmtree(output / CHOSEN, ignore_errors=True)  # another set may have been chosen
+    shutil.rmtree(
+        output / CHOSEN, ignore_errors=True
+    )  # another set may have been chosen
     for index in found.chosen:
         _write_chosen(found, index, output / CHOSEN / found.tools[index].name)
 
@@ -116,7 +143,11 @@ def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
     """Write a chosen tool with its plan for each task that it does."""
     tool = found.tools[index]
     row = found.earned[index]
-    plans = tuple((task, plan) for task in found.done([index]) if (plan := row[task][1]) is not None)
+    plans = tuple(
+        (task, plan)
+        for task in found.done([index])
+        if (plan := row[task][1]) is not None
+    )
     plan = TaskPlans(plans) if len(plans) > 1 else plans[0][1]
     save_design(replace(tool.best.candidate, plan=plan), tool.representation, folder)
 
@@ -124,16 +155,23 @@ def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
 def show(found: Toolbox) -> None:
     """Print the rewards, and the sets that do most."""
     named = zip(found.tools, found.rewards, strict=True)
-    rows = [(tool.name, *(number(float(reward), 2) for reward in row)) for tool, row in named]
+    rows = [
+        (tool.name, *(number(float(reward), 2) for reward in row))
+        for tool, row in named
+    ]
     print_table(("tool", *found.tasks), rows, tuple(found.tasks))
     for own in found.sets:
         names = ", ".join(found.tools[i].name for i in own)
-        say(f"{len(own)} of {len(found.tools)} tools do {len(found.done(own))} of {len(found.tasks)} tasks: {names}")
+        say(
+            f"{len(own)} of {len(found.tools)} tools do {len(found.done(own))} of {len(found.tasks)} tasks: {names}"
+        )
 
 
 def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
-    own = [word for word in overrides if word.partition("=")[0] in vars(ToolboxConfig())]
+    own = [
+        word for word in overrides if word.partition("=")[0] in vars(ToolboxConfig())
+    ]
     cfg = node(load("toolbox", own, ToolboxConfig), ToolboxConfig)
     if not folders:
         raise UsageError(f"no folder given; {USAGE}")

@@ -27,9 +27,27 @@ from plugins.results.pages.figure import slug
 from plugins.results.pages.runs import FinishedRun
 
 BUDGET = {"n_agent": 1, "n_action": 4, "n_iteration": 1, "k_top": 2, "reward_save": 0.0}
-DEFAULTS = ("film=false", "listener=[]", *(f"budget.{key}={value}" for key, value in BUDGET.items()))
-OF_RUN = ("robot", "sim", "action", "material", "fitness", "rollout", "seed")  # settings that tools are tried with
-FREE = {"tool", "task", "executor", "listener", "film"}  # settings that what was tried does not depend on
+DEFAULTS = (
+    "film=false",
+    "listener=[]",
+    *(f"budget.{key}={value}" for key, value in BUDGET.items()),
+)
+OF_RUN = (
+    "robot",
+    "sim",
+    "action",
+    "material",
+    "fitness",
+    "rollout",
+    "seed",
+)  # settings that tools are tried with
+FREE = {
+    "tool",
+    "task",
+    "executor",
+    "listener",
+    "film",
+}  # settings that what was tried does not depend on
 
 Nodes = Mapping[str, dict[str, Any]]
 """The configurations of tasks, by their names."""
@@ -69,32 +87,56 @@ def tools_of(run: FinishedRun, top: int) -> list[Held]:
     task, representation = task_part(config).create(), tool_part(config).create()
     if representation.given(task) is not None:
         return []
-    return [Held(run, best, representation) for best in chosen_evaluations(config, representation, task)]
+    return [
+        Held(run, best, representation)
+        for best in chosen_evaluations(config, representation, task)
+    ]
 
 
 def nodes_of(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the configurations of a run's tasks, by name, as far as they change what happens."""
     task = config["task"]
-    each = listed("task", "task", task["of"]).values() if "of" in task else [OmegaConf.create(task)]
-    plain = [{str(key): node[key] for key in node if key not in ("paper", "tool_kinds")} for node in each]
+    each = (
+        listed("task", "task", task["of"]).values()
+        if "of" in task
+        else [OmegaConf.create(task)]
+    )
+    plain = [
+        {str(key): node[key] for key in node if key not in ("paper", "tool_kinds")}
+        for node in each
+    ]
     return {part(TASK, OmegaConf.create(node)).create().name: node for node in plain}
 
 
 def together(nodes: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the configuration of a task of several parts, or of one; a given tool is of its own kind."""
     each = [{**node, "tool_kinds": ["rigid"]} for node in nodes]
-    return each[0] if len(each) == 1 else {"name": "several", "of": each, "combine": "mean", "tool_kinds": []}
+    return (
+        each[0]
+        if len(each) == 1
+        else {"name": "several", "of": each, "combine": "mean", "tool_kinds": []}
+    )
 
 
-def _cells(config: Mapping[str, Any], tried: Sequence[Evaluation]) -> Iterator[tuple[str, dict[str, Any], Cell]]:
+def _cells(
+    config: Mapping[str, Any], tried: Sequence[Evaluation]
+) -> Iterator[tuple[str, dict[str, Any], Cell]]:
     """Yield the name and configuration of each task of a run, and what was best in it."""
     for name, node in nodes_of(config).items():
-        plans = [one for e in tried if (one := e.in_task(name)).candidate.problem is None]
+        plans = [
+            one for e in tried if (one := e.in_task(name)).candidate.problem is None
+        ]
         best = max(plans, key=lambda e: e.reward, default=None)
-        yield name, node, NOTHING if best is None else (best.reward, best.candidate.plan)
+        yield (
+            name,
+            node,
+            NOTHING if best is None else (best.reward, best.candidate.plan),
+        )
 
 
-def attempt(held: Held, nodes: Nodes, words: Sequence[str], output: Path) -> dict[str, Cell]:
+def attempt(
+    held: Held, nodes: Nodes, words: Sequence[str], output: Path
+) -> dict[str, Cell]:
     """Return what a tool earns in each task: as its run says, as was tried before, or by a search for plans.
 
     ``words`` are settings of that search (`core.run`). What was tried stays in ``output``.
@@ -112,13 +154,19 @@ def attempt(held: Held, nodes: Nodes, words: Sequence[str], output: Path) -> dic
     same = all(config[kind] == held.run.config[kind] for kind in OF_RUN)
     tried = _cells(held.run.config, [held.best]) if same else ()
     found = {name: cell for name, node, cell in tried if nodes.get(name) == node}
-    left = [node for name, node in nodes.items() if name not in found and _starts(held, config, node)]
+    left = [
+        node
+        for name, node in nodes.items()
+        if name not in found and _starts(held, config, node)
+    ]
     if left:
         one = folder / digest(sorted(map(str, left)))[:8]
         if not _tried(one, file):
             OmegaConf.update(config, "task", together(left), merge=False)
             one.mkdir(parents=True, exist_ok=True)
-            stopped = search(config, one, RunStore.open(one)).stopped  # goes on with what is there
+            stopped = search(
+                config, one, RunStore.open(one)
+            ).stopped  # goes on with what is there
             if stopped is not None:
                 error = KeyboardInterrupt if stopped == INTERRUPTED else UserError
                 raise error(f"stopped: {stopped}; the same command goes on")
@@ -128,7 +176,9 @@ def attempt(held: Held, nodes: Nodes, words: Sequence[str], output: Path) -> dic
 
 def _starts(held: Held, config: DictConfig, node: Mapping[str, Any]) -> bool:
     """Report whether the tool starts clear of everything in a task."""
-    task = part(TASK, OmegaConf.create(dict(node))).create(robot=held.representation.robot)
+    task = part(TASK, OmegaConf.create(dict(node))).create(
+        robot=held.representation.robot
+    )
     try:
         SpawnRules(task, config.seed).check(held.tool)
     except DesignError:
@@ -149,11 +199,23 @@ def configured(held: Held, file: Path, words: Sequence[str]) -> DictConfig:
     """
     named = {word.lstrip("+~").partition("=")[0] for word in words}
     if given := groups(words) & {"task", "tool"}:
-        raise UsageError(f"{min(given)} can't be set: tools are those of the runs; more tasks are tasks=[NAME,...]")
-    config = load("config", [*(word for word in DEFAULTS if word.partition("=")[0] not in named), *words])
+        raise UsageError(
+            f"{min(given)} can't be set: tools are those of the runs; more tasks are tasks=[NAME,...]"
+        )
+    config = load(
+        "config",
+        [*(word for word in DEFAULTS if word.partition("=")[0] not in named), *words],
+    )
     for kind in {*OF_RUN} - groups(words):
-        OmegaConf.update(config, kind, held.run.config[kind], merge=kind in ("material", "rollout"))
-    OmegaConf.update(config, "tool", {"name": "known", "file": str(file), "of": held.run.config["tool"]}, merge=False)
+        OmegaConf.update(
+            config, kind, held.run.config[kind], merge=kind in ("material", "rollout")
+        )
+    OmegaConf.update(
+        config,
+        "tool",
+        {"name": "known", "file": str(file), "of": held.run.config["tool"]},
+        merge=False,
+    )
     if not getattr(installed().factory("vlm", config.vlm.name), "sees", True):
         config.prompt.picture = False
     return config

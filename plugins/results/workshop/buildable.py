@@ -25,7 +25,14 @@ from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.tool import make_tool
-from plugins.results.workshop.verdicts import BENT, SAFETY, carried, printable, strong, tolerance
+from plugins.results.workshop.verdicts import (
+    BENT,
+    SAFETY,
+    carried,
+    printable,
+    strong,
+    tolerance,
+)
 
 NAME = "buildable"
 
@@ -64,22 +71,30 @@ class Buildable(Fitness):
     ) -> None:
         (node,) = listed("fitness", "fitness", [of]).values()
         if node.name == NAME:
-            raise UsageError("fitness.of: buildable can't judge for itself; name another fitness")
+            raise UsageError(
+                "fitness.of: buildable can't judge for itself; name another fitness"
+            )
         check_positive("fitness.", safety=safety)
         if not 0 <= margin_m <= 0.2:
-            raise UsageError(f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}")
+            raise UsageError(
+                f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}"
+            )
         printer = Printer(list(plate_mm), min_wall_mm)
         self._inner = part(FITNESS, node).create(condition=condition)
         self._condition = condition
         self._material = material
-        self._examination = Examination(material, tuple(printer.plate_mm), min_wall_mm, safety, margin_m)
+        self._examination = Examination(
+            material, tuple(printer.plate_mm), min_wall_mm, safety, margin_m
+        )
 
     def instructions(self) -> str:
         task = self._condition.task.shared()
         material = self._material
         rules = filled(
             "buildable.md.j2",
-            printer=Printer(list(self._examination.plate_mm), self._examination.min_wall_mm),
+            printer=Printer(
+                list(self._examination.plate_mm), self._examination.min_wall_mm
+            ),
             material=material,
             safety=self._examination.safety,
             most_kg=mass_limit(task.robot, material)[0],
@@ -107,13 +122,21 @@ class Buildable(Fitness):
         """Take the inner score, unless the first trial, which was examined, speaks against the design."""
         score = self._inner.score(candidate, trials)
         examined = trials[0].figures
-        figures = {name: number for name, number in examined.items() if name != _EXPORTED}
+        figures = {
+            name: number for name, number in examined.items() if name != _EXPORTED
+        }
         score = replace(score, figures={**score.figures, **figures})
         problems = [line for line in trials[0].warnings if line.startswith(_PROBLEM)]
         if score.reward <= 0 or not problems:
             exported = examined.get(_EXPORTED, score.reward)
-            return score if len(trials) > 1 else replace(score, reward=min(score.reward, exported))
-        reason = f"{problems[0]}, so that its reward of {score.reward:.2f} does not count"
+            return (
+                score
+                if len(trials) > 1
+                else replace(score, reward=min(score.reward, exported))
+            )
+        reason = (
+            f"{problems[0]}, so that its reward of {score.reward:.2f} does not count"
+        )
         return replace(score, reward=0.0, reason=reason)
 
 
@@ -148,11 +171,25 @@ class Examination:
         tool = candidate.tool
         if tool is None or not tool.components:
             return None
-        return _problem(tool, condition.task.shared().robot, self.material, self.plate_mm, self.min_wall_mm)
+        return _problem(
+            tool,
+            condition.task.shared().robot,
+            self.material,
+            self.plate_mm,
+            self.min_wall_mm,
+        )
 
-    def examine(self, condition: Condition, candidate: Candidate, trial: Trial) -> Trial:
+    def examine(
+        self, condition: Condition, candidate: Candidate, trial: Trial
+    ) -> Trial:
         tool = candidate.tool
-        if not self.plays or trial.status != "ok" or trial.reward <= 0 or tool is None or not tool.components:
+        if (
+            not self.plays
+            or trial.status != "ok"
+            or trial.reward <= 0
+            or tool is None
+            or not tool.components
+        ):
             return trial
         try:
             figures, problems = self._play(condition, candidate.of(trial.task), tool)
@@ -162,7 +199,9 @@ class Examination:
         warnings = (*trial.warnings, *(f"{_PROBLEM}{problem}" for problem in problems))
         return replace(trial, figures=figures, warnings=warnings)
 
-    def _play(self, condition: Condition, candidate: Candidate, tool: Tool) -> tuple[dict[str, float], list[str]]:
+    def _play(
+        self, condition: Condition, candidate: Candidate, tool: Tool
+    ) -> tuple[dict[str, float], list[str]]:
         """Play the motion as it is exported; return figures, and what speaks against the design."""
         task = condition.task.shared()
         simulator = condition.sim.shared()
@@ -174,19 +213,26 @@ class Examination:
         planned = plan_task_motion(waypoints, task, settings)
         motion = sample(planned.trajectory, arm_of(robot), RECORD_HZ)
         replay = play(task, simulator, tool, motion, scene, seed, settings)
-        rows = measured(tool, robot, self.material, scene, motion, {condition.sim.name: replay})
+        rows = measured(
+            tool, robot, self.material, scene, motion, {condition.sim.name: replay}
+        )
         problems = [
-            str(verdict) for verdict in strong(self.material, rows, task, self.safety) if verdict.passed is False
+            str(verdict)
+            for verdict in strong(self.material, rows, task, self.safety)
+            if verdict.passed is False
         ]
         if waypoints.guards:
             problems.append("exported programs have no guards")
 
         near = clearance(scene, robot, tool, replay.recording)
         fixed = {"itself", *(body.name for body in scene.bodies if body.fixed)}
-        least = {row.to: row.metres for row in near if row.what == "arm" and row.to in fixed}
+        least = {
+            row.to: row.metres for row in near if row.what == "arm" and row.to in fixed
+        }
         # Hulls of links are this deep in each other where nothing is wrong.
         to_spare = {
-            name: metres - self.margin_m + (DEEP_M if name == "itself" else 0.0) for name, metres in least.items()
+            name: metres - self.margin_m + (DEEP_M if name == "itself" else 0.0)
+            for name, metres in least.items()
         }
         closest = min(to_spare, key=lambda name: to_spare[name])
         if to_spare[closest] < 0:
@@ -195,7 +241,9 @@ class Examination:
                 f"{1000 * self.margin_m:g} mm are asked for: move or turn waypoints, or lengthen the tool"
             )
         figures = {_EXPORTED: replay.reward, "clearance_m": round(least[closest], 4)}
-        safety = min((row.safety for row in rows if row.safety is not None), default=math.inf)
+        safety = min(
+            (row.safety for row in rows if row.safety is not None), default=math.inf
+        )
         if safety < math.inf:
             figures["safety_factor"] = round(safety, 3)
         return figures, problems
@@ -203,13 +251,21 @@ class Examination:
 
 @lru_cache(maxsize=16)
 def _problem(
-    tool: Tool, robot: Robot, material: Material, plate_mm: tuple[float, ...], min_wall_mm: float
+    tool: Tool,
+    robot: Robot,
+    material: Material,
+    plate_mm: tuple[float, ...],
+    min_wall_mm: float,
 ) -> str | None:
     verdicts = carried(tool, robot, material)
     if all(verdict.passed for verdict in verdicts):  # as an export makes and checks it
-        made = make_tool(tool, robot, material, Printer(list(plate_mm), min_wall_mm), Fit())
+        made = make_tool(
+            tool, robot, material, Printer(list(plate_mm), min_wall_mm), Fit()
+        )
         verdicts = [*printable(made.parts), *printable((), made.checks)]
     for verdict in verdicts:
-        if verdict.passed is False and verdict.name != "weight":  # that is the material's
+        if (
+            verdict.passed is False and verdict.name != "weight"
+        ):  # that is the material's
             return f"{_PROBLEM}{verdict}"
     return None

@@ -37,21 +37,35 @@ class Nearest(NamedTuple):
     seconds: float
 
 
-def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> list[Nearest]:
+def clearance(
+    scene: Scene, robot: Robot, tool: Tool, recording: Recording
+) -> list[Nearest]:
     """Measure distances along a recorded rollout, at `HZ`; the nearest first."""
-    chosen = np.unique(np.searchsorted(recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)))
+    chosen = np.unique(
+        np.searchsorted(
+            recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)
+        )
+    )
     taken = subset(recording, chosen[chosen < len(recording.times)])
     moving = robot_tracks(robot, tool, taken)
     bodies = body_tracks(scene, robot, taken)
-    joints = joint_values(robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)])
+    joints = joint_values(
+        robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)]
+    )
     pairs = self_pairs(robot, tool)
     itself = np.array([-pairs.depths(row).max(initial=-np.inf) for row in joints])
     rows = [("arm", "itself", float(itself.min()), int(itself.argmin()))]
     parts = {component.name for component in tool.components}
     for what in ("arm", "tool"):
         own = [track for track in moving if (track.name in parts) == (what == "tool")]
-        rows += [(what, name, gap, k) for name, (gap, k) in nearest(own, bodies, None).items()]
-    found = [Nearest(what, to, min(gap, NEAR_M), float(taken.times[k])) for what, to, gap, k in rows]
+        rows += [
+            (what, name, gap, k)
+            for name, (gap, k) in nearest(own, bodies, None).items()
+        ]
+    found = [
+        Nearest(what, to, min(gap, NEAR_M), float(taken.times[k]))
+        for what, to, gap, k in rows
+    ]
     return sorted(found, key=lambda row: row.metres)
 
 
@@ -66,7 +80,9 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
     columns = [names.index(name) for name in robot.arm_joints]
     rest = pin.neutral(model)
     found = np.empty_like(motion.positions)
-    for k, rows in enumerate(zip(motion.positions, motion.velocities, motion.accelerations, strict=True)):
+    for k, rows in enumerate(
+        zip(motion.positions, motion.velocities, motion.accelerations, strict=True)
+    ):
         values = [rest.copy(), np.zeros(model.nv), np.zeros(model.nv)]
         for full, row in zip(values, rows, strict=True):
             full[columns] = row
@@ -78,7 +94,9 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
 def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
     """Compare a motion with the arm's limits, joint by joint: distance to the nearer end of its range, and shares."""
     arm = arm_of(robot)
-    room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions).min(axis=0)
+    room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions).min(
+        axis=0
+    )
     velocity, acceleration = motion.loads(arm)
     effort = np.abs(torques(robot, tool, motion)).max(axis=0)
     return [
@@ -88,7 +106,9 @@ def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
             "velocity_share": float(velocity[i]),
             "acceleration_share": float(acceleration[i]),
             "torque_nm": float(effort[i]),
-            "torque_share": float(effort[i] / arm.effort_limits[i]) if arm.effort_limits[i] > 0 else None,
+            "torque_share": float(effort[i] / arm.effort_limits[i])
+            if arm.effort_limits[i] > 0
+            else None,
         }
         for i, name in enumerate(robot.arm_joints)
     ]
@@ -105,9 +125,14 @@ def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
     for component in tool.components:
         mount, pose = tool.placed()[component.name]
         at = robot.mount @ mounts[mount] @ pose
-        turn, (center, tensor) = at.rotation.as_matrix(), mass_properties(component.shape, component.mass)
+        turn, (center, tensor) = (
+            at.rotation.as_matrix(),
+            mass_properties(component.shape, component.mass),
+        )
         parts.append((component.mass, at.apply(center), turn @ tensor @ turn.T))
-    mass, center, tensor = merged(parts) if parts else (0.0, np.zeros(3), np.zeros((3, 3)))
+    mass, center, tensor = (
+        merged(parts) if parts else (0.0, np.zeros(3), np.zeros((3, 3)))
+    )
     return {
         "frame": robot.mount_link,
         "mass_kg": round(mass, 6),

@@ -17,14 +17,23 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.solid import WELDS_MM, Placed, closed, manifold, to_mesh, union
+from plugins.results.workshop.solid import (
+    WELDS_MM,
+    Placed,
+    closed,
+    manifold,
+    to_mesh,
+    union,
+)
 
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
 _SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
-_SPOT_MM2 = 5.0  # a surface of this size decides how thin a wall is; less of it is an edge
+_SPOT_MM2 = (
+    5.0  # a surface of this size decides how thin a wall is; less of it is an edge
+)
 _WALL = 0.96  # cosine up to which two faces make a wall; beyond it they meet at an edge
 _FLAT = 0.999  # cosine up to which two faces lie in one plane
 _SIDES = 24  # on which a piece may be laid; the largest are tried first
@@ -39,7 +48,9 @@ class Check(NamedTuple):
     mend: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False and self.mend else "")
+        return f"{self.name}: {self.found}" + (
+            f"; {self.mend}" if self.passed is False and self.mend else ""
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +81,12 @@ class PrintedPart:
 
 
 def print_part(
-    name: str, solid: Any, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
+    name: str,
+    solid: Any,
+    weld_mm: float,
+    whole: Check,
+    printer: Printer,
+    material: Material = PAPER,
 ) -> PrintedPart:
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
     mesh = to_mesh(solid)
@@ -82,32 +98,68 @@ def print_part(
     room = " × ".join(f"{side:g}" for side in plate)
     walls = f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"
     checks = (
-        Check("watertight", whole_skin, "closed" if whole_skin else "the surface is not closed"),
+        Check(
+            "watertight",
+            whole_skin,
+            "closed" if whole_skin else "the surface is not closed",
+        ),
         whole,
         Check("walls", wall >= printer.min_wall_mm, walls),
-        *([] if material.metal else [Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm")]),
+        *(
+            []
+            if material.metal
+            else [
+                Check(
+                    "fits the plate",
+                    fits,
+                    f"{size} mm as it lies, the plate is {room} mm",
+                )
+            ]
+        ),
     )
     metres = Mesh(np.asarray(lying.vertices) / 1000, np.asarray(lying.faces))
-    mass_g = 1000 * material.volume_of(metres) * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
+    mass_g = (
+        1000
+        * material.volume_of(metres)
+        * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
+    )
     return PrintedPart(name, solid, lying, back, weld_mm, mass_g, checks)
 
 
-def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer) -> Check:
+def joined(
+    names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer
+) -> Check:
     """Check that all shapes are connected by joints as wide as a wall, in two directions at least."""
     solids = [union([shape]) for shape in shapes]
     joints = networkx.empty_graph(len(solids))
     for a, b in itertools.combinations(range(len(solids)), 2):
         (one, other) = (np.reshape(solids[i].bounding_box(), (2, 3)) for i in (a, b))
-        if (np.maximum(one[0], other[0]) > np.minimum(one[1], other[1])).any() or networkx.has_path(joints, a, b):
+        if (
+            np.maximum(one[0], other[0]) > np.minimum(one[1], other[1])
+        ).any() or networkx.has_path(joints, a, b):
             continue
         shared = solids[a] ^ solids[b]
-        if not shared.is_empty() and sorted(to_mesh(shared).bounding_box_oriented.extents)[1] >= printer.min_wall_mm:
+        if (
+            not shared.is_empty()
+            and sorted(to_mesh(shared).bounding_box_oriented.extents)[1]
+            >= printer.min_wall_mm
+        ):
             joints.add_edge(a, b)
-    gaps = f", gaps closed by {weld_mm:g} mm on each side" if weld_mm > WELDS_MM[0] else ""
-    loose = [name for i, name in enumerate(names) if not networkx.has_path(joints, 0, i)]
+    gaps = (
+        f", gaps closed by {weld_mm:g} mm on each side" if weld_mm > WELDS_MM[0] else ""
+    )
+    loose = [
+        name for i, name in enumerate(names) if not networkx.has_path(joints, 0, i)
+    ]
     if not loose:
-        return Check("one piece", True, f"{len(solids)} component{'s' if len(solids) > 1 else ''}{gaps}")
-    thin = f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{gaps}"
+        return Check(
+            "one piece",
+            True,
+            f"{len(solids)} component{'s' if len(solids) > 1 else ''}{gaps}",
+        )
+    thin = (
+        f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{gaps}"
+    )
     return Check("one piece", False, thin)
 
 
@@ -119,7 +171,9 @@ def thinnest(mesh: trimesh.Trimesh) -> float:
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
     kept = areas[faces] > _SLIVER_MM2
     share = float(areas.sum()) / _SAMPLES
-    stands_for = np.concatenate([np.full(int(kept.sum()), share), np.minimum(areas[sound], share)])  # mm^2
+    stands_for = np.concatenate(
+        [np.full(int(kept.sum()), share), np.minimum(areas[sound], share)]
+    )  # mm^2
     points = np.vstack([points[kept], mesh.triangles_center[sound]])
     inward = -normals[np.concatenate([faces[kept], sound])]
     solid = manifold(mesh)
@@ -132,10 +186,18 @@ def thinnest(mesh: trimesh.Trimesh) -> float:
                 found[number] = length if facing > _WALL else np.inf
                 break
     order = np.argsort(found)
-    return float(found[order][np.searchsorted(np.cumsum(stands_for[order]), min(_SPOT_MM2, stands_for.sum()))])
+    return float(
+        found[order][
+            np.searchsorted(
+                np.cumsum(stands_for[order]), min(_SPOT_MM2, stands_for.sum())
+            )
+        ]
+    )
 
 
-def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh, bool, Array]:
+def lay(
+    mesh: trimesh.Trimesh, plate: Sequence[float]
+) -> tuple[trimesh.Trimesh, bool, Array]:
     """Lay a mesh on one of its sides and turn it so that it fits the plate; of the ways that fit, the one that touches
     the plate most, else the one that exceeds it least.
 
@@ -145,16 +207,22 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh,
     hull = mesh.convex_hull
     by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
     ways: list[tuple[tuple[bool, float, float], Array]] = []
-    for down in [hull.facets_normal[i] for i in by_area] or [np.array([0.0, 0.0, -1.0])]:
+    for down in [hull.facets_normal[i] for i in by_area] or [
+        np.array([0.0, 0.0, -1.0])
+    ]:
         turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
         angle, excess = _turn(hull.vertices @ turned[:3, :3].T, plate)
-        touching = float(mesh.area_faces[np.asarray(mesh.face_normals) @ down > _FLAT].sum())
+        touching = float(
+            mesh.area_faces[np.asarray(mesh.face_normals) @ down > _FLAT].sum()
+        )
         matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
         ways.append(((excess > 0, max(excess, 0.0), -touching), matrix))
     (exceeds, *_), matrix = min(ways, key=lambda way: way[0])
     lying = mesh.copy().apply_transform(matrix)
     low, high = lying.bounds
-    moved = trimesh.transformations.translation_matrix([*(-(low + high)[:2] / 2), -low[2]])
+    moved = trimesh.transformations.translation_matrix(
+        [*(-(low + high)[:2] / 2), -low[2]]
+    )
     return lying.apply_transform(moved), not exceeds, np.linalg.inv(moved @ matrix)
 
 

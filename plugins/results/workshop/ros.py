@@ -15,7 +15,9 @@ from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 
-_EVERY_S = 0.01  # between two points: a controller joins them by splines of fifth degree
+_EVERY_S = (
+    0.01  # between two points: a controller joins them by splines of fifth degree
+)
 
 
 def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) -> None:
@@ -24,12 +26,16 @@ def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) ->
     Raises:
         UserError: a file can't be written.
     """
-    write_bytes(folder / "trajectory.yaml", _yaml(trajectory_message(robot, motion)).encode())
+    write_bytes(
+        folder / "trajectory.yaml", _yaml(trajectory_message(robot, motion)).encode()
+    )
     write_bytes(folder / "scene.yaml", _yaml(scene_message(robot, scene)).encode())
 
 
 def _yaml(message: dict[str, Any]) -> str:
-    return str(yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120))
+    return str(
+        yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120)
+    )
 
 
 def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
@@ -43,7 +49,10 @@ def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
                 "velocities": _rounded(motion.velocities[k]),
                 "accelerations": _rounded(motion.accelerations[k]),
                 "effort": [],
-                "time_from_start": {"sec": math.floor(seconds), "nanosec": round(seconds % 1 * 1e9)},
+                "time_from_start": {
+                    "sec": math.floor(seconds),
+                    "nanosec": round(seconds % 1 * 1e9),
+                },
             }
         )
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
@@ -59,13 +68,23 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
     objects = []
     for body in scene.bodies:
         at = robot.base.inverse() @ body.pose
-        entry: dict[str, Any] = {"id": body.name, "header": {"frame_id": base}, "pose": _pose(at)}
+        entry: dict[str, Any] = {
+            "id": body.name,
+            "header": {"frame_id": base},
+            "pose": _pose(at),
+        }
         for part in body.visuals if isinstance(body, Soft) else body.collisions:
             kind, data = _shape(part.shape)
             entry.setdefault(kind, []).append(data)
-            entry.setdefault("mesh_poses" if kind == "meshes" else "primitive_poses", []).append(_pose(part.pose))
+            entry.setdefault(
+                "mesh_poses" if kind == "meshes" else "primitive_poses", []
+            ).append(_pose(part.pose))
         objects.append(entry)
-    return {"is_diff": True, "robot_state": {"is_diff": True}, "world": {"collision_objects": objects}}
+    return {
+        "is_diff": True,
+        "robot_state": {"is_diff": True},
+        "world": {"collision_objects": objects},
+    }
 
 
 def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
@@ -79,12 +98,18 @@ def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
             return "primitives", {"type": 3, "dimensions": [length, radius]}
     mesh = shape.to_trimesh()
     triangles = [{"vertex_indices": face} for face in mesh.faces.tolist()]
-    return "meshes", {"triangles": triangles, "vertices": [_point(vertex) for vertex in mesh.vertices]}
+    return "meshes", {
+        "triangles": triangles,
+        "vertices": [_point(vertex) for vertex in mesh.vertices],
+    }
 
 
 def _pose(pose: Pose) -> dict[str, Any]:
     w, x, y, z = _rounded(pose.quaternion)
-    return {"position": _point(pose.position), "orientation": {"x": x, "y": y, "z": z, "w": w}}
+    return {
+        "position": _point(pose.position),
+        "orientation": {"x": x, "y": y, "z": z, "w": w},
+    }
 
 
 def _point(position: Array) -> dict[str, float]:

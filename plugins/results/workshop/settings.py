@@ -23,7 +23,9 @@ class Printer:
 
     def __post_init__(self) -> None:
         if len(self.plate_mm) != 3:
-            raise UsageError(f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}")
+            raise UsageError(
+                f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}"
+            )
         check_positive("plate_mm.", **dict(zip("xyz", self.plate_mm, strict=True)))
         check_positive("", min_wall_mm=self.min_wall_mm)
 

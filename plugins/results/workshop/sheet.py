@@ -30,7 +30,9 @@ from plugins.results.workshop.verdicts import carried, printable, strong
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
 
-def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dict[str, Any]:
+def figures(
+    made: PrintedTool, strengths: Sequence[Strength], task: Task
+) -> dict[str, Any]:
     """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too.
 
     ``to_mount`` (4, 4) leads from a piece's file to the frame of its mount, millimetres.
@@ -59,7 +61,9 @@ def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dic
         "task": task.name,
         "date": datetime.now().astimezone().date().isoformat(),
         "robot": robot.title,
-        "material": f"{material.name}, {material.filling}" if material.density_kg_m3 else "paper, nothing real",
+        "material": f"{material.name}, {material.filling}"
+        if material.density_kg_m3
+        else "paper, nothing real",
         "mass_kg": load["mass_kg"],
         "center_m": load["center_m"],
         "frame": load["frame"],
@@ -78,7 +82,9 @@ def figures(made: PrintedTool, strengths: Sequence[Strength], task: Task) -> dic
         "hardware": list(made.hardware),
         "flange": _flange(robot) if RIGID_MOUNT in tool.mounts else None,
         "parts": sorted(components, key=lambda part: part.get("safety") or math.inf),
-        "least_safety": min((row.safety for row in strengths if row.safety is not None), default=None),
+        "least_safety": min(
+            (row.safety for row in strengths if row.safety is not None), default=None
+        ),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
         "how": HOW.format("" if material.metal else "layers, "),
@@ -90,8 +96,14 @@ def _flange(robot: Robot) -> str:
     flange = robot.flange
     turn = math.degrees(robot.flange.bolt_angle)
     ring = f"{flange.bolts} x {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
-    recess = "" if flange.centring_m is None else f"; recess {1000 * flange.centring_m:g} mm"
-    pin = "" if flange.pin_angle is None else f"; pin {1000 * flange.pin_m:g} mm at {math.degrees(flange.pin_angle):g}°"
+    recess = (
+        "" if flange.centring_m is None else f"; recess {1000 * flange.centring_m:g} mm"
+    )
+    pin = (
+        ""
+        if flange.pin_angle is None
+        else f"; pin {1000 * flange.pin_m:g} mm at {math.degrees(flange.pin_angle):g}°"
+    )
     return f"{ring}, the first at {turn:g}° from the mount's x; disc {2000 * flange.disc.radius:g} mm{recess}{pin}"
 
 
@@ -110,7 +122,9 @@ def write_sheet(
     """
     robot = task.robot
     tool = made.tool
-    said = figures(made, measured(tool, robot, made.material, scene, motion, replays), task)
+    said = figures(
+        made, measured(tool, robot, made.material, scene, motion, replays), task
+    )
     checks = [Check(**verdict) for verdict in said["verdicts"]]
     page = render(
         "sheet.html.j2",
@@ -118,8 +132,12 @@ def write_sheet(
         [in_viewer(tool, robot, said["tool"], size(tool, robot))],
         title=said["tool"],
         said=said,
-        checks=sorted(checks, key=lambda check: (check.passed is not False, check.passed is True)),
-        failing={check.name.partition(", ")[2] for check in checks if check.passed is False},
+        checks=sorted(
+            checks, key=lambda check: (check.passed is not False, check.passed is True)
+        ),
+        failing={
+            check.name.partition(", ")[2] for check in checks if check.passed is False
+        },
     )
     write_bytes(folder / "sheet.html", page.encode())
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())

@@ -19,7 +19,11 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool, ToolJoint
 from core.geometry import Array, Box, Compound, Cylinder, Mesh, Pose, Shape, resized
 
 Placed = tuple[Shape | Compound, Pose]
-NAMES = {RIGID_MOUNT: "tool", GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # others have their joints' names
+NAMES = {
+    RIGID_MOUNT: "tool",
+    GRIPPER_MOUNTS[0]: "left",
+    GRIPPER_MOUNTS[1]: "right",
+}  # others have their joints' names
 
 # By how much each side of a component is moved out, so that components that touch, or nearly do, become one body: the
 # least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
@@ -65,7 +69,11 @@ class ToolLink:
     def grown(self, by: float, uneven: float = 0.0) -> list[Placed]:
         """Return its shapes with each side moved out by millimetres: the last shape's by the share ``uneven`` less."""
         steps = uneven / max(1, len(self.shapes) - 1)
-        return [placed for n, one in enumerate(self.shapes) for placed in widened([one], by * (1 - n * steps))]
+        return [
+            placed
+            for n, one in enumerate(self.shapes)
+            for placed in widened([one], by * (1 - n * steps))
+        ]
 
 
 def links_of(tool: Tool) -> list[ToolLink]:
@@ -79,7 +87,11 @@ def links_of(tool: Tool) -> list[ToolLink]:
         shapes = tuple((components[name].shape, placed[name][1]) for name in own)
         moved: tuple[Any, ...] = ()
         if bearer in joints:
-            moved = joints[bearer].parent, joints[bearer].joint, placed[bearer][1] @ components[bearer].link
+            moved = (
+                joints[bearer].parent,
+                joints[bearer].joint,
+                placed[bearer][1] @ components[bearer].link,
+            )
         links.append(ToolLink(bearer, placed[own[0]][0], tuple(own), shapes, *moved))
     return links
 
@@ -88,7 +100,12 @@ def widened(shapes: Sequence[Placed], by: float) -> list[Placed]:
     """Move each side of shapes out by millimetres; by little, what is hollow stays: its inner walls would move, too."""
     stays = by <= WELDS_MM[0]
     return [
-        (shape if stays and isinstance(shape, Compound) else resized(shape, shape.bounds[1] + 0.002 * by), pose)
+        (
+            shape
+            if stays and isinstance(shape, Compound)
+            else resized(shape, shape.bounds[1] + 0.002 * by),
+            pose,
+        )
         for shape, pose in shapes
     ]
 
@@ -101,7 +118,9 @@ def union(shapes: Sequence[Placed]) -> Any:
 @lru_cache(maxsize=256)
 def _union(shapes: tuple[Placed, ...]) -> Any:
     if len(shapes) != 1:
-        return manifold3d.Manifold.batch_boolean([_union((placed,)) for placed in shapes], manifold3d.OpType.Add)
+        return manifold3d.Manifold.batch_boolean(
+            [_union((placed,)) for placed in shapes], manifold3d.OpType.Add
+        )
     ((shape, pose),) = shapes
     return manifold(shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0))
 
@@ -144,4 +163,6 @@ def rod(start: Array, end: Array, radius: float) -> Placed:
     """Return a cylinder from one point to another, in metres."""
     way = end - start
     turn, _ = Rotation.align_vectors(way[None], np.array([[0.0, 0.0, 1.0]]))
-    return Cylinder(radius, float(np.linalg.norm(way))), Pose.from_rotation((start + end) / 2, turn)
+    return Cylinder(radius, float(np.linalg.norm(way))), Pose.from_rotation(
+        (start + end) / 2, turn
+    )

@@ -33,7 +33,9 @@ from plugins.results.workshop.motion import PlayedMotion, Sampled
 from plugins.results.workshop.tracks import robot_tracks
 
 HARDEST = 10  # instants with the largest forces on the tool, and with the largest moments; and for each body one more
-NEAR_M = 0.005  # of a contact point to the bounding boxes of components that may have it
+NEAR_M = (
+    0.005  # of a contact point to the bounding boxes of components that may have it
+)
 WEIGHT = "its weight"
 _DOT = coal.Sphere(1e-6)
 
@@ -79,7 +81,9 @@ class Strength:
     bend_m: float
 
 
-def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[tuple[str, Array, Array]]:
+def weights(
+    tool: Tool, robot: Robot, motion: Sampled
+) -> list[tuple[str, Array, Array]]:
     """Return for each component its centre of mass (3,) and its pull on it (T, 3) over a motion, in its mount's frame.
 
     The pull is its weight and what its acceleration adds.
@@ -89,10 +93,21 @@ def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[tuple[str, Array,
     found = []
     for component in tool.components:
         mount, pose = tool.placed()[component.name]
-        (turned, moved), center = frames[mount], pose.apply(mass_properties(component.shape, component.mass)[0])
+        (turned, moved), center = (
+            frames[mount],
+            pose.apply(mass_properties(component.shape, component.mass)[0]),
+        )
         pulls = np.tile([0.0, 0.0, GRAVITY], (len(motion.times), 1))
-        pulls[1:-1] += np.diff(moved + turned @ center, 2, axis=0) / float(motion.times[1]) ** 2
-        found.append((component.name, center, -component.mass * np.einsum("tji,tj->ti", turned, pulls)))
+        pulls[1:-1] += (
+            np.diff(moved + turned @ center, 2, axis=0) / float(motion.times[1]) ** 2
+        )
+        found.append(
+            (
+                component.name,
+                center,
+                -component.mass * np.einsum("tji,tj->ti", turned, pulls),
+            )
+        )
     return found
 
 
@@ -105,7 +120,11 @@ def contact_loads(
         UserError: the engine does not tell where forces act.
         DesignError: a component does not touch its parent.
     """
-    forces = {other: values for (one, other), values in recording.forces.items() if one == "tool"}
+    forces = {
+        other: values
+        for (one, other), values in recording.forces.items()
+        if one == "tool"
+    }
     if not forces or not tool.components:
         return []
     pushes = recording.pushes
@@ -121,11 +140,16 @@ def contact_loads(
         loads = []
         for name, values in forces.items():
             mine = np.flatnonzero((pushes.samples == sample) & (pushes.bodies == name))
-            own = [Load(name, *parts.on(sample, pushes.points[i], pushes.forces[i])) for i in mine]
+            own = [
+                Load(name, *parts.on(sample, pushes.points[i], pushes.forces[i]))
+                for i in mine
+            ]
             if own and name in masses:
                 hardest = max(own, key=lambda load: np.linalg.norm(load.force))
                 soft = beams.bend(hardest.component, hardest.point)[0]
-                most = _struck(recording.times, values, sample, min(masses[name], tool.mass), soft)
+                most = _struck(
+                    recording.times, values, sample, min(masses[name], tool.mass), soft
+                )
                 share = min(1.0, most / max(values[sample], 1e-9))
                 own = [load._replace(force=share * load.force) for load in own]
             loads += own
@@ -133,7 +157,9 @@ def contact_loads(
     return found
 
 
-def _hardest(recording: Recording, forces: Mapping[str, Array], pushes: Pushes, parts: _Parts) -> list[int]:
+def _hardest(
+    recording: Recording, forces: Mapping[str, Array], pushes: Pushes, parts: _Parts
+) -> list[int]:
     """Choose the instants that are looked at."""
     every = np.array(list(forces.values()))
     total = np.zeros((2, len(recording.times), 3))
@@ -147,7 +173,9 @@ def _hardest(recording: Recording, forces: Mapping[str, Array], pushes: Pushes, 
     return found
 
 
-def _struck(times: Array, values: Array, sample: int, mass: float, soft: float) -> float:
+def _struck(
+    times: Array, values: Array, sample: int, mass: float, soft: float
+) -> float:
     """The largest force of an impact on a spring of ``soft`` metres per newton: its impulse times sqrt(k / m).
 
     The impulse is that of the forces (T,), newtons, in half of the spring's period.
@@ -164,17 +192,29 @@ class _Parts:
     """
 
     def __init__(self, robot: Robot, tool: Tool, recording: Recording) -> None:
-        arm, fingers = ((of + np.vstack([of[:1], of[:-1]])) / 2 for of in (recording.arm, recording.fingers))
+        arm, fingers = (
+            (of + np.vstack([of[:1], of[:-1]])) / 2
+            for of in (recording.arm, recording.fingers)
+        )
         halfway = replace(recording, arm=arm, fingers=fingers)
-        self.tool, self._tracks = tool, robot_tracks(robot, tool, halfway)[-len(tool.parts) :]
+        self.tool, self._tracks = (
+            tool,
+            robot_tracks(robot, tool, halfway)[-len(tool.parts) :],
+        )
         self.frames = link_frames(robot, tool, arm, fingers)
         placed = tool.placed()
         links_at = {c.name: c.link for c in tool.components}
-        self._rest = {name: placed[name][1] @ links_at[name] if name in placed else Pose() for name in tool.borne_on}
+        self._rest = {
+            name: placed[name][1] @ links_at[name] if name in placed else Pose()
+            for name in tool.borne_on
+        }
 
     def on(self, sample: int, point: Array, force: Array) -> tuple[str, Array, Array]:
         """Find the component that has a contact point; return it, with point and force as it is at rest."""
-        beyond = [np.abs((point - of.middles[sample]) @ of.rotations[sample]) - of.box for of in self._tracks]
+        beyond = [
+            np.abs((point - of.middles[sample]) @ of.rotations[sample]) - of.box
+            for of in self._tracks
+        ]
         gaps = [float(np.linalg.norm(np.maximum(each, 0))) for each in beyond]
         near = [i for i, gap in enumerate(gaps) if gap <= min(gaps) + NEAR_M]
         part = self.tool.parts[min(near, key=lambda i: self._gap(i, sample, point))]
@@ -189,10 +229,18 @@ class _Parts:
         dot = coal.Transform3s(np.eye(3), point)
         request = coal.DistanceRequest()
         result = coal.DistanceResult()
-        return abs(float(coal.distance(track.geometry, track.at(sample, 0.0)[0], _DOT, dot, request, result)))
+        return abs(
+            float(
+                coal.distance(
+                    track.geometry, track.at(sample, 0.0)[0], _DOT, dot, request, result
+                )
+            )
+        )
 
 
-def _stresses(tool: Tool, beams: Beams, most_pa: float | None, engine: str, instant: Instant) -> Iterator[Strength]:
+def _stresses(
+    tool: Tool, beams: Beams, most_pa: float | None, engine: str, instant: Instant
+) -> Iterator[Strength]:
     """Estimate what loads that act at once do to each component that carries one.
 
     The moments of all loads beyond a section add up as vectors, so that loads that oppose each other do so here.
@@ -201,7 +249,10 @@ def _stresses(tool: Tool, beams: Beams, most_pa: float | None, engine: str, inst
     time_s, loads = instant
     carried: dict[str, list[tuple[Load, Beam]]] = {}
     for load in loads:
-        for carrier, beam in [*beams.chains[load.component], (load.component, beams.beam(load.component, load.point))]:
+        for carrier, beam in [
+            *beams.chains[load.component],
+            (load.component, beams.beam(load.component, load.point)),
+        ]:
             carried.setdefault(carrier, []).append((load, beam))
     for component in tool.components:
         if component.name not in carried:
@@ -212,7 +263,10 @@ def _stresses(tool: Tool, beams: Beams, most_pa: float | None, engine: str, inst
             groups.setdefault(load.what, []).append(load)
         if not groups:
             continue
-        turns = {name: sum(np.cross(load.point - place, load.force) for load in own) for name, own in groups.items()}
+        turns = {
+            name: sum(np.cross(load.point - place, load.force) for load in own)
+            for name, own in groups.items()
+        }
         what = max(turns, key=lambda name: np.linalg.norm(turns[name]))
         newtons = float(np.linalg.norm(sum(load.force for load in groups[what])))
         hardest = max(groups[what], key=lambda load: np.linalg.norm(load.force))
@@ -233,13 +287,21 @@ def _stresses(tool: Tool, beams: Beams, most_pa: float | None, engine: str, inst
 def _weakest(carried: Sequence[tuple[Load, Beam]]) -> tuple[float, Array, list[Load]]:
     """Find the section of a component that bears most: its stress, its place (3,), and the loads beyond it."""
     loads = [load for load, _ in carried]
-    starts, stops, _, weak = map(np.array, zip(*(beam for _, beam in carried), strict=True))
+    starts, stops, _, weak = map(
+        np.array, zip(*(beam for _, beam in carried), strict=True)
+    )
     forces, points = (np.array([load[k] for load in loads]) for k in (3, 2))
     ways = stops - starts
-    along = ways @ ways.T  # (N, N): how far each gets along the way of another, times its length
+    along = (
+        ways @ ways.T
+    )  # (N, N): how far each gets along the way of another, times its length
     lengths = np.maximum(np.sqrt(np.diagonal(along)), POINT_M)
     turning = np.cross(points, forces)
-    best: tuple[float, Array, Array] = (-1.0, starts[0], np.zeros(len(loads), dtype=bool))
+    best: tuple[float, Array, Array] = (
+        -1.0,
+        starts[0],
+        np.zeros(len(loads), dtype=bool),
+    )
     for sections, beyond in (
         (starts, along / lengths[:, None] > POINT_M),
         (stops, along / lengths[:, None] >= lengths[:, None] - POINT_M),
@@ -249,10 +311,19 @@ def _weakest(carried: Sequence[tuple[Load, Beam]]) -> tuple[float, Array, list[L
         k = int(stress.argmax())
         if stress[k] > best[0]:
             best = float(stress[k]), sections[k], beyond[k]
-    return best[0], best[1], [load for load, counts in zip(loads, best[2], strict=True) if counts]
+    return (
+        best[0],
+        best[1],
+        [load for load, counts in zip(loads, best[2], strict=True) if counts],
+    )
 
 
-def strength(tool: Tool, robot: Robot, material: Material, instants: Mapping[str, Sequence[Instant]]) -> list[Strength]:
+def strength(
+    tool: Tool,
+    robot: Robot,
+    material: Material,
+    instants: Mapping[str, Sequence[Instant]],
+) -> list[Strength]:
     """Find for each component the worst of the instants of all engines; those of no engine have the name "".
 
     Raises:
@@ -263,13 +334,25 @@ def strength(tool: Tool, robot: Robot, material: Material, instants: Mapping[str
     for engine, own in instants.items():
         for instant in own:
             for row in _stresses(tool, beams, material.strength_pa, engine, instant):
-                if row.component not in worst or row.stress_pa > worst[row.component].stress_pa:
+                if (
+                    row.component not in worst
+                    or row.stress_pa > worst[row.component].stress_pa
+                ):
                     worst[row.component] = row
-    return [worst[component.name] for component in tool.components if component.name in worst]
+    return [
+        worst[component.name]
+        for component in tool.components
+        if component.name in worst
+    ]
 
 
 def measured(
-    tool: Tool, robot: Robot, material: Material, scene: Scene, motion: Sampled, replays: Mapping[str, PlayedMotion]
+    tool: Tool,
+    robot: Robot,
+    material: Material,
+    scene: Scene,
+    motion: Sampled,
+    replays: Mapping[str, PlayedMotion],
 ) -> list[Strength]:
     """Find the worst of a motion that was played in engines, and without any; of their stresses the largest counts.
 

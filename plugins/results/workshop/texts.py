@@ -23,17 +23,25 @@ from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 
 # Besides marks: `_` at the end of a word, and what GitHub makes a link of.
-_MARKUP = re.compile(r"[\\`*{}\[\]<>#+!|~&@]|(?<![^\W_])_|_(?![^\W_])|:(?=//)|(?<=www)\.", re.I)
+_MARKUP = re.compile(
+    r"[\\`*{}\[\]<>#+!|~&@]|(?<![^\W_])_|_(?![^\W_])|:(?=//)|(?<=www)\.", re.I
+)
 
 
 def text_of(name: str) -> str:
     """Return a text as it is."""
-    return importlib.resources.files(__package__).joinpath("templates", name).read_text(encoding="utf-8")
+    return (
+        importlib.resources.files(__package__)
+        .joinpath("templates", name)
+        .read_text(encoding="utf-8")
+    )
 
 
 def plain(value: Any) -> Any:
     """Escape what Markdown and HTML read as markup in a text of others, and make it one line."""
-    return _MARKUP.sub(r"\\\g<0>", clean(value, 600)) if isinstance(value, str) else value
+    return (
+        _MARKUP.sub(r"\\\g<0>", clean(value, 600)) if isinstance(value, str) else value
+    )
 
 
 def filled(name: str, **values: Any) -> str:
@@ -48,21 +56,32 @@ def filled(name: str, **values: Any) -> str:
     return environment.from_string(text_of(name)).render(**values)
 
 
-def write_programs(robot: Robot, payload: Mapping[str, Any], moves: Mapping[str, Sampled], folder: Path) -> None:
+def write_programs(
+    robot: Robot, payload: Mapping[str, Any], moves: Mapping[str, Sampled], folder: Path
+) -> None:
     """Render the templates of `Robot.programs` to files in a folder.
 
     Raises:
         UserError: a template can't be rendered, or a file can't be written.
     """
-    environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = SandboxedEnvironment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     for name, template in robot.programs:
         try:
-            text = environment.from_string(template).render(robot=robot, payload=payload, moves=moves, every=every)
+            text = environment.from_string(template).render(
+                robot=robot, payload=payload, moves=moves, every=every
+            )
         except jinja2.TemplateError as error:
-            raise UserError(f"robot {robot.name}: its program {name} can't be written: {error}") from error
+            raise UserError(
+                f"robot {robot.name}: its program {name} can't be written: {error}"
+            ) from error
         write_bytes(folder / name, (text + "\n").encode())
 
 
 def every(move: Sampled, seconds: float) -> list[tuple[float, list[float]]]:
     """Return time and joints of the samples nearest to multiples of ``seconds``, and of the last."""
-    return [(float(move.times[k]), np.round(move.positions[k], 6).tolist()) for k in move.every(seconds)]
+    return [
+        (float(move.times[k]), np.round(move.positions[k], 6).tolist())
+        for k in move.every(seconds)
+    ]

@@ -17,8 +17,22 @@ from core.geometry import Compound
 from core.support.cli import write_bytes
 from core.values.materials import Material
 from core.values.robots import Robot
-from plugins.results.workshop.fitting import CORE_MM, Mount, at_flange, on_finger, weighed
-from plugins.results.workshop.printing import Check, PrintedPart, grams, joined, lay, print_part, to_stl
+from plugins.results.workshop.fitting import (
+    CORE_MM,
+    Mount,
+    at_flange,
+    on_finger,
+    weighed,
+)
+from plugins.results.workshop.printing import (
+    Check,
+    PrintedPart,
+    grams,
+    joined,
+    lay,
+    print_part,
+    to_stl,
+)
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import (
     UNEVEN,
@@ -53,10 +67,15 @@ class PrintedTool:
     @property
     def printed(self) -> Tool:
         """`mounted`, weighing what its parts weigh as printed: what an arm really bears."""
-        volumes = [self.material.volume_of(component.shape) for component in self.mounted.components]
+        volumes = [
+            self.material.volume_of(component.shape)
+            for component in self.mounted.components
+        ]
         share = grams(self.parts) / 1000 / sum(volumes) if self.parts else 0.0
         pairs = zip(self.mounted.components, volumes, strict=True)
-        own = tuple(replace(component, mass=share * volume) for component, volume in pairs)
+        own = tuple(
+            replace(component, mass=share * volume) for component, volume in pairs
+        )
         return replace(self.mounted, components=own) if self.parts else self.mounted
 
 
@@ -77,7 +96,14 @@ class Body:
 
     def printed(self, printer: Printer, material: Material) -> PrintedPart:
         """Lay it on a printer's plate, and check it."""
-        return print_part(self.link.name, self.mount.solid, self.weld_mm, self.whole, printer, material)
+        return print_part(
+            self.link.name,
+            self.mount.solid,
+            self.weld_mm,
+            self.whole,
+            printer,
+            material,
+        )
 
 
 def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
@@ -85,7 +111,9 @@ def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
     return [_fuse(link, printer or Printer()) for link in links_of(tool)]
 
 
-def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit) -> PrintedTool:
+def make_tool(
+    tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit
+) -> PrintedTool:
     """Turn a tool into parts that a printer makes; the bare hand has none.
 
     Raises:
@@ -94,20 +122,32 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     if material.metal:
         fit = replace(fit, insert_mm=CORE_MM)
     links = links_of(tool)
-    fitted = [_fuse(link, printer, partial(_mounted, robot, link, fit)) for link in links]
+    fitted = [
+        _fuse(link, printer, partial(_mounted, robot, link, fit)) for link in links
+    ]
     parts = [body.printed(printer, material) for body in fitted]
-    checks = [check for each in fitted for check in (*each.mount.checks, _faithful(each))]
+    checks = [
+        check for each in fitted for check in (*each.mount.checks, _faithful(each))
+    ]
     checks += [*_apart(fitted), *_joints(links)]
     hardware = [item for each in fitted for item in each.mount.hardware]
     taken = [component.name for component in tool.components]
-    added = [component for each in fitted for component in weighed(each.mount, each.link, taken, material)]
+    added = [
+        component
+        for each in fitted
+        for component in weighed(each.mount, each.link, taken, material)
+    ]
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
         printed = grams(parts)
         simulated = 1000 * mounted.mass
         said = f"{'milled' if material.metal else 'printed'} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
-        checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
-    return PrintedTool(tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material)
+        checks.append(
+            Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said)
+        )
+    return PrintedTool(
+        tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material
+    )
 
 
 def _mounted(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
@@ -119,7 +159,9 @@ def _mounted(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
     return Mount(solid)
 
 
-def _fuse(link: ToolLink, printer: Printer, fix: Callable[[Any], Mount] = Mount) -> Body:
+def _fuse(
+    link: ToolLink, printer: Printer, fix: Callable[[Any], Mount] = Mount
+) -> Body:
     """Weld a link by as little as makes it and its mount one body that is closed, also as it lies on the plate."""
     for weld, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
         shapes = link.grown(weld, uneven)
@@ -131,7 +173,9 @@ def _fuse(link: ToolLink, printer: Printer, fix: Callable[[Any], Mount] = Mount)
     names = [*link.names, *(f"mount {n}" for n in range(len(mount.adding)))]
     whole = joined(names, [*shapes, *widened(mount.adding, weld)], weld, printer)
     if whole.passed and not single:
-        whole = Check("one piece", False, f"it falls into {len(mount.solid.decompose())} pieces")
+        whole = Check(
+            "one piece", False, f"it falls into {len(mount.solid.decompose())} pieces"
+        )
     return Body(link, mount, weld, whole)
 
 
@@ -140,8 +184,13 @@ def _faithful(fitted: Body) -> Check:
     off = fitted.weld_mm + EXACT_MM
     whole = fitted.mount.solid
     mount = fitted.mount
-    solids = ([_offset(shape, by) for shape in fitted.link.shapes] for by in (off, -off))
-    wide, narrow = (manifold3d.Manifold.batch_boolean(each, manifold3d.OpType.Add) for each in solids)
+    solids = (
+        [_offset(shape, by) for shape in fitted.link.shapes] for by in (off, -off)
+    )
+    wide, narrow = (
+        manifold3d.Manifold.batch_boolean(each, manifold3d.OpType.Add)
+        for each in solids
+    )
     excess = max(0.0, (whole - wide - union(mount.adding)).volume())
     lack = max(0.0, (narrow - union(mount.taking) - whole).volume())
     here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
@@ -153,14 +202,20 @@ def _offset(placed: Placed, by: float) -> Any:
     if not isinstance(placed[0], Compound):
         return union(widened([placed], by))
     cube = manifold3d.Manifold.cube((2 * abs(by),) * 3, True)
-    return union([placed]).minkowski_sum(cube) if by > 0 else union([placed]).minkowski_difference(cube)
+    return (
+        union([placed]).minkowski_sum(cube)
+        if by > 0
+        else union([placed]).minkowski_difference(cube)
+    )
 
 
 def _apart(links: Sequence[Body]) -> list[Check]:
     """Check that bodies do not share space at rest, apart from those of one joint, which a workshop makes."""
     checks = []
     for one, other in itertools.combinations(links, 2):
-        joined = one.link.bearer == other.link.parent or other.link.bearer == one.link.parent
+        joined = (
+            one.link.bearer == other.link.parent or other.link.bearer == one.link.parent
+        )
         if one.link.mount == other.link.mount and not joined:
             shared = (one.mount.solid ^ other.mount.solid).volume()
             said = f"{one.link.name} and {other.link.name} share {shared / 1000:.2f} cm³ at rest"
@@ -172,7 +227,10 @@ def _apart(links: Sequence[Body]) -> list[Check]:
 def _joints(links: Sequence[ToolLink]) -> list[Check]:
     """Say of each joint that it is not part of the solids."""
     joints = [(link.name, link.joint.kind) for link in links if link.joint is not None]
-    return [Check(f"joint of {name}", None, f"the {kind} is to be made by the workshop") for name, kind in joints]
+    return [
+        Check(f"joint of {name}", None, f"the {kind} is to be made by the workshop")
+        for name, kind in joints
+    ]
 
 
 def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
@@ -192,6 +250,13 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
         write_bytes(file, to_stl(part))
         whole = part.solid
         read = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount))
-        most = max(most, float(((read - whole).volume() + (whole - read).volume()) / whole.volume()))
-    same = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
+        most = max(
+            most,
+            float(((read - whole).volume() + (whole - read).volume()) / whole.volume()),
+        )
+    same = Check(
+        "files read back",
+        most <= SAME_FILE,
+        f"STL files differ from the parts by up to {most:.2%} in volume",
+    )
     return replace(made, checks=(*made.checks, same))

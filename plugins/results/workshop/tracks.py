@@ -17,4 +17,8 @@ def robot_tracks(robot: Robot, tool: Tool, recording: Recording) -> list[Track]:
 
 def body_tracks(scene: Scene, robot: Robot, recording: Recording) -> list[Track]:
     """Follow the collision shapes of all bodies."""
-    return [track for track in follow(scene, robot, Tool(), recording) if track.owner != ROBOT]
+    return [
+        track
+        for track in follow(scene, robot, Tool(), recording)
+        if track.owner != ROBOT
+    ]

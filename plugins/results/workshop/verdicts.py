@@ -41,29 +41,59 @@ def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
     """Judge whether an arm carries a tool."""
     heaviest = max(tool.components, key=lambda component: component.mass)
     mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
-    (most, why), moment, bears = mass_limit(robot, material), flange_moment(tool, robot), moment_limit(robot)
+    (most, why), moment, bears = (
+        mass_limit(robot, material),
+        flange_moment(tool, robot),
+        moment_limit(robot),
+    )
     return [
         Check("mass", tool.mass <= most, f"{tool.mass:.3f} kg; {why}", mend),
-        Check("moment", moment <= bears, f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m", mend),
+        Check(
+            "moment",
+            moment <= bears,
+            f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m",
+            mend,
+        ),
     ]
 
 
-def printable(parts: Sequence[PrintedPart], checks: Sequence[Check] = ()) -> list[Check]:
+def printable(
+    parts: Sequence[PrintedPart], checks: Sequence[Check] = ()
+) -> list[Check]:
     """Name what was checked of parts by these, and add what to change; ``checks`` are those of the whole tool."""
     named = [(check.name, check) for check in checks]
-    named += [(f"{check.name}, {part.name}", check) for part in parts for check in part.checks]
+    named += [
+        (f"{check.name}, {part.name}", check) for part in parts for check in part.checks
+    ]
     return [check._replace(name=name, mend=_mend(check.name)) for name, check in named]
 
 
 def _mend(name: str) -> str:
-    return next((mend for begins, mend in _MENDS.items() if name.startswith(begins)), "")
+    return next(
+        (mend for begins, mend in _MENDS.items() if name.startswith(begins)), ""
+    )
 
 
-def strong(material: Material, strengths: Sequence[Strength], task: Task, safety: float = SAFETY) -> list[Check]:
+def strong(
+    material: Material,
+    strengths: Sequence[Strength],
+    task: Task,
+    safety: float = SAFETY,
+) -> list[Check]:
     """Judge strength and stiffness of components; where all bear what they must, the weakest is named."""
     if material.strength_pa is None:
-        return [Check("strength", None, f"material={material.name} has no strength: choose one, such as material=pla")]
-    weak = sorted((row.safety, i, row) for i, row in enumerate(strengths) if row.safety is not None)
+        return [
+            Check(
+                "strength",
+                None,
+                f"material={material.name} has no strength: choose one, such as material=pla",
+            )
+        ]
+    weak = sorted(
+        (row.safety, i, row)
+        for i, row in enumerate(strengths)
+        if row.safety is not None
+    )
     failing = [of for of in weak if of[0] < safety]
     found = []
     for factor, _, row in failing or weak[:1]:
@@ -79,12 +109,23 @@ def strong(material: Material, strengths: Sequence[Strength], task: Task, safety
     if softest is not None and softest.bend_m > min(SOFT_M, allowed):
         bends = f"{softest.load} bends it by {1000 * softest.bend_m:.1f} mm at {softest.component}"
         said = f"{bends}, and engines took it to be rigid; at most {1000 * allowed:.3g} mm are allowed"
-        found.append(Check("rigid", None if softest.bend_m <= allowed else False, said, _mend("rigid")))
+        found.append(
+            Check(
+                "rigid",
+                None if softest.bend_m <= allowed else False,
+                said,
+                _mend("rigid"),
+            )
+        )
     return found
 
 
 def tolerance(task: Task) -> float:
     """Return the least tolerance of a task's goals that is a length, metres."""
     kinds = {joint.name: joint.kind for joint in task.scene(0).joints}
-    lengths = [goal.tolerance for goal in task.goals if goal.joint is None or kinds.get(goal.joint) == "slider"]
+    lengths = [
+        goal.tolerance
+        for goal in task.goals
+        if goal.joint is None or kinds.get(goal.joint) == "slider"
+    ]
     return min((length for length in lengths if length > 0), default=TOLERANCE_M)

@@ -71,7 +71,10 @@ def bounces(surfaces: Sequence[Surface]) -> bool:
 
 
 def set_contacts(
-    spec: Element, colliders: Sequence[Collider], slip_rate: float, joined: Set[frozenset[str]] = frozenset()
+    spec: Element,
+    colliders: Sequence[Collider],
+    slip_rate: float,
+    joined: Set[frozenset[str]] = frozenset(),
 ) -> None:
     """Set the contact parameters of each geom, and add the pairs that are needed, without those of ``joined`` bodies.
 
@@ -79,8 +82,13 @@ def set_contacts(
     mean of its own friction and the tool's, and has priority.
     """
     tools = tools_friction(colliders)
-    partners = [tools if one.role is Role.SCENE else one.surface.friction for one in colliders]  # equal: no pair needed
-    reference = [2 * spec.option.timestep, 1.3]  # as stiff as the time step allows, and damped so that nothing rebounds
+    partners = [
+        tools if one.role is Role.SCENE else one.surface.friction for one in colliders
+    ]  # equal: no pair needed
+    reference = [
+        2 * spec.option.timestep,
+        1.3,
+    ]  # as stiff as the time step allows, and damped so that nothing rebounds
     for number, one in enumerate(colliders):
         geom = one.geom
         geom.name = f"{number}/{one.owner}"
@@ -94,17 +102,26 @@ def set_contacts(
         geom.solref = reference
         geom.solimp = IMPEDANCE
     covered = set()
-    for (one, partner), (other, others_partner) in combinations(zip(colliders, partners, strict=True), 2):
+    for (one, partner), (other, others_partner) in combinations(
+        zip(colliders, partners, strict=True), 2
+    ):
         (type_1, affinity_1), (type_2, affinity_2) = one.role.value, other.role.value
-        if one.bearer == other.bearer or not (type_1 & affinity_2 or type_2 & affinity_1):
+        if one.bearer == other.bearer or not (
+            type_1 & affinity_2 or type_2 & affinity_1
+        ):
             continue
         free = one.free or other.free
         if not free and partner == others_partner:
             continue
-        if free and (one.bearer, other.bearer) not in covered:  # all their pairs are explicit
+        if (
+            free and (one.bearer, other.bearer) not in covered
+        ):  # all their pairs are explicit
             covered.add((one.bearer, other.bearer))
             spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
-        if one.role is other.role is Role.SCENE and frozenset((one.owner, other.owner)) in joined:
+        if (
+            one.role is other.role is Role.SCENE
+            and frozenset((one.owner, other.owner)) in joined
+        ):
             continue
         friction = mean_friction(one.surface.friction, other.surface.friction)
         rolling = max(one.surface.rolling, other.surface.rolling)
@@ -113,16 +130,23 @@ def set_contacts(
             geomname2=other.geom.name,
             condim=_dimensions(rolling),
             friction=[friction, friction, 0.0, rolling, rolling],
-            solref=_rebound(spec, one.surface.restitution * other.surface.restitution) or reference,
+            solref=_rebound(spec, one.surface.restitution * other.surface.restitution)
+            or reference,
             # Stiffness, which friction has none of, and damping.
-            solreffriction=[-1.0, -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0)],
+            solreffriction=[
+                -1.0,
+                -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0),
+            ],
             solimp=IMPEDANCE,
         )
 
 
 def tools_friction(colliders: Sequence[Collider]) -> float:
     """The friction coefficient of the tool, or without one of the links."""
-    return next((one.surface.friction for one in colliders if one.role is Role.TOOL), LINK_FRICTION)
+    return next(
+        (one.surface.friction for one in colliders if one.role is Role.TOOL),
+        LINK_FRICTION,
+    )
 
 
 def mean_friction(one: float, other: float) -> float:
@@ -150,7 +174,13 @@ def _returned(ratio: float) -> float:
     (2007): contact ends when the force does, before the spring has its full length again.
     """
     swing = np.sqrt(1 - ratio**2)
-    return float(np.exp(-ratio / swing * (np.pi - np.arctan2(2 * ratio * swing, swing**2 - ratio**2))))
+    return float(
+        np.exp(
+            -ratio
+            / swing
+            * (np.pi - np.arctan2(2 * ratio * swing, swing**2 - ratio**2))
+        )
+    )
 
 
 def options(spec: Element, time_step: float, gravity: float, *, bouncing: bool) -> None:
@@ -161,13 +191,25 @@ def options(spec: Element, time_step: float, gravity: float, *, bouncing: bool) 
     # Servos are stiff against the arm's inertia. Only the discrete integrator takes that into account in contacts; with
     # the others, loads get accelerations that the arm does not have, and creep. But it is also implicit in the
     # contacts' springs, which removes the rebound, so bouncing bodies get the other one.
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST if bouncing else mujoco.mjtIntegrator.mjINT_DISCRETE
+    option.integrator = (
+        mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if bouncing
+        else mujoco.mjtIntegrator.mjINT_DISCRETE
+    )
     # Pyramids would be faster, but hold less across their corners, and can't have a slip rate of their own.
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 10.0  # friction yields ten times less than the normal: held objects do not creep
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # the same numbers as dense, and with 30 spheres 40 times faster
-    option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP  # bodies at rest are skipped until something touches them
+    option.jacobian = (
+        mujoco.mjtJacobian.mjJAC_SPARSE
+    )  # the same numbers as dense, and with 30 spheres 40 times faster
+    option.enableflags |= (
+        mujoco.mjtEnableBit.mjENBL_SLEEP
+    )  # bodies at rest are skipped until something touches them
     option.sleep_tolerance = 2.5e-4  # m/s for ten steps; with the default a ball on a slope of 0.1 degrees never starts
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT  # a tool may touch the link before its bearer
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a world that diverges is not reset
+    option.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    )  # a tool may touch the link before its bearer
+    option.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    )  # a world that diverges is not reset

@@ -12,11 +12,15 @@ try:
     import mujoco
     from mujoco.rollout import rollout
 except ModuleNotFoundError as error:
-    raise UserError("sim=mujoco needs MuJoCo 4 or newer: pip install 'mujoco>=4,<5'") from error
+    raise UserError(
+        "sim=mujoco needs MuJoCo 4 or newer: pip install 'mujoco>=4,<5'"
+    ) from error
 except Exception as error:  # its package reads MUJOCO_GL when it is imported; what it raises depends on the value
     if (chosen := os.environ.get("MUJOCO_GL")) is None:
         raise
-    raise UserError(f"MUJOCO_GL={chosen} does not work here ({error}); unset it, or set it to disable") from error
+    raise UserError(
+        f"MUJOCO_GL={chosen} does not work here ({error}); unset it, or set it to disable"
+    ) from error
 
 
 @contextmanager

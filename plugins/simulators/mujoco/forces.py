@@ -20,7 +20,9 @@ from plugins.simulators.mujoco.shapes import Element
 Numbers = npt.NDArray[np.int64]
 
 PACKED = 256  # steps whose contacts are packed at once
-_AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)  # as a number: an array is compared with an enum one by one
+_AWAKE = int(
+    mujoco.mjtSleepState.mjS_AWAKE
+)  # as a number: an array is compared with an enum one by one
 _OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _NET = 3  # a sensor's way to make one of many contacts: the sum of the forces
 # Of all contacts, and of those of the links with one another.
@@ -32,10 +34,19 @@ def add_feeler(spec: Element, link: str) -> None:
     """Add what a `Feeler` reads: sensors of the contacts of a link and of all that it moves. They are off at first."""
     kinds = mujoco.mjtObj
     fields = mujoco.mjtConDataField
-    for name, other in ((_OUTER, {}), (_INNER, {"reftype": kinds.mjOBJ_XBODY, "refname": link})):
+    for name, other in (
+        (_OUTER, {}),
+        (_INNER, {"reftype": kinds.mjOBJ_XBODY, "refname": link}),
+    ):
         kind = mujoco.mjtSensor.mjSENS_CONTACT
-        sensor = spec.add_sensor(name=name, type=kind, objtype=kinds.mjOBJ_XBODY, objname=link, **other)
-        sensor.intprm[:3] = 1 << int(fields.mjCONDATA_FORCE) | 1 << int(fields.mjCONDATA_POS), _NET, 1
+        sensor = spec.add_sensor(
+            name=name, type=kind, objtype=kinds.mjOBJ_XBODY, objname=link, **other
+        )
+        sensor.intprm[:3] = (
+            1 << int(fields.mjCONDATA_FORCE) | 1 << int(fields.mjCONDATA_POS),
+            _NET,
+            1,
+        )
     spec.option.disableflags |= _OFF
 
 
@@ -44,7 +55,9 @@ class Feeler:
 
     def __init__(self, model: Element) -> None:
         self._model = model
-        self._outer, self._inner = (int(model.sensor(name).adr[0]) for name in (_OUTER, _INNER))
+        self._outer, self._inner = (
+            int(model.sensor(name).adr[0]) for name in (_OUTER, _INNER)
+        )
 
     @contextmanager
     def on(self) -> Iterator[None]:
@@ -91,7 +104,9 @@ class Meter:
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
-        owners = [model.geom(number).name.partition("/")[2] for number in range(model.ngeom)]
+        owners = [
+            model.geom(number).name.partition("/")[2] for number in range(model.ngeom)
+        ]
         robot = model.geom_contype != Role.SCENE.value[0]
         links = sorted({owner for owner, own in zip(owners, robot, strict=True) if own})
         bodies = [body.name for body in scene.bodies]
@@ -104,13 +119,20 @@ class Meter:
                 for owner, own in zip(owners, robot, strict=True)
             ]
         )
-        self._flexes = np.array([len(links) + bodies.index(soft.name) for soft in scene.softs], dtype=np.int64)
+        self._flexes = np.array(
+            [len(links) + bodies.index(soft.name) for soft in scene.softs],
+            dtype=np.int64,
+        )
         self._packed: list[Measured] = []
         self._steps: list[tuple[npt.NDArray[Any], ...]] = []  # not packed yet
-        self._bodies = np.full(len(self._names), -1)  # the model's, of bodies in the scene
+        self._bodies = np.full(
+            len(self._names), -1
+        )  # the model's, of bodies in the scene
         self._bodies[self._owners[~robot]] = model.geom_bodyid[~robot]
         for number, owner in enumerate(self._flexes):
-            bearers = model.flex_vertbodyid[model.flex_vertadr[number] :][: model.flex_vertnum[number]]
+            bearers = model.flex_vertbodyid[model.flex_vertadr[number] :][
+                : model.flex_vertnum[number]
+            ]
             self._bodies[owner] = bearers[bearers > 0][0]
 
     def begin(self, packed: Sequence[Measured]) -> None:
@@ -121,8 +143,18 @@ class Meter:
     def measure(self, data: Element) -> None:
         """Copy the contacts of the last step."""
         contact = data.contact
-        geoms = contact.geom if not len(self._flexes) else np.where(contact.geom < 0, -1 - contact.flex, contact.geom)
-        where = geoms.copy(), contact.efc_address.copy(), contact.dim.copy(), contact.frame.copy(), contact.pos.copy()
+        geoms = (
+            contact.geom
+            if not len(self._flexes)
+            else np.where(contact.geom < 0, -1 - contact.flex, contact.geom)
+        )
+        where = (
+            geoms.copy(),
+            contact.efc_address.copy(),
+            contact.dim.copy(),
+            contact.frame.copy(),
+            contact.pos.copy(),
+        )
         self._steps.append((*where, data.efc_force.copy(), data.body_awake.copy()))
         if len(self._steps) == PACKED:
             self.packed()
@@ -136,13 +168,20 @@ class Meter:
 
     def _pack(self) -> Measured:
         geoms, addresses, dims, frames, points, forces = (
-            np.concatenate(parts) for parts in zip(*(step[:-1] for step in self._steps), strict=True)
+            np.concatenate(parts)
+            for parts in zip(*(step[:-1] for step in self._steps), strict=True)
         )
-        counts, rows = (np.array([len(step[number]) for step in self._steps]) for number in (1, 5))
+        counts, rows = (
+            np.array([len(step[number]) for step in self._steps]) for number in (1, 5)
+        )
         steps = np.repeat(np.arange(len(counts)), counts)
-        first = addresses + np.repeat(np.cumsum(rows) - rows, counts)  # of an elliptic cone this row is the normal
+        first = addresses + np.repeat(
+            np.cumsum(rows) - rows, counts
+        )  # of an elliptic cone this row is the normal
         acts = addresses >= 0
-        owners = np.append(self._owners, self._flexes[::-1])[geoms]  # a flex has -1 minus its number
+        owners = np.append(self._owners, self._flexes[::-1])[
+            geoms
+        ]  # a flex has -1 minus its number
         pairs = np.sort(owners, axis=1)
         asleep = np.array([step[-1] for step in self._steps])[:, self._bodies] != _AWAKE
         asleep[:, self._bodies < 0] = False
@@ -151,11 +190,17 @@ class Meter:
         new = np.flatnonzero(scene & ~resting)
         mine = np.flatnonzero(scene & (pairs[:, 0] == self._tool))
         axes = np.arange(3)
-        along = forces[first[mine, None] + np.minimum(axes, dims[mine, None] - 1)] * (axes < dims[mine, None])
-        on_second = np.einsum("pi,pij->pj", along, frames[mine].reshape(-1, 3, 3))  # without friction there is one row
+        along = forces[first[mine, None] + np.minimum(axes, dims[mine, None] - 1)] * (
+            axes < dims[mine, None]
+        )
+        on_second = np.einsum(
+            "pi,pij->pj", along, frames[mine].reshape(-1, 3, 3)
+        )  # without friction there is one row
         pushes = np.where(owners[mine, 1:] == self._tool, on_second, -on_second)
         each = steps[new], pairs[new], forces[first[new]], asleep
-        return Measured(len(counts), *each, steps[mine], pairs[mine, 1], points[mine], pushes)
+        return Measured(
+            len(counts), *each, steps[mine], pairs[mine, 1], points[mine], pushes
+        )
 
     def measured(self, recording: Recording, at: Numbers) -> Recording:
         """Add the mean forces between instants, before steps ``at`` (T,), to a recording.
@@ -169,29 +214,51 @@ class Meter:
         kinds = [np.concatenate(parts) for parts in list(zip(*packed, strict=True))[2:]]
         pairs, forces, asleep, _, others, points, pushes = kinds
         steps, touching = (
-            np.concatenate([one[number] + offset for one, offset in zip(packed, offsets, strict=False)])
-            for number in (Measured._fields.index("steps"), Measured._fields.index("touching"))
+            np.concatenate(
+                [
+                    one[number] + offset
+                    for one, offset in zip(packed, offsets, strict=False)
+                ]
+            )
+            for number in (
+                Measured._fields.index("steps"),
+                Measured._fields.index("touching"),
+            )
         )
-        interval = np.searchsorted(at, np.arange(offsets[-1]), side="right")  # of each step
+        interval = np.searchsorted(
+            at, np.arange(offsets[-1]), side="right"
+        )  # of each step
         spans = np.diff(at, prepend=at[0] - 1)
         codes = pairs @ (len(self._names), 1)
         found = {}
         order = np.argsort(codes, kind="stable")
-        for mine in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
+        for mine in (
+            np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
+            if len(order)
+            else ()
+        ):
             one, other = pairs[mine[0]]
             which = steps[mine]
             entries = forces[mine]
             resting = asleep[:, one] & asleep[:, other]
             if resting.any():
-                since = np.maximum.accumulate(np.where(resting, 0, np.arange(len(resting))))
+                since = np.maximum.accumulate(
+                    np.where(resting, 0, np.arange(len(resting)))
+                )
                 begin = np.searchsorted(which, since)
                 end = np.searchsorted(which, since, side="right")
                 which = np.repeat(np.arange(len(resting)), end - begin)
-                shift = np.repeat(begin - np.cumsum(end - begin) + (end - begin), end - begin)
+                shift = np.repeat(
+                    begin - np.cumsum(end - begin) + (end - begin), end - begin
+                )
                 entries = entries[np.arange(len(which)) + shift]
             sums = np.bincount(interval[which], entries, minlength=len(at))
             if sums.any():
                 found[self._names[one], self._names[other]] = sums / spans
         samples = interval[touching]
         bodies = np.array(self._names, dtype=np.str_)[others]
-        return replace(recording, forces=found, pushes=Pushes(samples, bodies, points, pushes / spans[samples, None]))
+        return replace(
+            recording,
+            forces=found,
+            pushes=Pushes(samples, bodies, points, pushes / spans[samples, None]),
+        )

@@ -25,7 +25,9 @@ _KINDS = {
 _BACK = np.array([1.0, -1.0, -1.0, -1.0])  # makes a quaternion the inverse
 
 
-def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dict[str, Element]:
+def add_bodies(
+    spec: Element, scene: Scene, inertias: dict[str, Inertia]
+) -> dict[str, Element]:
     """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body."""
     bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
     tops: dict[str | None, Element] = {}  # of what hangs together
@@ -37,14 +39,18 @@ def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dic
         above = joint.parent if joint else None
         bearer = spec.worldbody if above is None else bearers[above]
         outer = scene[above].pose if above is not None and above in tops else Pose()
-        bearers[body.name] = element = add_body(bearer, name, outer.inverse() @ body.pose, inertias[body.name])
+        bearers[body.name] = element = add_body(
+            bearer, name, outer.inverse() @ body.pose, inertias[body.name]
+        )
         tops[body.name] = tops.get(above, element)
         if joint is None:
             element.add_freejoint(name=name)
         else:
             _add_joint(spec, element, joint, name)
             # A servo's load is known where nothing else could give way to it.
-            element.gravcomp = float(bool(joint.drive) and (above not in tops or bearer.gravcomp > 0))
+            element.gravcomp = float(
+                bool(joint.drive) and (above not in tops or bearer.gravcomp > 0)
+            )
         if body.launched or (joint and (joint.drive or joint.latches)):
             tops[body.name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     return bearers
@@ -62,7 +68,13 @@ def _name(scene: Scene, body: str) -> str:
 def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None:
     """Add a joint at whose ``start`` the body is where it is, and its servo."""
     reference = [2 * spec.option.timestep, 1.0]
-    made = element.add_joint(name=name, type=_KINDS[joint.kind], axis=joint.axis, pos=joint.origin, ref=joint.start)
+    made = element.add_joint(
+        name=name,
+        type=_KINDS[joint.kind],
+        axis=joint.axis,
+        pos=joint.origin,
+        ref=joint.start,
+    )
     if joint.limited:
         made.range = [joint.lower, joint.upper]
     made.stiffness[0] = joint.stiffness
@@ -75,7 +87,9 @@ def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None
     if joint.drive:
         made.actfrcrange = [-joint.drive.force, joint.drive.force]
         made.actgravcomp = True
-        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo = spec.add_actuator(
+            name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
         servo.set_to_pid(kp=1.0, kv=1.0)
 
 
@@ -105,11 +119,21 @@ class Moving:
             joint = model.joint(_name(scene, name))
             q = int(joint.qposadr[0])
             v = int(joint.dofadr[0])
-            self._places[name] = _Place(slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping)))
-        self._drives = [placed.joint.drive for placed in scene.ordered_joints if placed.joint.drive]
+            self._places[name] = _Place(
+                slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping))
+            )
+        self._drives = [
+            placed.joint.drive for placed in scene.ordered_joints if placed.joint.drive
+        ]
         self._launched = [body for body in scene.free if body.launched]
-        latched = [(one, model.joint(_name(scene, one.body))) for one in scene.joints if one.latches]
-        self._latched = [(one, at.id, int(at.qposadr[0]), int(at.dofadr[0])) for one, at in latched]
+        latched = [
+            (one, model.joint(_name(scene, one.body)))
+            for one in scene.joints
+            if one.latches
+        ]
+        self._latched = [
+            (one, at.id, int(at.qposadr[0]), int(at.dofadr[0])) for one, at in latched
+        ]
         self.drives = len(self._drives)
         self.launches = bool(self._launched)
         self.latches = bool(self._latched)
@@ -120,10 +144,14 @@ class Moving:
 
     def _rigid_state(self, qpos: Array, qvel: Array) -> State:
         if not self._scene.joints:
-            return state(self._names, qpos[..., self._first[0] :], qvel[..., self._first[1] :])
+            return state(
+                self._names, qpos[..., self._first[0] :], qvel[..., self._first[1] :]
+            )
         hung = {placed.joint.body for placed in self._scene.ordered_joints}
         found: dict[str | None, Placement] = {None: Placement.at_rest(Pose())}
-        found |= {name: Placement.at_rest(pose) for name, pose in self._scene.places.items()}
+        found |= {
+            name: Placement.at_rest(pose) for name, pose in self._scene.places.items()
+        }
         for name, (q, v) in self._places.items():
             if name not in hung:
                 one = state((name,), qpos[..., q], qvel[..., v])
@@ -131,23 +159,38 @@ class Moving:
         for placed in self._scene.ordered_joints:
             q, v = self._places[placed.joint.body]
             value, speed = _local(placed, qpos[..., q], qvel[..., v])
-            found[placed.joint.body] = placed.carry(value, speed, found[placed.joint.parent])
+            found[placed.joint.body] = placed.carry(
+                value, speed, found[placed.joint.parent]
+            )
         parts = zip(*(found[name] for name in self._names), strict=True)
         shape = qpos.shape[:-1]
         return State(
             self._names,
-            *(np.stack([np.broadcast_to(one, (*shape, one.shape[-1])) for one in part], axis=-2) for part in parts),
+            *(
+                np.stack(
+                    [np.broadcast_to(one, (*shape, one.shape[-1])) for one in part],
+                    axis=-2,
+                )
+                for part in parts
+            ),
         )
 
     def launch(self, qpos: Array, qvel: Array) -> None:
         """Give bodies their velocities, in speeds (V,)."""
         for body in self._launched:
             q, v = self._places[body.name]
-            qvel[v] = [*body.velocity, *rotate(qpos[q][3:] * _BACK, np.asarray(body.spin))]
+            qvel[v] = [
+                *body.velocity,
+                *rotate(qpos[q][3:] * _BACK, np.asarray(body.spin)),
+            ]
 
     def aim(self, times: Array) -> Array:
         """Sample the drives' positions at instants (S,): (S, D)."""
-        return np.array([drive.sample(times) for drive in self._drives]).reshape(self.drives, len(times)).T
+        return (
+            np.array([drive.sample(times) for drive in self._drives])
+            .reshape(self.drives, len(times))
+            .T
+        )
 
     def pull(self, model: Element, data: Element) -> None:
         """Set the forces of latches. Where one rises it is a spring, which is stable however stiff."""
@@ -179,4 +222,10 @@ def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
     if turning.size:
         axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
         turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
-    return State(names, poses[..., :3].copy(), poses[..., 3:].copy(), speeds[..., :3].copy(), turning)
+    return State(
+        names,
+        poses[..., :3].copy(),
+        poses[..., 3:].copy(),
+        speeds[..., :3].copy(),
+        turning,
+    )

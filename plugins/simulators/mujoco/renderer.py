@@ -23,8 +23,16 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.rendering import Renderer, joint_positions
 
-_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # stands for collision meshes
-_OFF = ("disable", "disabled", "off", "false", "0")  # of MUJOCO_GL, as in MuJoCo's own package
+_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(
+    file_type="stl"
+)  # stands for collision meshes
+_OFF = (
+    "disable",
+    "disabled",
+    "off",
+    "false",
+    "0",
+)  # of MUJOCO_GL, as in MuJoCo's own package
 
 
 class MuJoCoRenderer(Renderer):
@@ -64,7 +72,9 @@ class MuJoCoRenderer(Renderer):
             bearer, pose = shown.borne[component.name]
             _show(spec, spec.body(bearer), component.shape.drawn, pose, component.color)
         for body in task.scene(seed).bodies:
-            element = spec.worldbody.add_body(name=f"scene/{body.name}", mocap=True, pos=body.pose.position)
+            element = spec.worldbody.add_body(
+                name=f"scene/{body.name}", mocap=True, pos=body.pose.position
+            )
             element.quat = body.pose.quaternion
             for part in body.visuals:
                 _show(spec, element, part.shape, part.pose, part.color)
@@ -75,13 +85,17 @@ class MuJoCoRenderer(Renderer):
         with self._opengl.as_current():
             if self._context is not None:
                 self._context.free()
-            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            self._context = mujoco.MjrContext(
+                self._model, mujoco.mjtFontScale.mjFONTSCALE_100
+            )
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
         self._robot = robot
         self._tool = shown
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        for name, value in joint_positions(self._robot, self._tool, arm, fingers).items():
+        for name, value in joint_positions(
+            self._robot, self._tool, arm, fingers
+        ).items():
             self._data.joint(name).qpos[0] = value
         for name in state.names:
             number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]
@@ -101,24 +115,40 @@ class MuJoCoRenderer(Renderer):
         corners = surface.vertices[surface.faces]
         normals = np.zeros_like(surface.vertices)
         np.add.at(
-            normals, surface.faces, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None]
+            normals,
+            surface.faces,
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[
+                :, None
+            ],
         )
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         at = model.mesh_vertadr[number]
         count = model.mesh_vertnum[number]
-        model.mesh_vert[at : at + count] = (surface.vertices - self._data.geom_xpos[geom]) @ turn
+        model.mesh_vert[at : at + count] = (
+            surface.vertices - self._data.geom_xpos[geom]
+        ) @ turn
         at = model.mesh_normaladr[number]
         faces = slice(*(model.mesh_faceadr[number] + [0, model.mesh_facenum[number]]))
         of_face = model.mesh_facenormal[faces].ravel()
-        model.mesh_normal[at + of_face] = (normals @ turn)[model.mesh_face[faces].ravel()]
+        model.mesh_normal[at + of_face] = (normals @ turn)[
+            model.mesh_face[faces].ravel()
+        ]
         with self._opengl.as_current():
             mujoco.mjr_uploadMesh(model, self._context, number)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        self._model.vis.global_.fovy = camera.fov_deg if camera.height_m is None else camera.height_m
+        self._model.vis.global_.fovy = (
+            camera.fov_deg if camera.height_m is None else camera.height_m
+        )
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
-            self._model, self._data, mujoco.MjvOption(), mujoco.MjvPerturb(), _look(camera), everything, self._scene
+            self._model,
+            self._data,
+            mujoco.MjvOption(),
+            mujoco.MjvPerturb(),
+            _look(camera),
+            everything,
+            self._scene,
         )
         view = mujoco.MjrRect(0, 0, width, height)
         picture = np.empty((height, width, 3), np.uint8)
@@ -136,29 +166,46 @@ def _open_gl() -> tuple[Any, str]:
     The environment variable MUJOCO_GL chooses the library or switches drawing off, as everywhere with MuJoCo. By
     default the first library found is taken.
     """
-    libraries = {"cgl": "OpenGL"} if platform.system() == "Darwin" else {"egl": "EGL", "osmesa": "OSMesa"}
+    libraries = (
+        {"cgl": "OpenGL"}
+        if platform.system() == "Darwin"
+        else {"egl": "EGL", "osmesa": "OSMesa"}
+    )
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     if chosen in _OFF:
         raise NoPicture(f"MuJoCo's own renderer is switched off (MUJOCO_GL={chosen})")
-    found = [name for name, library in libraries.items() if ctypes.util.find_library(library)]
+    found = [
+        name for name, library in libraries.items() if ctypes.util.find_library(library)
+    ]
     name = chosen if chosen in libraries else found[0] if found else ""
     if not name:
-        raise _no_open_gl(f"none of the libraries {', '.join(libraries.values())} is there")
-    logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)  # about an optional package
+        raise _no_open_gl(
+            f"none of the libraries {', '.join(libraries.values())} is there"
+        )
+    logging.getLogger("OpenGL.acceleratesupport").setLevel(
+        logging.WARNING
+    )  # about an optional package
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
         gl = importlib.import_module("OpenGL.GL")
         with context.as_current():
-            return context, f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})"
+            return (
+                context,
+                f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})",
+            )
     except Exception as error:  # PyOpenGL's errors differ with what is missing
-        raise _no_open_gl(f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}") from error
+        raise _no_open_gl(
+            f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}"
+        ) from error
 
 
 def _no_open_gl(why: str) -> NoPicture:
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
-def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color) -> None:
+def _show(
+    spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color
+) -> None:
     geom = add_geom(spec, bearer, shape, pose)
     geom.rgba = color
     geom.contype = 0
@@ -172,9 +219,14 @@ def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color
 
 def _light(spec: Element) -> None:
     """Add one sun with shadows, ambient light, and a white background."""
-    white = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT}
+    white = {
+        "type": mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+    }
     spec.add_texture(**white, rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=8, height=48)
-    sun = spec.worldbody.add_light(pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True)
+    sun = spec.worldbody.add_light(
+        pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True
+    )
     sun.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     sun.diffuse = [0.55] * 3
     sun.ambient = [0.0] * 3

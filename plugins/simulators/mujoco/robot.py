@@ -17,7 +17,13 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
-HOLDS = [0.9999, 0.9999, 0.001, 0.5, 2.0]  # the impedance of dry friction in a joint: it hardly creeps
+HOLDS = [
+    0.9999,
+    0.9999,
+    0.001,
+    0.5,
+    2.0,
+]  # the impedance of dry friction in a joint: it hardly creeps
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
@@ -42,14 +48,30 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     for number, mount in enumerate(tool.mounts, start=1):
         away = [0.0, 0.0, 1000.0 * number]
         for _ in range(slots - used[mount]):
-            spec.body(mount).add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-4] * 3, pos=away, mass=0.0)
+            spec.body(mount).add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-4] * 3, pos=away, mass=0.0
+            )
     links = [(geom, geom.parent.name) for geom in spec.geoms]
     spec.fuse_static()
     colliders = []
     for geom, link in links:
-        role = Role.TOOL if link in tool.borne_on else Role.BEARER if link in near else Role.ARM
+        role = (
+            Role.TOOL
+            if link in tool.borne_on
+            else Role.BEARER
+            if link in near
+            else Role.ARM
+        )
         owner = "tool" if role is Role.TOOL else link
-        colliders.append(Collider(geom, owner, geom.parent.name, role, Surface(friction_of(robot, tool, link))))
+        colliders.append(
+            Collider(
+                geom,
+                owner,
+                geom.parent.name,
+                role,
+                Surface(friction_of(robot, tool, link)),
+            )
+        )
     for bearer in tool.bearers:
         body = spec.body(bearer.name)
         spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)
@@ -83,7 +105,9 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
             joint.armature = FINGER_INERTIA
         else:  # the description's effort is the limit
             joint.armature = robot.motor_inertia[robot.arm_joints.index(joint.name)]
-        servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo = spec.add_actuator(
+            name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
         servo.set_to_pid(kp=1.0, kv=1.0)
     for coupling in spec.equalities:
         coupling.solref = [2 * spec.option.timestep, 1.0]

@@ -34,7 +34,9 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
             kind = mujoco.mjtGeom.mjGEOM_MESH
             mesh = f"mesh_{len(spec.meshes)}"
             spec.add_mesh(name=mesh, uservert=np.ravel(shape.vertices))
-    return bearer.add_geom(type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion)
+    return bearer.add_geom(
+        type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion
+    )
 
 
 def add_body(bearer: Element, name: str, pose: Pose, inertia: Inertia) -> Element:

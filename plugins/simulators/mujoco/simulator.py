@@ -10,7 +10,13 @@ from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import MAX_TIME_STEP, Stepped, World, compiled, inertias_of
+from plugins.simulators.mujoco.world import (
+    MAX_TIME_STEP,
+    Stepped,
+    World,
+    compiled,
+    inertias_of,
+)
 from plugins.simulators.rendering import DrawingSimulator
 
 _KEPT = 4  # worlds: most batches have one tool
@@ -30,10 +36,22 @@ class MuJoCoSimulator(DrawingSimulator):
     supports_guards = True
     supports_soft_bodies = True
 
-    def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
-        check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
+    def __init__(
+        self,
+        time_step: float = 0.0025,
+        tracking_rate: float = 50.0,
+        slip_rate: float = 200.0,
+    ) -> None:
+        check_positive(
+            "sim.",
+            time_step=time_step,
+            tracking_rate=tracking_rate,
+            slip_rate=slip_rate,
+        )
         if time_step > MAX_TIME_STEP:
-            raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
+            raise UsageError(
+                f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft"
+            )
         self._rates = time_step, tracking_rate, slip_rate
         self._worlds: OrderedDict[tuple[int, Tool], World] = OrderedDict()
 
@@ -47,10 +65,15 @@ class MuJoCoSimulator(DrawingSimulator):
     def _world(self, task: Task, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
         scene = job.scene_in(task)
-        key = (id(scene), job.tool)  # the world keeps the scene, so that its id is its own
+        key = (
+            id(scene),
+            job.tool,
+        )  # the world keeps the scene, so that its id is its own
         world = self._worlds.get(key)
         if world is None:
-            model = compiled(task.robot, scene, inertias_of(scene), job.tool, *self._rates)
+            model = compiled(
+                task.robot, scene, inertias_of(scene), job.tool, *self._rates
+            )
             world = World(task.robot, scene, job.tool, model)
         self._worlds[key] = world
         self._worlds.move_to_end(key)

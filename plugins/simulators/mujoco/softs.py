@@ -28,29 +28,43 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
     if scene.softs:
         spec.option.iterations = ITERATIONS
         if spec.option.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
-            raise UserError("a scene with soft bodies can't have two bodies with restitution; leave it out of one")
+            raise UserError(
+                "a scene with soft bodies can't have two bodies with restitution; leave it out of one"
+            )
     reference = [2 * spec.option.timestep, 1.0]
     for number, soft in enumerate(scene.softs):
         names = []
         vertices = []
-        for node, (place, share) in enumerate(zip(soft.placed, soft.form.weights, strict=True)):
+        for node, (place, share) in enumerate(
+            zip(soft.placed, soft.form.weights, strict=True)
+        ):
             pinned = node in soft.pinned
             names.append("world" if pinned else _name(number, node))
             vertices.append(place if pinned else np.zeros(3))
             if not pinned:
                 mass = soft.mass * share
-                body = spec.worldbody.add_body(name=names[-1], pos=place, mass=mass, inertia=[1e-4 * mass] * 3)
+                body = spec.worldbody.add_body(
+                    name=names[-1], pos=place, mass=mass, inertia=[1e-4 * mass] * 3
+                )
                 body.explicitinertial = True
                 for axis, way in enumerate(np.eye(3)):
-                    body.add_joint(name=f"{names[-1]}/{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=way)
-        flex = spec.add_flex(name=f"soft/{soft.name}", dim=soft.form.elements.shape[1] - 1)
+                    body.add_joint(
+                        name=f"{names[-1]}/{axis}",
+                        type=mujoco.mjtJoint.mjJNT_SLIDE,
+                        axis=way,
+                    )
+        flex = spec.add_flex(
+            name=f"soft/{soft.name}", dim=soft.form.elements.shape[1] - 1
+        )
         flex.vertbody = names
         flex.vert = np.ravel(vertices)
         flex.elem = np.ravel(soft.form.elements).astype(np.int32)
         flex.radius = soft.form.thickness / 2
         flex.young = soft.elastic.young
         flex.poisson = soft.elastic.poisson
-        flex.damping = max(soft.elastic.damping, 1e-9)  # MuJoCo warns of a solid without any
+        flex.damping = max(
+            soft.elastic.damping, 1e-9
+        )  # MuJoCo warns of a solid without any
         flex.contype, flex.conaffinity = Role.SCENE.value
         flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
         # Above that of fixed geoms.
@@ -63,7 +77,9 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.elastic3d = int(soft.form.kind == "solid")
         if soft.form.kind == "cloth":
             flex.thickness = soft.form.thickness
-            flex.elastic2d = _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES
+            flex.elastic2d = (
+                _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES
+            )
         if soft.form.kind == "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
             length.solref = reference
@@ -86,7 +102,11 @@ def _bends(soft: Soft, gravity: float) -> bool:
     costs as much as all the rest."""
     elastic = soft.elastic
     thickness = soft.form.thickness
-    stiff = elastic.young * thickness**2 / (12 * elastic.density * gravity * (1 - elastic.poisson**2))
+    stiff = (
+        elastic.young
+        * thickness**2
+        / (12 * elastic.density * gravity * (1 - elastic.poisson**2))
+    )
     cell: float = np.median(sizes(soft.form.nodes, soft.form.elements))
     return bool(stiff ** (1 / 3) > np.sqrt(2 * cell))
 
@@ -102,9 +122,18 @@ class Softs:
         self._scene = scene
         self._places = list[tuple[list[int], list[int], list[int]]]()
         for number, soft in enumerate(scene.softs):
-            free = [node for node in range(len(soft.form.nodes)) if node not in soft.pinned]
-            joints = [model.joint(f"{_name(number, node)}/{axis}") for node in free for axis in range(3)]
-            addresses = [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
+            free = [
+                node for node in range(len(soft.form.nodes)) if node not in soft.pinned
+            ]
+            joints = [
+                model.joint(f"{_name(number, node)}/{axis}")
+                for node in free
+                for axis in range(3)
+            ]
+            addresses = (
+                [int(joint.qposadr[0]) for joint in joints],
+                [int(joint.dofadr[0]) for joint in joints],
+            )
             self._places.append((free, *addresses))
 
     def joined(self, rigid: State, qpos: Array, qvel: Array) -> State:
@@ -113,8 +142,13 @@ class Softs:
             return rigid
         shape = qpos.shape[:-1]
         nodes = {}
-        found = {name: [array[..., k, :] for array in rigid.arrays] for k, name in enumerate(rigid.names)}
-        for soft, (free, at, speeds) in zip(self._scene.softs, self._places, strict=True):
+        found = {
+            name: [array[..., k, :] for array in rigid.arrays]
+            for k, name in enumerate(rigid.names)
+        }
+        for soft, (free, at, speeds) in zip(
+            self._scene.softs, self._places, strict=True
+        ):
             moved, moving = np.zeros((2, *shape, len(soft.form.nodes), 3))
             moved[..., free, :] = qpos[..., at].reshape(*shape, -1, 3)
             moving[..., free, :] = qvel[..., speeds].reshape(*shape, -1, 3)
@@ -124,5 +158,8 @@ class Softs:
             upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*shape, 4))
             found[soft.name] = [middle, upright, speed, np.zeros_like(speed)]
         names = tuple(body.name for body in self._scene.free)
-        arrays = (np.stack(parts, axis=-2) for parts in zip(*(found[name] for name in names), strict=True))
+        arrays = (
+            np.stack(parts, axis=-2)
+            for parts in zip(*(found[name] for name in names), strict=True)
+        )
         return State(names, *arrays, soft=nodes)

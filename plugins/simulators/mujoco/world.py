@@ -11,7 +11,14 @@ from core.geometry import Array
 from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout
 from core.robot.description import assembled, joint_name
 from core.scene import Inertia, Scene, Soft, State
-from core.simulation.playback import LAG_EVERY, begun, feel_every, record_every, schedule, targets
+from core.simulation.playback import (
+    LAG_EVERY,
+    begun,
+    feel_every,
+    record_every,
+    schedule,
+    targets,
+)
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
@@ -27,12 +34,16 @@ MAX_TIME_STEP = 0.005  # s; above, contacts get soft
 CCD_TOLERANCE = 1e-10  # m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves
 _READINGS = 8  # of what the arm feels, in steps that are taken at once
 HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
-_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
+_STATE = (
+    mujoco.mjtState.mjSTATE_FULLPHYSICS
+)  # time, joints' positions, their speeds: nothing of ours has more
 
 
 def inertias_of(scene: Scene) -> dict[str, Inertia]:
     """Compute the inertias of the free rigid bodies, by name."""
-    return {body.name: body.inertia() for body in scene.free if not isinstance(body, Soft)}
+    return {
+        body.name: body.inertia() for body in scene.free if not isinstance(body, Soft)
+    }
 
 
 def compiled(
@@ -51,13 +62,20 @@ def compiled(
     """
     if scene.softs and all(soft.form.kind != "rope" for soft in scene.softs):
         time_step = min(2 * time_step, MAX_TIME_STEP)
-    if any(joint.parent is not None and not scene[joint.parent].fixed for joint in scene.joints):
+    if any(
+        joint.parent is not None and not scene[joint.parent].fixed
+        for joint in scene.joints
+    ):
         time_step /= 2
     spec = described(robot, scene, inertias, tool, time_step, slip_rate)
     if any(rollers(body) for body in scene.bodies):
         spec.option.ccd_tolerance = CCD_TOLERANCE
-    add_feeler(spec, assembled(robot, tool, fused=True).named[robot.arm_joints[-1]].child)
-    if len(scene.free) <= 1 and not scene.softs:  # equal but for rounding, up to a tenth faster; not measured on a GPU
+    add_feeler(
+        spec, assembled(robot, tool, fused=True).named[robot.arm_joints[-1]].child
+    )
+    if (
+        len(scene.free) <= 1 and not scene.softs
+    ):  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()
     set_gains(model, robot, tracking_rate)
@@ -78,7 +96,10 @@ def described(
     Fixed bodies are all part of the world's body, for which MuJoCo has a tree of bounding boxes.
     """
     spec, colliders = load(robot, tool, slots)
-    surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
+    surfaces = [
+        Surface(body.friction, body.rolling_friction, body.restitution)
+        for body in scene.bodies
+    ]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
     add_servos(spec, robot, tool)
     add_softs(spec, scene, contacts.tools_friction(colliders))
@@ -89,8 +110,17 @@ def described(
         bearer = bearers[body.name]
         frame = body.pose if body.fixed else None
         for part in body.collisions:
-            geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
-            colliders.append(Collider(geom, body.name, bearer.name, Role.SCENE, surface, not body.fixed))
+            geom = add_geom(
+                spec,
+                bearer,
+                part.shape,
+                part.pose if frame is None else frame @ part.pose,
+            )
+            colliders.append(
+                Collider(
+                    geom, body.name, bearer.name, Role.SCENE, surface, not body.fixed
+                )
+            )
     contacts.set_contacts(spec, colliders, slip_rate, scene.joined)
     if any(soft.form.kind == "cloth" for soft in scene.softs):
         hull_boxes(spec)
@@ -121,15 +151,36 @@ class Joints:
 
     @classmethod
     def of(cls, robot: Robot, tool: Tool, model: Element) -> Joints:
-        names = robot.joints(tool.gripper), [joint_name(bearer.name) for bearer in tool.bearers]
-        driven, loose = ([int(model.joint(name).qposadr[0]) for name in joints] for joints in names)
-        springs = np.array([(one.joint.stiffness, one.joint.friction) for one in tool.bearers]).reshape(-1, 2).T
+        names = (
+            robot.joints(tool.gripper),
+            [joint_name(bearer.name) for bearer in tool.bearers],
+        )
+        driven, loose = (
+            [int(model.joint(name).qposadr[0]) for name in joints] for joints in names
+        )
+        springs = (
+            np.array(
+                [(one.joint.stiffness, one.joint.friction) for one in tool.bearers]
+            )
+            .reshape(-1, 2)
+            .T
+        )
         arm = len(robot.arm_joints)
-        return cls(len(driven) + len(loose), driven, loose, springs, arm, len(driven) - arm, len(robot.finger_joints))
+        return cls(
+            len(driven) + len(loose),
+            driven,
+            loose,
+            springs,
+            arm,
+            len(driven) - arm,
+            len(robot.finger_joints),
+        )
 
     def hold(self, model: Element, *, held: bool) -> None:
         """Hold the tool's joints, or let them go: held, they have no springs, and their friction bears everything."""
-        model.jnt_stiffness[self.loose], model.dof_frictionloss[self.loose] = (0.0, HELD) if held else self.springs
+        model.jnt_stiffness[self.loose], model.dof_frictionloss[self.loose] = (
+            (0.0, HELD) if held else self.springs
+        )
 
     def read(self, qpos: Array) -> tuple[Array, Array]:
         """Take the arm's joints (T, J), and the fingers' with the tool's (T, F + K), from positions (T, Q)."""
@@ -166,7 +217,9 @@ class World:
         job = begun(job)
         dt = self._model.opt.timestep
         trajectory = job.trajectory
-        if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
+        if not (
+            np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()
+        ):
             return Outcome(None, None, error="the trajectory's targets are not finite")
         settle, times = schedule(job, dt)
         every = record_every(job, dt)
@@ -176,17 +229,30 @@ class World:
         except (mujoco.FatalError, FloatingPointError) as error:
             return Outcome(None, None, error=f"MuJoCo: {error}")
         looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
-        lag = np.abs(self._joints.read(qpos[looks + 1])[0] - job.trajectory.sample(times[looks] + dt)[0]).max(
-            initial=0.0
-        )
+        lag = np.abs(
+            self._joints.read(qpos[looks + 1])[0]
+            - job.trajectory.sample(times[looks] + dt)[0]
+        ).max(initial=0.0)
         recording = None
         if every:
             at = np.append(np.arange(0, len(times), every), len(times))
             instants = np.append(times, times[-1] + dt)[at]
-            recording = Recording(instants, *self._joints.read(qpos[at]), self._moving.state(qpos[at], qvel[at]))
+            recording = Recording(
+                instants,
+                *self._joints.read(qpos[at]),
+                self._moving.state(qpos[at], qvel[at]),
+            )
             recording = meter.measured(recording, at) if meter else recording
-        start, end = (self._moving.state(qpos[step], qvel[step]) for step in (settle, -1))
-        return Outcome(start, end, float(lag), recording=recording, felt=job.guards.felt if job.guards else ())
+        start, end = (
+            self._moving.state(qpos[step], qvel[step]) for step in (settle, -1)
+        )
+        return Outcome(
+            start,
+            end,
+            float(lag),
+            recording=recording,
+            felt=job.guards.felt if job.guards else (),
+        )
 
     def _run(
         self, job: Rollout, settle: int, times: Array, meter: Meter | None
@@ -203,9 +269,13 @@ class World:
         """
         trajectory = job.trajectory
         controls = self._controls(trajectory, times)
-        joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * self._joints.grip)
+        joints = np.append(
+            trajectory.arm[0], [trajectory.fingers[0]] * self._joints.grip
+        )
         settled = self._settle(joints, controls[:settle], meter)
-        mujoco.mj_copyData(self._data, self._model, settled.data)  # which bodies sleep is not part of a state
+        mujoco.mj_copyData(
+            self._data, self._model, settled.data
+        )  # which bodies sleep is not part of a state
         if meter:
             meter.begin(settled.measured)
         states = settled.states
@@ -215,10 +285,20 @@ class World:
         self._joints.hold(self._model, held=False)
         if job.guards is not None:
             return self._felt(job, job.guards, settle, times, states, meter)
-        return job, times, self._split(self._steps(self._data, states, controls[settle:], meter))
+        return (
+            job,
+            times,
+            self._split(self._steps(self._data, states, controls[settle:], meter)),
+        )
 
     def _felt(
-        self, job: Rollout, guards: Guards, settle: int, times: Array, states: Array, meter: Meter | None
+        self,
+        job: Rollout,
+        guards: Guards,
+        settle: int,
+        times: Array,
+        states: Array,
+        meter: Meter | None,
     ) -> tuple[Rollout, Array, tuple[Array, Array]]:
         """Do the steps after the settling as `_run` does, some readings at once; where a guard ends, go back to it."""
         data = self._data
@@ -241,7 +321,9 @@ class World:
                 if (now := float(times[done + end - 1] + dt)) < guards.since:
                     continue
                 arm, _ = self._joints.read(self._split(played[end - 1 : end])[0])
-                changed = guards.feel(now, arm[0], *self._feeler.pushes(sensed[end - tick : end]))
+                changed = guards.feel(
+                    now, arm[0], *self._feeler.pushes(sensed[end - tick : end])
+                )
                 if changed is None:
                     continue
                 if end < len(played):
@@ -267,7 +349,9 @@ class World:
         if (
             known is None
             or len(known.states) != 1 + count
-            or (meter is not None and sum(one.length for one in known.measured) != count)
+            or (
+                meter is not None and sum(one.length for one in known.measured) != count
+            )
             or not np.array_equal(known.joints, joints)
         ):
             data = mujoco.MjData(self._model)
@@ -276,11 +360,18 @@ class World:
             mujoco.mj_getState(self._model, data, start[0], _STATE)
             self._joints.hold(self._model, held=True)
             states = self._steps(data, start, controls, meter)
-            known = self._settled = _Settled(joints, states, data, [*meter.packed()] if meter else [])
+            known = self._settled = _Settled(
+                joints, states, data, [*meter.packed()] if meter else []
+            )
         return known
 
     def _steps(
-        self, data: Element, states: Array, controls: Array, meter: Meter | None, sensed: Array | None = None
+        self,
+        data: Element,
+        states: Array,
+        controls: Array,
+        meter: Meter | None,
+        sensed: Array | None = None,
     ) -> Array:
         """Append the state after each step with ``controls`` (S, 2 J) to states (T, X): (T + S, X).
 
@@ -303,17 +394,28 @@ class World:
                     state=states[None, now:],
                     sensordata=None if sensed is None else sensed[None],
                 )
-        if data.warning.number.any():  # the state is not finite, or too large, or there is no more memory
-            raise FloatingPointError(" ".join(warnings[0].split()) if warnings else "a warning")
+        if (
+            data.warning.number.any()
+        ):  # the state is not finite, or too large, or there is no more memory
+            raise FloatingPointError(
+                " ".join(warnings[0].split()) if warnings else "a warning"
+            )
         return states
 
     def _one_by_one(
-        self, data: Element, states: Array, controls: Array, meter: Meter | None, sensed: Array | None
+        self,
+        data: Element,
+        states: Array,
+        controls: Array,
+        meter: Meter | None,
+        sensed: Array | None,
     ) -> None:
         """Fill in the states (S + 1, X) after the first, and ``sensed``, as MuJoCo's rollout does."""
         model = self._model
         mujoco.mj_setState(model, data, states[0], _STATE)
-        for number, (after, control) in enumerate(zip(states[1:], controls, strict=True)):
+        for number, (after, control) in enumerate(
+            zip(states[1:], controls, strict=True)
+        ):
             data.ctrl[:] = control
             self._moving.pull(model, data)
             mujoco.mj_step(model, data)
@@ -330,7 +432,9 @@ class World:
         aims = self._moving.aim(np.append(times, times[-1:] + dt))
         drives = aims[1:]
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
-            arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
+            arm, fingers = trajectory.sample(
+                times
+            )  # servos compare them with where joints are when the step begins
             drives = aims[:-1]
         count = self._joints.arm
         own = len(self._joints.driven)
@@ -351,17 +455,24 @@ class World:
 class Stepped:
     """A `core.interfaces.World`."""
 
-    def __init__(self, model: Element, moving: Moving, start: JointTrajectory, joints: Joints) -> None:
+    def __init__(
+        self, model: Element, moving: Moving, start: JointTrajectory, joints: Joints
+    ) -> None:
         self.time_step = float(model.opt.timestep)
         self._model = model
         self._data = mujoco.MjData(model)
         self._joints = joints
         self._moving = moving
         self._begun = -np.inf  # steps since the launch
-        self._data.qpos[joints.driven] = [*start.arm[0], *([start.fingers[0]] * joints.grip)]
+        self._data.qpos[joints.driven] = [
+            *start.arm[0],
+            *([start.fingers[0]] * joints.grip),
+        ]
         self._ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
 
-    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+    def step(
+        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+    ) -> None:
         back = 0.0 if self._ahead else self.time_step  # see `World._controls`
         controls = self._data.ctrl.reshape(-1, 2)
         count = self._joints.arm
@@ -370,7 +481,9 @@ class Stepped:
         controls[:count, 1] = speeds
         controls[count:own] = fingers - back * finger_speed, finger_speed
         if self._moving.drives:
-            begin, end = self._moving.aim((self._begun + np.array([0.0, 1.0])) * self.time_step)
+            begin, end = self._moving.aim(
+                (self._begun + np.array([0.0, 1.0])) * self.time_step
+            )
             controls[own:, 0] = end if self._ahead else begin
             controls[own:, 1] = (end - begin) / self.time_step
         self._moving.pull(self._model, self._data)

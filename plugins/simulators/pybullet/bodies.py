@@ -64,7 +64,13 @@ class PreparedBody:
     def place(self, client: Client) -> int:
         """Place the body in a world and return its number there."""
         flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_IMPLICIT_CYLINDER
-        number = client.loadURDF(str(self.file), self.position, self.orientation, useFixedBase=self.fixed, flags=flags)
+        number = client.loadURDF(
+            str(self.file),
+            self.position,
+            self.orientation,
+            useFixedBase=self.fixed,
+            flags=flags,
+        )
         client.changeDynamics(number, -1, **self.dynamics)
         return int(number)
 
@@ -74,25 +80,44 @@ def dynamics_of(body: Body, least_rolling: float = 0.0) -> dict[str, float]:
     # PyBullet multiplies the two bodies' friction, where ours is the geometric mean; and rolling friction by the
     # other's lateral one, which is mostly 0.5.
     rolling = max(body.rolling_friction, least_rolling)
-    friction = {"lateralFriction": np.sqrt(body.friction), "rollingFriction": rolling / np.sqrt(0.5)}
-    return {**friction, "restitution": body.restitution, "linearDamping": 0.0, "angularDamping": 0.0}
+    friction = {
+        "lateralFriction": np.sqrt(body.friction),
+        "rollingFriction": rolling / np.sqrt(0.5),
+    }
+    return {
+        **friction,
+        "restitution": body.restitution,
+        "linearDamping": 0.0,
+        "angularDamping": 0.0,
+    }
 
 
 def offset_of(inertia: Inertia | None) -> Pose | None:
     """Return a body's frame in that of its centre of mass; None if they are the same."""
-    return None if inertia is None or inertia.frame == Pose() else inertia.frame.inverse()
+    return (
+        None if inertia is None or inertia.frame == Pose() else inertia.frame.inverse()
+    )
 
 
-def collisions_of(body: Body, folder: Path, frame: Pose | None = None) -> tuple[RobotShape, ...]:
+def collisions_of(
+    body: Body, folder: Path, frame: Pose | None = None
+) -> tuple[RobotShape, ...]:
     """Make the collision parts of a link whose frame in the body's is the inverse of ``frame``."""
     shapes = []
     for part in body.collisions:
         shape: Primitive | Path
         if isinstance(part.shape, Mesh):  # its file goes to ``folder``
-            shape = text_file(folder, str(part.shape.to_trimesh().export(file_type="obj")), "obj")
+            shape = text_file(
+                folder, str(part.shape.to_trimesh().export(file_type="obj")), "obj"
+            )
         else:
             shape = rounded_shape(part.shape, DIGITS)
-        shapes.append(RobotShape(shape, Origin.of(part.pose if frame is None else frame @ part.pose, DIGITS)))
+        shapes.append(
+            RobotShape(
+                shape,
+                Origin.of(part.pose if frame is None else frame @ part.pose, DIGITS),
+            )
+        )
     return tuple(shapes)
 
 
@@ -100,16 +125,29 @@ def inertial(inertia: Inertia | None) -> Inertial:
     """Make a link's inertia; None: fixed, without mass."""
     if inertia is None:
         return Inertial()
-    origin, (xx, yy, zz) = Origin.of(inertia.frame, DIGITS), (rounded(moment, DIGITS) for moment in inertia.moments)
-    return Inertial(rounded(inertia.mass, DIGITS), origin.xyz, (xx, 0.0, 0.0, yy, 0.0, zz), origin.rpy)
+    origin, (xx, yy, zz) = (
+        Origin.of(inertia.frame, DIGITS),
+        (rounded(moment, DIGITS) for moment in inertia.moments),
+    )
+    return Inertial(
+        rounded(inertia.mass, DIGITS),
+        origin.xyz,
+        (xx, 0.0, 0.0, yy, 0.0, zz),
+        origin.rpy,
+    )
 
 
 def facets_file(shape: Shape, folder: Path) -> Path:
     """Write the shape to ``folder`` as an OBJ file, for drawing: edges of less than 30 degrees are shaded smoothly."""
     smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
-    return text_file(folder, str(smooth.export(file_type="obj", include_normals=True)), "obj")
+    return text_file(
+        folder, str(smooth.export(file_type="obj", include_normals=True)), "obj"
+    )
 
 
 def text_file(folder: Path, text: str, suffix: str) -> Path:
     """Return a file in ``folder`` that holds ``text``, writing it if it is not there yet."""
-    return write_once(folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}", lambda: text)
+    return write_once(
+        folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}",
+        lambda: text,
+    )

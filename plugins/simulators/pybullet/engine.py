@@ -34,7 +34,9 @@ class Client:
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(pybullet, name)
-        self.__dict__[name] = partial(found, physicsClientId=self.number) if callable(found) else found
+        self.__dict__[name] = (
+            partial(found, physicsClientId=self.number) if callable(found) else found
+        )
         return self.__dict__[name]
 
 

@@ -17,7 +17,10 @@ def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, A
     points = []
     forces = []
     for contact in client.getContactPoints():
-        one, other = (contact[body] == robot and contact[link] in links for body, link in ((1, 3), (2, 4)))
+        one, other = (
+            contact[body] == robot and contact[link] in links
+            for body, link in ((1, 3), (2, 4))
+        )
         if one != other:
             points.append(contact[5])
             forces.append(_force(contact) if one else -_force(contact))
@@ -26,7 +29,10 @@ def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, A
 
 def _force(contact: Sequence[Any]) -> Array:
     """The force of a contact point on its first body, with friction along two directions."""
-    normal, one, other = (contact[size] * np.array(contact[axis]) for size, axis in ((9, 7), (10, 11), (12, 13)))
+    normal, one, other = (
+        contact[size] * np.array(contact[axis])
+        for size, axis in ((9, 7), (10, 11), (12, 13))
+    )
     force: Array = normal + one + other
     return force
 
@@ -34,7 +40,9 @@ def _force(contact: Sequence[Any]) -> Array:
 class Forces(Impulses):
     """The impulses of a world; ``things`` maps PyBullet's numbers of a body and its link to what they are."""
 
-    def __init__(self, client: Client, things: Mapping[tuple[int, int], Thing], time_step: float) -> None:
+    def __init__(
+        self, client: Client, things: Mapping[tuple[int, int], Thing], time_step: float
+    ) -> None:
         super().__init__()
         self._client = client
         self._things = things
@@ -46,7 +54,9 @@ class Forces(Impulses):
         for point in self._client.getContactPoints():
             who = point[1:5]
             if (met := self._meetings.get(who)) is None:
-                met = meeting(self._things[point[1], point[3]], self._things[point[2], point[4]])
+                met = meeting(
+                    self._things[point[1], point[3]], self._things[point[2], point[4]]
+                )
                 self._meetings[who] = met
             self.add(met, point[9] * self._time_step)
             if met.body:

@@ -32,7 +32,9 @@ class PyBulletRenderer(Renderer):
         client.resetSimulation()
         robot = task.robot
         shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
-        self._robot = load_robot(client, robot_file(self._folder, robot, shown, visuals=True))
+        self._robot = load_robot(
+            client, robot_file(self._folder, robot, shown, visuals=True)
+        )
         numbers, _ = joint_numbers(client, self._robot)
         self._arm = robot
         self._tool = shown
@@ -53,16 +55,22 @@ class PyBulletRenderer(Renderer):
         match part.shape:
             case Box(size=size):
                 shape = self._client.createVisualShape(
-                    self._client.GEOM_BOX, halfExtents=[side / 2 for side in size], **look
+                    self._client.GEOM_BOX,
+                    halfExtents=[side / 2 for side in size],
+                    **look,
                 )
             case _:  # PyBullet's own spheres have corners, and its cylinders no edges
                 file = str(facets_file(part.shape, self._folder))
-                shape = self._client.createVisualShape(self._client.GEOM_MESH, fileName=file, **look)
+                shape = self._client.createVisualShape(
+                    self._client.GEOM_MESH, fileName=file, **look
+                )
         return int(self._client.createMultiBody(0, -1, shape))
 
     def _place(self, number: int, pose: Pose) -> None:
         w, x, y, z = pose.quaternion
-        self._client.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w])
+        self._client.resetBasePositionAndOrientation(
+            number, pose.position.tolist(), [x, y, z, w]
+        )
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
         for name, value in joint_positions(self._arm, self._tool, arm, fingers).items():
@@ -73,26 +81,42 @@ class PyBulletRenderer(Renderer):
         for name, (soft, number) in self._softs.items():
             if number:
                 self._client.removeBody(number)
-            self._softs[name] = soft, self._add(Geom(soft.form.surface(state.nodes(name)), color=soft.visuals[0].color))
+            self._softs[name] = (
+                soft,
+                self._add(
+                    Geom(
+                        soft.form.surface(state.nodes(name)),
+                        color=soft.visuals[0].color,
+                    )
+                ),
+            )
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
         # The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended
         # in where they are nearest.
         picture, numbers = self._draw(camera, width, height)
         if self._clear:
-            poses = {n: self._client.getBasePositionAndOrientation(n) for n in self._clear}
+            poses = {
+                n: self._client.getBasePositionAndOrientation(n) for n in self._clear
+            }
             for number in poses:
-                self._client.resetBasePositionAndOrientation(number, _OUT_OF_SIGHT, [0, 0, 0, 1])
+                self._client.resetBasePositionAndOrientation(
+                    number, _OUT_OF_SIGHT, [0, 0, 0, 1]
+                )
             behind, _ = self._draw(camera, width, height)
             for number, pose in poses.items():
                 self._client.resetBasePositionAndOrientation(number, *pose)
-            opacity = np.ones(max(numbers.max(), *self._clear) + 2)  # by number; the last is the background's, -1
+            opacity = np.ones(
+                max(numbers.max(), *self._clear) + 2
+            )  # by number; the last is the background's, -1
             opacity[list(self._clear)] = list(self._clear.values())
             weight = opacity[numbers][..., None]
             picture = (weight * picture + (1 - weight) * behind).astype(np.uint8)
         return picture
 
-    def _draw(self, camera: Camera, width: int, height: int) -> tuple[Image, npt.NDArray[np.int64]]:
+    def _draw(
+        self, camera: Camera, width: int, height: int
+    ) -> tuple[Image, npt.NDArray[np.int64]]:
         """Draw a picture (height, width, 3), and for each pixel (height, width) the number of its body, or -1."""
         _, _, pixels, _, numbers = self._client.getCameraImage(
             width,
@@ -106,7 +130,9 @@ class PyBulletRenderer(Renderer):
             shadow=1,
             renderer=self._client.ER_TINY_RENDERER,
         )
-        picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
+        picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[
+            ..., :3
+        ]
         return picture, np.reshape(np.asarray(numbers, dtype=np.int64), (height, width))
 
 
@@ -117,11 +143,15 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
     fov_deg = camera.fov_deg
     near = _NEAR_M
     far = _FAR_M
-    if camera.height_m is not None:  # the software renderer draws nothing in parallel projection: from far away instead
+    if (
+        camera.height_m is not None
+    ):  # the software renderer draws nothing in parallel projection: from far away instead
         position = position - _AWAY_M * forward
         distance = float(np.linalg.norm(target - position))
         fov_deg = 2 * float(np.degrees(np.arctan(camera.height_m / 2 / distance)))
         near = near + _AWAY_M
         far = far + _AWAY_M
-    view: list[float] = pybullet.computeViewMatrix(position.tolist(), target.tolist(), up.tolist())
+    view: list[float] = pybullet.computeViewMatrix(
+        position.tolist(), target.tolist(), up.tolist()
+    )
     return view, pybullet.computeProjectionMatrixFOV(fov_deg, aspect, near, far)

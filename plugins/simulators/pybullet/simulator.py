@@ -39,7 +39,9 @@ class PyBulletSimulator(FreshWorlds):
         tracking_rate: float = 50.0,
         separation_rate: float = 25.0,
     ) -> None:
-        self._settings = Settings(time_step, solver_iterations, tracking_rate, separation_rate)
+        self._settings = Settings(
+            time_step, solver_iterations, tracking_rate, separation_rate
+        )
         check_positive("sim.", **self._settings._asdict())
         check_time_step(time_step)
         self._client = Client()
@@ -53,13 +55,31 @@ class PyBulletSimulator(FreshWorlds):
         folder = self._folder
         scene = job.scene_in(task)
         if self._scene is None or self._scene[0] is not scene:
-            self._scene = scene, PreparedScene(only_rigid(scene, task.name, "pybullet"), folder)
+            self._scene = (
+                scene,
+                PreparedScene(only_rigid(scene, task.name, "pybullet"), folder),
+            )
         robot = task.robot
-        if self._robot is None or self._robot[0] != robot or self._robot[1] is not job.tool:
-            self._robot = robot, job.tool, robot_file(folder, robot, job.tool, visuals=False)
+        if (
+            self._robot is None
+            or self._robot[0] != robot
+            or self._robot[1] is not job.tool
+        ):
+            self._robot = (
+                robot,
+                job.tool,
+                robot_file(folder, robot, job.tool, visuals=False),
+            )
         forces = job.forces and job.record_hz > 0
         return World(
-            self._client, self._scene[1], robot, self._robot[2], job.tool, job.trajectory, self._settings, forces
+            self._client,
+            self._scene[1],
+            robot,
+            self._robot[2],
+            job.tool,
+            job.trajectory,
+            self._settings,
+            forces,
         )
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:

@@ -14,12 +14,28 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Pose
 from core.robot.description import write
 from core.scene import Body, Inertia, Joint, Scene
-from core.values.descriptions import Description, Limits, Origin, RobotJoint, RobotLink, rounded
+from core.values.descriptions import (
+    Description,
+    Limits,
+    Origin,
+    RobotJoint,
+    RobotLink,
+    rounded,
+)
 from plugins.simulators.forces import latch_force
-from plugins.simulators.pybullet.bodies import DIGITS, collisions_of, dynamics_of, inertial, offset_of, text_file
+from plugins.simulators.pybullet.bodies import (
+    DIGITS,
+    collisions_of,
+    dynamics_of,
+    inertial,
+    offset_of,
+    text_file,
+)
 from plugins.simulators.pybullet.engine import Client
 
-Place = tuple[int, int]  # of a body: PyBullet's numbers of its multibody and of its link, -1 the base
+Place = tuple[
+    int, int
+]  # of a body: PyBullet's numbers of its multibody and of its link, -1 the base
 _KINDS = {"hinge": "revolute", "slider": "prismatic", "ball": "spherical"}
 _ROOT = "root"
 _MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
@@ -37,7 +53,12 @@ class Lightness:
     axes: dict[str, list[int]]
 
     @classmethod
-    def of(cls, bodies: Mapping[str, Body], joints: Sequence[Joint], inertias: Mapping[str, Inertia]) -> Lightness:
+    def of(
+        cls,
+        bodies: Mapping[str, Body],
+        joints: Sequence[Joint],
+        inertias: Mapping[str, Inertia],
+    ) -> Lightness:
         """Compute it for ``bodies`` and their ``inertias``, with a parent's own joint before those on it."""
         twists = list[Array]()
         above = {name: list[int]() for name in bodies}
@@ -58,9 +79,13 @@ class Lightness:
             moving = np.array([twists[row] for row in above[name]])
             moved = moving[:, 3:] + np.cross(moving[:, :3], frame.position)
             turned = moving[:, :3] @ frame.rotation.as_matrix()
-            own_mass = body.mass * moved @ moved.T + turned * inertias[name].moments @ turned.T
+            own_mass = (
+                body.mass * moved @ moved.T + turned * inertias[name].moments @ turned.T
+            )
             masses[np.ix_(above[name], above[name])] += own_mass
-        return cls(np.asarray(np.linalg.inv(masses), dtype=np.float64)[first:, first:], axes)
+        return cls(
+            np.asarray(np.linalg.inv(masses), dtype=np.float64)[first:, first:], axes
+        )
 
     def most(self, joint: Joint) -> float:
         """The most that a force of 1 at a joint accelerates."""
@@ -69,7 +94,9 @@ class Lightness:
 
     def rate(self, joint: Joint) -> float:
         """The highest rate, 1/s, at which its spring and latches swing a joint, or its damper stops it."""
-        stiffness = joint.stiffness + max((math.pi * a.force / a.width for a in joint.latches), default=0.0)
+        stiffness = joint.stiffness + max(
+            (math.pi * a.force / a.width for a in joint.latches), default=0.0
+        )
         most = self.most(joint)
         return max(math.sqrt(stiffness * most), joint.damping * most / _MILD)
 
@@ -78,7 +105,11 @@ def _twists(joint: Joint, pose: Pose) -> list[Array]:
     """The directions in which a joint moves its body: angular velocities, and velocities at the world's origin."""
     if joint.kind == "slider":
         return [np.concatenate([np.zeros(3), pose.rotation.apply(joint.axis)])]
-    axes = [pose.rotation.apply(joint.axis)] if joint.kind == "hinge" else [*pose.rotation.apply(np.eye(3))]
+    axes = (
+        [pose.rotation.apply(joint.axis)]
+        if joint.kind == "hinge"
+        else [*pose.rotation.apply(np.eye(3))]
+    )
     origin = pose.apply(joint.origin)
     return [np.concatenate([axis, np.cross(origin, axis)]) for axis in axes]
 
@@ -101,11 +132,15 @@ class PreparedTree:
     joined: frozenset[frozenset[str]]
 
     @classmethod
-    def of(cls, scene: Scene, root: Body | None, joints: Sequence[Joint], folder: Path) -> PreparedTree:
+    def of(
+        cls, scene: Scene, root: Body | None, joints: Sequence[Joint], folder: Path
+    ) -> PreparedTree:
         """Prepare a tree, parents first; its files are written to ``folder``."""
         bodies = [scene[joint.body] for joint in joints]
         frames = {joint.body: _frame(scene[joint.body], joint) for joint in joints}
-        links = {joint.body: str(number) for number, joint in enumerate(joints)}  # names of bodies may be anything
+        links = {
+            joint.body: str(number) for number, joint in enumerate(joints)
+        }  # names of bodies may be anything
         frame = frames[joints[0].body] if root is None else root.pose
         if root is not None:
             bodies.append(root)
@@ -117,19 +152,27 @@ class PreparedTree:
             name = links[body.name]
             inertia = inertias[body.name]
             place = frames[body.name].inverse() @ body.pose  # of the body in the link
-            own = inertial(Inertia(inertia.mass, place @ inertia.frame, inertia.moments))
+            own = inertial(
+                Inertia(inertia.mass, place @ inertia.frame, inertia.moments)
+            )
             made[name] = RobotLink(name, own, collisions_of(body, folder, place))
         hung = dict[str, RobotJoint]()
         for joint in joints:
             above = joint.parent if joint.parent in frames else None
-            pose = (frame if above is None else frames[above]).inverse() @ frames[joint.body]
+            pose = (frame if above is None else frames[above]).inverse() @ frames[
+                joint.body
+            ]
             name = links[joint.body]
-            hung[name] = _joint(joint, name, _ROOT if above is None else links[above], pose)
+            hung[name] = _joint(
+                joint, name, _ROOT if above is None else links[above], pose
+            )
         file = text_file(folder, write(Description("tree", made, hung)), "urdf")
         dynamics = {body.name: dynamics_of(body) for body in bodies}
         offsets = {name: offset_of(inertia) for name, inertia in inertias.items()}
         lightness = Lightness.of({body.name: body for body in bodies}, joints, inertias)
-        return cls(file, root, frame, tuple(joints), dynamics, offsets, lightness, scene.joined)
+        return cls(
+            file, root, frame, tuple(joints), dynamics, offsets, lightness, scene.joined
+        )
 
     @property
     def rate(self) -> float:
@@ -138,12 +181,21 @@ class PreparedTree:
 
     def place(self, client: Client, fixed: dict[str, Place]) -> dict[str, Place]:
         """Place the tree in a world of ``fixed`` bodies, without motors; return where its bodies are."""
-        flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_IMPLICIT_CYLINDER | client.URDF_USE_SELF_COLLISION
+        flags = (
+            client.URDF_USE_INERTIA_FROM_FILE
+            | client.URDF_USE_IMPLICIT_CYLINDER
+            | client.URDF_USE_SELF_COLLISION
+        )
         at = self.frame.position.tolist(), list(self.frame.rotation.as_quat())
-        number = client.loadURDF(str(self.file), *at, useFixedBase=self.root is None, flags=flags)
+        number = client.loadURDF(
+            str(self.file), *at, useFixedBase=self.root is None, flags=flags
+        )
         infos = [client.getJointInfo(number, link) for link in range(len(self.joints))]
         links = {info[12].decode(): info[0] for info in infos}
-        places = {joint.body: (int(number), links[str(i)]) for i, joint in enumerate(self.joints)}
+        places = {
+            joint.body: (int(number), links[str(i)])
+            for i, joint in enumerate(self.joints)
+        }
         if self.root is not None:
             places[self.root.name] = int(number), -1
         client.changeDynamics(number, -1, linearDamping=0, angularDamping=0)
@@ -151,11 +203,15 @@ class PreparedTree:
             client.changeDynamics(*places[body], **dynamics)
         for one, other in combinations(places, 2):
             touch = int(frozenset((one, other)) not in self.joined)
-            client.setCollisionFilterPair(number, number, places[one][1], places[other][1], touch)
+            client.setCollisionFilterPair(
+                number, number, places[one][1], places[other][1], touch
+            )
         for joint in self.joints:
             if joint.parent in fixed:
                 parent, link = fixed[joint.parent]
-                client.setCollisionFilterPair(number, parent, places[joint.body][1], link, 0)
+                client.setCollisionFilterPair(
+                    number, parent, places[joint.body][1], link, 0
+                )
         return places
 
 
@@ -166,10 +222,15 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
     for placed in scene.ordered_joints:
         joint = placed.joint
         loose = joint.parent is not None and not scene[joint.parent].fixed
-        roots[joint.body] = roots.get(joint.parent, joint.parent) if loose and joint.parent else joint.body
+        roots[joint.body] = (
+            roots.get(joint.parent, joint.parent)
+            if loose and joint.parent
+            else joint.body
+        )
         trees.setdefault(roots[joint.body], []).append(joint)
     return [
-        PreparedTree.of(scene, None if name in roots else scene[name], joints, folder) for name, joints in trees.items()
+        PreparedTree.of(scene, None if name in roots else scene[name], joints, folder)
+        for name, joints in trees.items()
     ]
 
 
@@ -180,9 +241,19 @@ def _frame(body: Body, joint: Joint) -> Pose:
 
 def _joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
     """Make the joint that bears ``link`` at a pose in its parent."""
-    kind = "continuous" if joint.kind == "hinge" and not joint.limited else _KINDS[joint.kind]
-    lower, upper = (joint.lower - joint.start, joint.upper - joint.start) if joint.limited else (1.0, -1.0)  # none
-    low, high, x, y, z = (rounded(value, DIGITS) for value in (lower, upper, *joint.axis))
+    kind = (
+        "continuous"
+        if joint.kind == "hinge" and not joint.limited
+        else _KINDS[joint.kind]
+    )
+    lower, upper = (
+        (joint.lower - joint.start, joint.upper - joint.start)
+        if joint.limited
+        else (1.0, -1.0)
+    )  # none
+    low, high, x, y, z = (
+        rounded(value, DIGITS) for value in (lower, upper, *joint.axis)
+    )
     limits = Limits(low, high, 0.0, 1000.0)
     origin = Origin.of(pose, DIGITS)
     return RobotJoint(f"{link}_joint", kind, parent, link, origin, (x, y, z), limits)
@@ -192,7 +263,12 @@ class Mechanism:
     """The joints of a tree in a world: friction, springs, latches, dampers and drives."""
 
     def __init__(
-        self, client: Client, tree: PreparedTree, places: dict[str, Place], gain: float, time_step: float
+        self,
+        client: Client,
+        tree: PreparedTree,
+        places: dict[str, Place],
+        gain: float,
+        time_step: float,
     ) -> None:
         """``places`` are those of bodies; ``gain`` is the share of its error that a drive makes up in a step."""
         self._client = client
@@ -204,17 +280,30 @@ class Mechanism:
             self._resist(place, joint)
             client.changeDynamics(*place, jointDamping=joint.damping)
         self._driven = [(place, joint) for place, joint in joints if joint.drive]
-        self._pulled = [(place, joint) for place, joint in joints if joint.stiffness or joint.latches]
+        self._pulled = [
+            (place, joint)
+            for place, joint in joints
+            if joint.stiffness or joint.latches
+        ]
 
     def _resist(self, place: Place, joint: Joint) -> None:
         """Set a motor at rest, which is dry friction; PyBullet's own would hold the joint."""
         client = self._client
         most = joint.friction
         if joint.kind == "ball":
-            still = {"targetPosition": [0, 0, 0, 1], "targetVelocity": [0, 0, 0], "positionGain": 0, "velocityGain": 1}
-            client.setJointMotorControlMultiDof(*place, client.POSITION_CONTROL, **still, force=[most] * 3)
+            still = {
+                "targetPosition": [0, 0, 0, 1],
+                "targetVelocity": [0, 0, 0],
+                "positionGain": 0,
+                "velocityGain": 1,
+            }
+            client.setJointMotorControlMultiDof(
+                *place, client.POSITION_CONTROL, **still, force=[most] * 3
+            )
         else:
-            client.setJointMotorControl2(*place, client.VELOCITY_CONTROL, targetVelocity=0, force=most)
+            client.setJointMotorControl2(
+                *place, client.VELOCITY_CONTROL, targetVelocity=0, force=most
+            )
 
     def launch(self) -> None:
         """Begin the time of drives."""
@@ -235,10 +324,14 @@ class Mechanism:
         if joint.kind == "ball":
             quaternion = client.getJointStateMultiDof(*place)[0]
             torques = -joint.stiffness * Rotation.from_quat(quaternion).as_rotvec()
-            client.setJointMotorControlMultiDof(*place, client.TORQUE_CONTROL, force=torques.tolist())
+            client.setJointMotorControlMultiDof(
+                *place, client.TORQUE_CONTROL, force=torques.tolist()
+            )
         else:
             position = joint.start + client.getJointState(*place)[0]
-            force = joint.stiffness * (joint.rest - position) + latch_force(joint, position)
+            force = joint.stiffness * (joint.rest - position) + latch_force(
+                joint, position
+            )
             client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=force)
 
     def _aim(self, place: Place, joint: Joint) -> None:
@@ -249,10 +342,18 @@ class Mechanism:
         before, after = joint.drive.sample(np.array([begins, ends])).tolist()
         away = after - before
         target = after - joint.start
-        if joint.kind == "hinge" and not joint.limited:  # the schedule of a wheel begins again a turn behind
+        if (
+            joint.kind == "hinge" and not joint.limited
+        ):  # the schedule of a wheel begins again a turn behind
             away -= 2 * np.pi * round(away / (2 * np.pi))
             value = self._client.getJointState(*place)[0]
             target += 2 * np.pi * round((value - target) / (2 * np.pi))
-        aim = {"targetPosition": target, "targetVelocity": away / self._time_step, "force": joint.drive.force}
+        aim = {
+            "targetPosition": target,
+            "targetVelocity": away / self._time_step,
+            "force": joint.drive.force,
+        }
         gains = {"positionGain": self._gain, "velocityGain": 1.0}
-        self._client.setJointMotorControl2(*place, self._client.POSITION_CONTROL, **aim, **gains)
+        self._client.setJointMotorControl2(
+            *place, self._client.POSITION_CONTROL, **aim, **gains
+        )

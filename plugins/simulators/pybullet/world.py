@@ -56,16 +56,24 @@ class PreparedScene:
         self.trees = prepare_trees(scene, folder) if scene.joints else []
         hung = {name for tree in self.trees for name in tree.dynamics}
         self.bodies = [
-            PreparedBody.of(body, folder) for body in scene.bodies if body.collisions and body.name not in hung
+            PreparedBody.of(body, folder)
+            for body in scene.bodies
+            if body.collisions and body.name not in hung
         ]
         self.names = tuple(body.name for body in scene.free)
         self.ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
         self.launched = [body for body in scene.free if body.launched]
         self.offsets = {body.name: body.offset for body in self.bodies}
-        self.offsets |= {name: offset for tree in self.trees for name, offset in tree.offsets.items()}
+        self.offsets |= {
+            name: offset for tree in self.trees for name, offset in tree.offsets.items()
+        }
         offsets = [self.offsets[name] for name in self.names]
-        shifted = [(i, offset) for i, offset in enumerate(offsets) if offset is not None]
-        self.shifted = [i for i, _ in shifted]  # the free bodies whose frame is not at their centre of mass
+        shifted = [
+            (i, offset) for i, offset in enumerate(offsets) if offset is not None
+        ]
+        self.shifted = [
+            i for i, _ in shifted
+        ]  # the free bodies whose frame is not at their centre of mass
         self._positions = np.array([offset.position for _, offset in shifted])
         turns = [offset.rotation.as_quat() for _, offset in shifted]
         self._rotations = np.reshape(turns, (-1, 4))  # x, y, z, w
@@ -95,7 +103,9 @@ class PreparedScene:
         matrices = turns.as_matrix().reshape(*centers.shape, 3)
         positions = (matrices @ self._positions[:, :, None])[..., 0] + centers
         own = Rotation.from_quat(np.tile(self._rotations, (len(centers), 1)))
-        return positions, _unit((turns * own).as_quat()[:, [3, 0, 1, 2]]).reshape(quaternions.shape)
+        return positions, _unit((turns * own).as_quat()[:, [3, 0, 1, 2]]).reshape(
+            quaternions.shape
+        )
 
 
 def _unit(quaternions: Array) -> Array:
@@ -129,9 +139,18 @@ class World:
         separation = 1.0 - float(np.exp(-settings.separation_rate * self.time_step))
         client.resetSimulation()
         client.setGravity(0.0, 0.0, -GRAVITY)
-        steps = {"fixedTimeStep": self.time_step, "numSolverIterations": settings.solver_iterations, "numSubSteps": 0}
-        contacts = {"contactERP": separation, "contactBreakingThreshold": _CONTACT_DRIFT}
-        client.setPhysicsEngineParameter(**steps, **contacts, deterministicOverlappingPairs=1)
+        steps = {
+            "fixedTimeStep": self.time_step,
+            "numSolverIterations": settings.solver_iterations,
+            "numSubSteps": 0,
+        }
+        contacts = {
+            "contactERP": separation,
+            "contactBreakingThreshold": _CONTACT_DRIFT,
+        }
+        client.setPhysicsEngineParameter(
+            **steps, **contacts, deterministicOverlappingPairs=1
+        )
         if scene.trees:  # else a joint leaves its limit a fifth as fast as it came
             client.setPhysicsEngineParameter(erp=separation)
         self._scene = scene
@@ -141,10 +160,17 @@ class World:
         self._free = [places[name] for name in scene.names]
         self._load_robot(robot, file, tool, trajectory)
         self._places = places
-        self._mechanisms = [Mechanism(client, tree, places, self._gain, self.time_step) for tree in scene.trees]
-        self.forces = Forces(client, self._things(tool), self.time_step) if forces else None
+        self._mechanisms = [
+            Mechanism(client, tree, places, self._gain, self.time_step)
+            for tree in scene.trees
+        ]
+        self.forces = (
+            Forces(client, self._things(tool), self.time_step) if forces else None
+        )
 
-    def _load_robot(self, robot: Robot, file: Path, tool: Tool, trajectory: JointTrajectory) -> None:
+    def _load_robot(
+        self, robot: Robot, file: Path, tool: Tool, trajectory: JointTrajectory
+    ) -> None:
         client = self.client
         self.robot = load_robot(client, file)
         numbers, links = joint_numbers(client, self.robot)
@@ -153,7 +179,10 @@ class World:
         grip = robot.gripper if tool.gripper else None
         self._joints = [numbers[name] for name in moving]
         efforts = [client.getJointInfo(self.robot, joint)[10] for joint in self._joints]
-        self._forces = [*efforts[: self._arm], *([grip.force_n] * len(grip.joints) if grip else ())]
+        self._forces = [
+            *efforts[: self._arm],
+            *([grip.force_n] * len(grip.joints) if grip else ()),
+        ]
         self._idle_fingers = len(robot.finger_joints)
         self._gains = [self._gain] * len(moving)
         self._velocity_gains = [1.0] * len(moving)
@@ -166,7 +195,11 @@ class World:
         self._held = (robot, tool)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
-            client.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction_of(robot, tool, name)))
+            client.changeDynamics(
+                self.robot,
+                link,
+                lateralFriction=np.sqrt(friction_of(robot, tool, name)),
+            )
         for name, inertia in driven_links(robot).items():
             moments = inertia.moments.tolist()
             client.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments)
@@ -174,10 +207,14 @@ class World:
             client.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0)
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
         self._noted = [*self._joints, *self._loose]
-        self._hung = [*zip(self._loose, (bearer.joint for bearer in tool.bearers), strict=True)]
+        self._hung = [
+            *zip(self._loose, (bearer.joint for bearer in tool.bearers), strict=True)
+        ]
         self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
         for number in self._loose:  # held until then
-            client.setJointMotorControl2(self.robot, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD)
+            client.setJointMotorControl2(
+                self.robot, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD
+            )
 
     def _filter_contacts(self, robot: Robot, tool: Tool, links: dict[str, int]) -> None:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
@@ -190,14 +227,27 @@ class World:
             pair = {one, other}
             at_flange = pair & near and pair & {*tool.mounts}
             touch = bool(pair & own) and not at_flange and pair not in joined
-            self.client.setCollisionFilterPair(self.robot, self.robot, everything[one], everything[other], int(touch))
+            self.client.setCollisionFilterPair(
+                self.robot, self.robot, everything[one], everything[other], int(touch)
+            )
 
-    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+    def step(
+        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+    ) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        self.obey(*self.orders(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
+        self.obey(
+            *self.orders(
+                arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])
+            )
+        )
 
-    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Array:
-        asked = [[arm, *[fingers] * self._fingers], [speeds, *[finger_speeds] * self._fingers]]
+    def orders(
+        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
+    ) -> Array:
+        asked = [
+            [arm, *[fingers] * self._fingers],
+            [speeds, *[finger_speeds] * self._fingers],
+        ]
         return np.stack([np.column_stack(each) for each in asked], axis=1)
 
     def obey(self, order: Array) -> None:
@@ -218,7 +268,9 @@ class World:
         for number, spring in self._springs:
             value = self.client.getJointState(self.robot, number)[0]
             torque = spring.stiffness * (spring.rest - value)
-            self.client.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque)
+            self.client.setJointMotorControl2(
+                self.robot, number, p.TORQUE_CONTROL, force=torque
+            )
         for mechanism in self._mechanisms:
             mechanism.drive()
         p.stepSimulation(self._number)
@@ -236,26 +288,43 @@ class World:
     def launch(self) -> None:
         for number, joint in self._hung:  # a motor at rest is dry friction
             self.client.setJointMotorControl2(
-                self.robot, number, p.VELOCITY_CONTROL, targetVelocity=0, force=joint.friction
+                self.robot,
+                number,
+                p.VELOCITY_CONTROL,
+                targetVelocity=0,
+                force=joint.friction,
             )
-        self._springs = [(number, joint) for number, joint in self._hung if joint.stiffness > 0]
+        self._springs = [
+            (number, joint) for number, joint in self._hung if joint.stiffness > 0
+        ]
         for mechanism in self._mechanisms:
             mechanism.launch()
         for body in self._scene.launched:
             number, _ = self._places[body.name]
             linear = np.array(body.velocity, dtype=np.float64)
-            if offset := self._scene.offsets[body.name]:  # PyBullet takes the velocity of the centre of mass
+            if offset := self._scene.offsets[
+                body.name
+            ]:  # PyBullet takes the velocity of the centre of mass
                 _, quaternion = self.client.getBasePositionAndOrientation(number)
-                linear -= np.cross(body.spin, Rotation.from_quat(quaternion).as_matrix() @ offset.position)
+                linear -= np.cross(
+                    body.spin,
+                    Rotation.from_quat(quaternion).as_matrix() @ offset.position,
+                )
             self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
     def _things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
         _, links = joint_numbers(self.client, self.robot)
-        own = {link: "tool" if name in tool.borne_on else name for name, link in links.items()}
+        own = {
+            link: "tool" if name in tool.borne_on else name
+            for name, link in links.items()
+        }
         own[-1] = self.client.getBodyInfo(self.robot)[0].decode()
         things = {(self.robot, link): (-1, name) for link, name in own.items()}
-        return things | {place: (self._scene.ranks[name], name) for name, place in self._places.items()}
+        return things | {
+            place: (self._scene.ranks[name], name)
+            for name, place in self._places.items()
+        }
 
     def joints(self) -> tuple[Array, Array]:
         """Read the joint positions: arm (J,) and fingers with the tool's joints (F + K,)."""
@@ -277,14 +346,21 @@ class World:
 
     def _angles(self) -> tuple[float, ...]:
         """The joints' positions; Python's garbage collector soon lets go of tuples of numbers, but not of lists."""
-        return tuple([state[0] for state in p.getJointStates(self.robot, self._noted, self._number)])
+        return tuple(
+            [
+                state[0]
+                for state in p.getJointStates(self.robot, self._noted, self._number)
+            ]
+        )
 
     def _bodies(self) -> tuple[float, ...]:
         """Position, quaternion (x, y, z, w) and velocities of each free body's centre of mass, 13 numbers."""
         found: list[float] = []
         for body, link in self._free:
             if link < 0:
-                position, quaternion = p.getBasePositionAndOrientation(body, self._number)
+                position, quaternion = p.getBasePositionAndOrientation(
+                    body, self._number
+                )
                 linear, angular = p.getBaseVelocity(body, self._number)
             else:
                 moving = self.client.getLinkState(body, link, 1, 1)
@@ -299,11 +375,17 @@ class World:
         """Arm (T, J) and fingers with the tool's joints (T, F + K)."""
         rows = np.array(angles)
         count = len(self._joints)
-        fingers = rows[:, self._arm : count] if self._fingers else np.zeros((len(rows), self._idle_fingers))
+        fingers = (
+            rows[:, self._arm : count]
+            if self._fingers
+            else np.zeros((len(rows), self._idle_fingers))
+        )
         return rows[:, : self._arm], np.concatenate([fingers, rows[:, count:]], axis=1)
 
     def _states_of(self, bodies: Sequence[tuple[float, ...]]) -> State:
-        rows = np.array(bodies, dtype=np.float64).reshape(len(bodies), len(self._free), 13)
+        rows = np.array(bodies, dtype=np.float64).reshape(
+            len(bodies), len(self._free), 13
+        )
         positions = rows[..., :3].copy()
         quaternions = rows[..., [6, 3, 4, 5]]
         linear = rows[..., 7:10].copy()
@@ -311,8 +393,12 @@ class World:
         shifted = self._scene.shifted
         if shifted and np.isfinite(quaternions).all():
             centers = positions[:, shifted]
-            positions[:, shifted], quaternions[:, shifted] = self._scene.frames(centers, quaternions[:, shifted])
-            linear[:, shifted] += np.cross(angular[:, shifted], positions[:, shifted] - centers)
+            positions[:, shifted], quaternions[:, shifted] = self._scene.frames(
+                centers, quaternions[:, shifted]
+            )
+            linear[:, shifted] += np.cross(
+                angular[:, shifted], positions[:, shifted] - centers
+            )
         return State(self._scene.names, positions, quaternions, linear, angular)
 
 
@@ -321,8 +407,12 @@ def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path
     arm = assembled(robot, tool, fused=True)
     held = dict[str, RobotLink]()
     for name, inertia in driven_links(robot).items():
-        held[name] = replace(arm.links[name], inertial=replace(inertial(inertia), moments=_PLACEHOLDER))
-    return text_file(folder, write(replace(arm, links=arm.links | held), visuals=visuals), "urdf")
+        held[name] = replace(
+            arm.links[name], inertial=replace(inertial(inertia), moments=_PLACEHOLDER)
+        )
+    return text_file(
+        folder, write(replace(arm, links=arm.links | held), visuals=visuals), "urdf"
+    )
 
 
 @lru_cache(maxsize=8)
@@ -336,7 +426,9 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
     for name, motor in zip(robot.arm_joints, robot.motor_inertia, strict=True):
         joint = arm.named[name]
         mass, center, tensor = arm.links[joint.child].inertial.placed()
-        inertias[joint.child] = principal(mass, center, tensor + motor * np.outer(joint.axis, joint.axis))
+        inertias[joint.child] = principal(
+            mass, center, tensor + motor * np.outer(joint.axis, joint.axis)
+        )
     return inertias
 
 

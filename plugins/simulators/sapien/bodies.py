@@ -34,7 +34,10 @@ _LEAST_ROLLING = 0.01
 _RESTS = 0.05
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
-_ALIKE = 0.98, 1.02  # a brake is updated if the force changed by more than these factors
+_ALIKE = (
+    0.98,
+    1.02,
+)  # a brake is updated if the force changed by more than these factors
 _UP = np.array([0.0, 0.0, GRAVITY], dtype=np.float32)
 UNKNOWN_PACK = "this version of SAPIEN packs states in another way than 3.0.3: pip install sapien==3.0.3"
 
@@ -53,9 +56,14 @@ class Weighed:
     def radii(self) -> dict[str, float]:
         """The radius of each body that lies on cylinders, metres; of several the largest."""
         shapes = {
-            body.name: [shape for shape in rollers(body) if isinstance(shape, Cylinder)] for body in self.scene.free
+            body.name: [shape for shape in rollers(body) if isinstance(shape, Cylinder)]
+            for body in self.scene.free
         }
-        return {name: max(shape.radius for shape in lying) for name, lying in shapes.items() if lying}
+        return {
+            name: max(shape.radius for shape in lying)
+            for name, lying in shapes.items()
+            if lying
+        }
 
     @cached_property
     def moving(self) -> set[Surface]:
@@ -63,7 +71,11 @@ class Weighed:
 
     @cached_property
     def fixed(self) -> set[Surface]:
-        return {Surface.of(body) for body in self.scene.bodies if body.fixed and body.collisions}
+        return {
+            Surface.of(body)
+            for body in self.scene.bodies
+            if body.fixed and body.collisions
+        }
 
 
 def weigh(component: Any, inertia: Inertia) -> None:
@@ -79,11 +91,22 @@ def weigh(component: Any, inertia: Inertia) -> None:
 class Bodies:
     """The bodies of a scene, at their initial poses."""
 
-    def __init__(self, scene: Any, surfaces: Surfaces, weighed: Weighed, folder: Path, time_step: float) -> None:
+    def __init__(
+        self,
+        scene: Any,
+        surfaces: Surfaces,
+        weighed: Weighed,
+        folder: Path,
+        time_step: float,
+    ) -> None:
         self._names = tuple(body.name for body in weighed.scene.free)
         self._system = scene.physx_system
-        centers = np.array([weighed.inertias[name].frame.position for name in self._names]).reshape(-1, 3)
-        self._shifted = np.flatnonzero(centers.any(axis=1))  # bodies whose frame is not at their centre of mass
+        centers = np.array(
+            [weighed.inertias[name].frame.position for name in self._names]
+        ).reshape(-1, 3)
+        self._shifted = np.flatnonzero(
+            centers.any(axis=1)
+        )  # bodies whose frame is not at their centre of mass
         self._centers = centers[self._shifted]
         brakes: list[tuple[int, Any, float, float]] = []
         self._brake_every = max(1, round(_BRAKE_EVERY / time_step))
@@ -94,7 +117,11 @@ class Bodies:
         for body in weighed.scene.bodies:
             if not body.collisions:
                 continue
-            component = physx.PhysxRigidStaticComponent() if body.fixed else physx.PhysxRigidDynamicComponent()
+            component = (
+                physx.PhysxRigidStaticComponent()
+                if body.fixed
+                else physx.PhysxRigidDynamicComponent()
+            )
             entity = sapien.Entity()
             entity.name = body.name
             entity.add_component(component)
@@ -104,7 +131,13 @@ class Bodies:
             mechanism, bits = joined.get(body.name, (0, 0))
             for part in body.collisions:
                 make = partial(collision, part.shape, folder=folder)
-                for shape in surfaces.copies(Surface.of(body), make, fixed=body.fixed, apart=bits, mechanism=mechanism):
+                for shape in surfaces.copies(
+                    Surface.of(body),
+                    make,
+                    fixed=body.fixed,
+                    apart=bits,
+                    mechanism=mechanism,
+                ):
                     place(shape, part.shape, part.pose)
                     component.attach(shape)
             entity.pose = to_sapien(body.pose)
@@ -121,7 +154,9 @@ class Bodies:
         self._brakes = _Brakes(brakes, self._brake_every * time_step)
         placed = weighed.scene.state()
         packed = self._numbers([self.note()])[0, :, :7]
-        if not np.allclose(packed, np.hstack([placed.quaternions, placed.positions]), atol=1e-5):
+        if not np.allclose(
+            packed, np.hstack([placed.quaternions, placed.positions]), atol=1e-5
+        ):
             raise RuntimeError(UNKNOWN_PACK)
 
     def stepped(self) -> None:
@@ -153,7 +188,9 @@ class Bodies:
         """Decode T snapshots of the free bodies."""
         numbers = self._numbers(notes).astype(np.float64)
         quaternions, positions, linear, angular = np.split(numbers, [4, 7, 10], axis=2)
-        quaternions /= np.sqrt((quaternions * quaternions).sum(axis=2, keepdims=True))  # single precision until here
+        quaternions /= np.sqrt(
+            (quaternions * quaternions).sum(axis=2, keepdims=True)
+        )  # single precision until here
         if len(self._shifted):  # PhysX reports the velocity of the centre of mass
             arms = rotate(quaternions[:, self._shifted], self._centers)
             linear[:, self._shifted] -= np.cross(angular[:, self._shifted], arms)
@@ -186,14 +223,20 @@ class _Brakes:
     many times as much it is where the body rests, and the seconds between two adjustments.
     """
 
-    def __init__(self, each: list[tuple[int, Any, float, float]], seconds: float) -> None:
+    def __init__(
+        self, each: list[tuple[int, Any, float, float]], seconds: float
+    ) -> None:
         self.each = each
         self._numbers = [number for number, *_ in each]
         self._held = np.array([held * held for *_, held in each], dtype=np.float32)
         self._seconds = seconds
-        self._velocities: npt.NDArray[np.float32] = np.zeros((len(each), 3), dtype=np.float32)
+        self._velocities: npt.NDArray[np.float32] = np.zeros(
+            (len(each), 3), dtype=np.float32
+        )
         # Squares of the accelerations between which a brake may stay as it is.
-        self._low, self._high = ((share * GRAVITY) ** 2 * self._held for share in _ALIKE)
+        self._low, self._high = (
+            (share * GRAVITY) ** 2 * self._held for share in _ALIKE
+        )
 
     def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
         """Update the brakes from the velocities (B, 3) of all free bodies."""
@@ -205,7 +248,9 @@ class _Brakes:
         changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
         if len(changed):
             changed_to = np.sqrt(squares[changed])
-            for brake, acceleration in zip(changed.tolist(), changed_to.tolist(), strict=True):
+            for brake, acceleration in zip(
+                changed.tolist(), changed_to.tolist(), strict=True
+            ):
                 _, drive, impulse, _ = self.each[brake]
                 _brake(drive, impulse, acceleration)
             self._low[changed] = (_ALIKE[0] * changed_to) ** 2

@@ -58,18 +58,33 @@ class ArticulationLink:
 def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
     """List the links of the arm with a tool, parents first. Rigidly joined links become one."""
     arm = assembled(robot, tool, fused=True)
-    parts = arm.rigid_parts(child for child, joint in arm.joints.items() if joint.kind != "fixed")
+    parts = arm.rigid_parts(
+        child for child, joint in arm.joints.items() if joint.kind != "fixed"
+    )
     heads = {head for head, _ in parts.values()}
-    order = sorted((name for name in arm.links if name in heads), key=lambda name: len(arm.above(name)))
+    order = sorted(
+        (name for name in arm.links if name in heads),
+        key=lambda name: len(arm.above(name)),
+    )
     made = []
     for name in order:
-        links = [(arm.links[part], pose) for part, (head, pose) in parts.items() if head == name]
+        links = [
+            (arm.links[part], pose)
+            for part, (head, pose) in parts.items()
+            if head == name
+        ]
         collisions = tuple(
             PlacedShape(shape.shape, pose @ shape.origin.pose, link.name)
             for link, pose in links
             for shape in link.collisions
         )
-        inertia = _inertia([link.inertial.placed(pose) for link, pose in links if link.inertial.mass > 0])
+        inertia = _inertia(
+            [
+                link.inertial.placed(pose)
+                for link, pose in links
+                if link.inertial.mass > 0
+            ]
+        )
         parent = None
         joint = None
         if name in arm.joints:

@@ -10,8 +10,12 @@ try:
         import sapien
         from sapien import physx
 except ImportError as error:
-    raise UserError(f"sim=sapien needs SAPIEN: pip install 'sapien>=3.0.3' ({error})") from error
+    raise UserError(
+        f"sim=sapien needs SAPIEN: pip install 'sapien>=3.0.3' ({error})"
+    ) from error
 
-sapien.set_log_level("critical")  # it warns of missing graphics; errors are raised anyway
+sapien.set_log_level(
+    "critical"
+)  # it warns of missing graphics; errors are raised anyway
 
 __all__ = ["physx", "sapien"]

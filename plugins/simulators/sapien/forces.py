@@ -24,7 +24,9 @@ def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
         if one != other:
             for point in contact.points:
                 points.append(point.position)
-                forces.append((point.impulse if one else -point.impulse) / system.timestep)
+                forces.append(
+                    (point.impulse if one else -point.impulse) / system.timestep
+                )
     return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
 
 
@@ -35,24 +37,40 @@ class Forces(Impulses):
         super().__init__()
         self._system = system
         self._things: dict[Any, Thing] = {}
-        self._fixed = frozenset((rank, body.name) for rank, body in enumerate(scene.bodies) if body.fixed)
-        self._still: dict[tuple[Any, ...], float] = {}  # the impulses of shapes at rest, which stay the same
+        self._fixed = frozenset(
+            (rank, body.name) for rank, body in enumerate(scene.bodies) if body.fixed
+        )
+        self._still: dict[
+            tuple[Any, ...], float
+        ] = {}  # the impulses of shapes at rest, which stay the same
         ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
-        for component in (*system.rigid_dynamic_components, *system.rigid_static_components):
+        for component in (
+            *system.rigid_dynamic_components,
+            *system.rigid_static_components,
+        ):
             name = component.entity.name
-            self._things.update(dict.fromkeys(component.collision_shapes, (ranks[name], name)))
-        self._free = [(each, self._things[each.collision_shapes[0]]) for each in system.rigid_dynamic_components]
+            self._things.update(
+                dict.fromkeys(component.collision_shapes, (ranks[name], name))
+            )
+        self._free = [
+            (each, self._things[each.collision_shapes[0]])
+            for each in system.rigid_dynamic_components
+        ]
         links = {link.name: link.collisions for link in robot_links(robot, tool)}
         for component in system.articulation_link_components:
             parts = links[component.entity.name]
             shapes = component.collision_shapes
-            for number, shape in enumerate(shapes):  # of each part there are as many copies
+            for number, shape in enumerate(
+                shapes
+            ):  # of each part there are as many copies
                 part = parts[number * len(parts) // len(shapes)].part
                 self._things[shape] = -1, "tool" if part in tool.borne_on else part
 
     def add_step(self) -> None:
         """Add those of the last step. PhysX keeps them for bodies that sleep. It does not tell those of friction."""
-        resting = self._fixed.union(thing for component, thing in self._free if component.is_sleeping)
+        resting = self._fixed.union(
+            thing for component, thing in self._free if component.is_sleeping
+        )
         before = self._still
         self._still = {}
         for contact in self._system.get_contacts():
@@ -62,7 +80,9 @@ class Forces(Impulses):
             met = meeting(one, other)
             impulse = before.get(shapes) if still else None
             if impulse is None:
-                impulse = sum(float(point.impulse @ point.normal) for point in contact.points)
+                impulse = sum(
+                    float(point.impulse @ point.normal) for point in contact.points
+                )
             if still:
                 self._still[shapes] = impulse
             self.add(met, impulse)

@@ -23,7 +23,9 @@ from plugins.simulators.sapien.shapes import to_sapien
 # So many times the solver's iterations, as for the arm with a hand: a touch doesn't change how often forces act.
 _ITERATIONS = 4
 _STICKS = 1e5  # dry friction is a damper that gives up at 1 / _STICKS m/s or rad/s
-_GIVES_WAY = 0.001  # m or rad off its target: there a motor does all it can, as the arm's
+_GIVES_WAY = (
+    0.001  # m or rad off its target: there a motor does all it can, as the arm's
+)
 _LEAST = 1e-9  # N s/m or N m s/rad, of a damper that only carries a force
 _MOST = 0.9  # of what a damper is made stronger by
 _PAIRS = 32  # bits
@@ -93,7 +95,9 @@ class Joints:
             inside = poses[joint.body]
             if parent is not None and joint.parent is not None:
                 inside = poses[joint.parent].inverse() @ inside
-            self._acting += _Hung(joint, child, parent, inside, inertias[joint.body], time_step).hold(tracking_rate)
+            self._acting += _Hung(
+                joint, child, parent, inside, inertias[joint.body], time_step
+            ).hold(tracking_rate)
 
     def begin(self) -> None:
         """Begin the time of drives."""
@@ -109,33 +113,59 @@ class Joints:
 class _Hung:
     """A body that hangs from a joint; ``inside`` is its pose in its parent, or in the world if that is fixed."""
 
-    def __init__(self, joint: Joint, child: Any, parent: Any, inside: Pose, inertia: Inertia, time_step: float) -> None:
+    def __init__(
+        self,
+        joint: Joint,
+        child: Any,
+        parent: Any,
+        inside: Pose,
+        inertia: Inertia,
+        time_step: float,
+    ) -> None:
         self.joint = joint
         self.child = child
         self.parent = parent
         self.time_step = time_step
         # A joint's frame has the joint's axis as x, and hinges turn from the middle of their range.
-        self.middle = (joint.lower + joint.upper) / 2 if joint.kind == "hinge" and joint.limited else 0.0
+        self.middle = (
+            (joint.lower + joint.upper) / 2
+            if joint.kind == "hinge" and joint.limited
+            else 0.0
+        )
         origin = np.asarray(joint.origin)
         axis = np.asarray(joint.axis)
         reach = 0.0
-        self.slack = 0.0 if joint.kind == "slider" else _slack(inertia, origin, axis if joint.kind == "hinge" else None)
+        self.slack = (
+            0.0
+            if joint.kind == "slider"
+            else _slack(inertia, origin, axis if joint.kind == "hinge" else None)
+        )
         turned = Rotation.identity()
         if joint.kind != "ball":
             turned, _ = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])
             origin = origin + axis * ((inertia.frame.position - origin) @ axis)
-            reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)  # then the two points move independently
+            reach = math.sqrt(
+                float(inertia.moments.max()) / inertia.mass
+            )  # then the two points move independently
         self._reach = reach
         self._in_child = Pose.from_rotation(origin, turned)
         moved = self.middle - joint.start
         back = ((moved, 0.0, 0.0), (0.0, 0.0, 0.0))
-        self._in_parent = inside @ self._in_child @ Pose.xyz_rpy(*(back if joint.kind == "slider" else back[::-1]))
+        self._in_parent = (
+            inside
+            @ self._in_child
+            @ Pose.xyz_rpy(*(back if joint.kind == "slider" else back[::-1]))
+        )
 
     def hold(self, tracking_rate: float) -> Iterator[_Acting]:
         """Make the joint, and return what acts in it."""
         joint = self.joint
         main = self._connect(0.0)
-        for lock in (main.set_limit_y, main.set_limit_z, *([] if joint.kind == "slider" else [main.set_limit_x])):
+        for lock in (
+            main.set_limit_y,
+            main.set_limit_z,
+            *([] if joint.kind == "slider" else [main.set_limit_x]),
+        ):
             lock(0.0, 0.0)
         if joint.kind != "ball":
             other = self._connect(self._reach)
@@ -156,9 +186,16 @@ class _Hung:
             motor.resist(joint.stiffness, joint.damping)
             motor.aim(joint.rest)
         if joint.friction:
-            _Motor(self._connect(0.0), self).resist(0.0, joint.friction * _STICKS, joint.friction)
+            _Motor(self._connect(0.0), self).resist(
+                0.0, joint.friction * _STICKS, joint.friction
+            )
         if joint.drive is not None:
-            yield _Servo(_Motor(self._connect(0.0), self), joint.drive, tracking_rate, self.time_step)
+            yield _Servo(
+                _Motor(self._connect(0.0), self),
+                joint.drive,
+                tracking_rate,
+                self.time_step,
+            )
 
     def _connect(self, along: float) -> Any:
         """Make a D6 joint in which everything moves, its frame so far along the axis."""
@@ -178,7 +215,9 @@ def _slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
     own = float(inertia.moments.max())
     if axis is not None:
         arm = arm - axis * (arm @ axis)
-        own = float(inertia.moments @ inertia.frame.rotation.apply(axis, inverse=True) ** 2)
+        own = float(
+            inertia.moments @ inertia.frame.rotation.apply(axis, inverse=True) ** 2
+        )
     return 1 / own - 1 / (own + inertia.mass * float(arm @ arm))
 
 
@@ -204,7 +243,9 @@ class _Motor:
 
     def resist(self, stiffness: float, damping: float, limit: float = math.inf) -> None:
         self._damping = max(damping * self._share - stiffness * self._each, _LEAST)
-        scale = 4.0 if self._kind == "ball" and stiffness > 0 else 1.0  # then PhysX works with half angles
+        scale = (
+            4.0 if self._kind == "ball" and stiffness > 0 else 1.0
+        )  # then PhysX works with half angles
         scale /= 1 - min(self._slack * (self._damping + stiffness * self._each), _MOST)
         self._set(scale * stiffness, scale * self._damping, limit * self._time_step)
 
@@ -213,7 +254,9 @@ class _Motor:
         if self._kind == "slider":
             self.component.set_drive_velocity_target([speed, 0.0, 0.0], _STILL)
         else:
-            self.component.set_drive_velocity_target(_STILL, [-speed, 0.0, 0.0] if self._kind == "hinge" else speed)
+            self.component.set_drive_velocity_target(
+                _STILL, [-speed, 0.0, 0.0] if self._kind == "hinge" else speed
+            )
 
     def aim(self, position: float) -> None:
         """Put the end of the spring of a hinge or slider somewhere."""
@@ -246,18 +289,28 @@ class _Pull:
         joint = self._joint
         position = self._motor.position()
         moved = position - self._turned
-        self._turned += math.remainder(moved, 2 * math.pi) if joint.kind == "hinge" else moved
-        slope = joint.stiffness + max(0.0, sum(_slope(position - x.at, x.force, x.width) for x in joint.latches))
+        self._turned += (
+            math.remainder(moved, 2 * math.pi) if joint.kind == "hinge" else moved
+        )
+        slope = joint.stiffness + max(
+            0.0, sum(_slope(position - x.at, x.force, x.width) for x in joint.latches)
+        )
         if slope != self._slope:
             self._motor.resist(slope, joint.damping)
             self._slope = slope
         self._motor.aim(position)
-        force = joint.stiffness * (joint.rest - self._turned) + latch_force(joint, position)
+        force = joint.stiffness * (joint.rest - self._turned) + latch_force(
+            joint, position
+        )
         self._motor.push(force)
 
 
 def _slope(away: float, force: float, width: float) -> float:
-    return force * math.pi / width * math.cos(math.pi * away / width) if abs(away) < width else 0.0
+    return (
+        force * math.pi / width * math.cos(math.pi * away / width)
+        if abs(away) < width
+        else 0.0
+    )
 
 
 class _BallPull:
@@ -272,13 +325,17 @@ class _BallPull:
         turned = self._motor.component.relative_pose
         self._motor.component.set_drive_target(turned)
         w, x, y, z = turned.q
-        self._motor.push(-self._stiffness * Rotation.from_quat([x, y, z, w]).as_rotvec())
+        self._motor.push(
+            -self._stiffness * Rotation.from_quat([x, y, z, w]).as_rotvec()
+        )
 
 
 class _Servo:
     """A motor that follows a schedule as the arm's do; ``time`` is 0 until the robot's motion begins."""
 
-    def __init__(self, motor: _Motor, drive: Drive, tracking_rate: float, time_step: float) -> None:
+    def __init__(
+        self, motor: _Motor, drive: Drive, tracking_rate: float, time_step: float
+    ) -> None:
         self._motor = motor
         self._drive = drive
         self._time_step = time_step

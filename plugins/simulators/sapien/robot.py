@@ -16,7 +16,12 @@ from core.robot.description import joint_name
 from core.values.robots import Robot
 from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.sapien.bodies import weigh
-from plugins.simulators.sapien.description import ArticulationLink, AxisJoint, PlacedShape, robot_links
+from plugins.simulators.sapien.description import (
+    ArticulationLink,
+    AxisJoint,
+    PlacedShape,
+    robot_links,
+)
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, hull, place, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
@@ -38,7 +43,11 @@ _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 
 
 def surfaces_of(arm: Robot, tool: Tool) -> set[Surface]:
-    return {Surface(friction_of(arm, tool, shape.part)) for link in robot_links(arm, tool) for shape in link.collisions}
+    return {
+        Surface(friction_of(arm, tool, shape.part))
+        for link in robot_links(arm, tool)
+        for shape in link.collisions
+    }
 
 
 class ArticulatedArm:
@@ -66,25 +75,36 @@ class ArticulatedArm:
         # the solver's n iterations a joint is driven as if that were the end of the step, and its speed is added: on
         # average (n - 1) / 2n of a step too far.
         iterations = components[0].articulation.solver_position_iterations
-        self._ahead = 1 / tracking_rate - time_step * (iterations - 1) / (2 * iterations)
+        self._ahead = 1 / tracking_rate - time_step * (iterations - 1) / (
+            2 * iterations
+        )
         for link, component in zip(links, components, strict=True):
             entity = sapien.Entity()
             entity.name = link.name
             entity.add_component(component)
             scene.add_entity(entity)
         self._articulation = components[0].articulation
-        active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
+        active = {
+            joint.name: number
+            for number, joint in enumerate(self._articulation.active_joints)
+        }
         self._numbers = [active[name] for name in joints]
         self._loose = [active[joint_name(name)] for name in loose]
         hung = zip(self._loose, loose.values(), strict=True)
-        self._hung = [(number, self._articulation.active_joints[number], moving) for number, moving in hung]
+        self._hung = [
+            (number, self._articulation.active_joints[number], moving)
+            for number, moving in hung
+        ]
         driven = [self._articulation.active_joints[number] for number in self._numbers]
         self._setters = [joint.set_drive_target for joint in driven]
         self._orders = [math.nan] * len(joints)
         self._pull: list[tuple[int, ToolJoint]] = []  # once the motion begins
         self._forces = np.zeros(len(active), dtype=np.float32)
         start = np.zeros(len(active))
-        start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * (len(joints) - self._arm))]
+        start[self._numbers] = [
+            *trajectory.arm[0],
+            *([trajectory.fingers[0]] * (len(joints) - self._arm)),
+        ]
         self._articulation.qpos = start
 
     def launch(self) -> None:
@@ -96,15 +116,23 @@ class ArticulatedArm:
             if moving.friction > 0:
                 joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")
             else:
-                joint.set_drive_properties(moving.stiffness, moving.damping, math.inf, "force")
+                joint.set_drive_properties(
+                    moving.stiffness, moving.damping, math.inf, "force"
+                )
                 joint.set_drive_target(moving.rest)
-        self._pull = [(number, moving) for number, _, moving in self._hung if moving.friction > 0]
+        self._pull = [
+            (number, moving) for number, _, moving in self._hung if moving.friction > 0
+        ]
 
-    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
+    def orders(
+        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
+    ) -> list[list[float]]:
         """What `drive` takes for each of S steps: from targets (S, J), finger openings (S,), and their speeds."""
         asked = arm + self._ahead * speeds
         if self._gripper:
-            asked = np.column_stack([asked, *[fingers + self._ahead * finger_speeds] * self._fingers])
+            asked = np.column_stack(
+                [asked, *[fingers + self._ahead * finger_speeds] * self._fingers]
+            )
         return cast("list[list[float]]", asked.tolist())
 
     def drive(self, orders: list[float]) -> None:
@@ -113,12 +141,17 @@ class ArticulatedArm:
             values = self._articulation.qpos
             speeds = self._articulation.qvel
             for i, joint in self._pull:
-                self._forces[i] = joint.stiffness * (joint.rest - values[i]) - joint.damping * speeds[i]
+                self._forces[i] = (
+                    joint.stiffness * (joint.rest - values[i])
+                    - joint.damping * speeds[i]
+                )
             self._articulation.qf = self._forces
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake
             return
-        for set_target, order, before in zip(self._setters, orders, self._orders, strict=True):
+        for set_target, order, before in zip(
+            self._setters, orders, self._orders, strict=True
+        ):
             if order != before:  # drives keep their target
                 set_target(order)
         self._orders = orders
@@ -132,18 +165,29 @@ class ArticulatedArm:
         everything = np.asarray(values, dtype=np.float64)
         values = everything[..., self._numbers]
         loose = everything[..., self._loose]
-        fingers = values[..., self._arm :] if self._gripper else np.zeros((*values.shape[:-1], self._fingers))
+        fingers = (
+            values[..., self._arm :]
+            if self._gripper
+            else np.zeros((*values.shape[:-1], self._fingers))
+        )
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 
 
 def _components(
-    links: Sequence[ArticulationLink], arm: Robot, tool: Tool, surfaces: Surfaces, folder: Path, tracking_rate: float
+    links: Sequence[ArticulationLink],
+    arm: Robot,
+    tool: Tool,
+    surfaces: Surfaces,
+    folder: Path,
+    tracking_rate: float,
 ) -> list[Any]:
     """Make the articulation's links, with their shapes and with what drives or holds their joints."""
     loose = {bearer.name for bearer in tool.bearers}
     components: list[Any] = []
     for link in links:
-        component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
+        component = physx.PhysxArticulationLinkComponent(
+            None if link.parent is None else components[link.parent]
+        )
         components.append(component)
         weigh(component, link.inertia)
         for shape in link.collisions:
@@ -156,22 +200,43 @@ def _components(
             _drive(component.joint, link.joint, arm, tracking_rate)
     if tool.gripper:
         bears = zip(links, components, strict=True)
-        fingers = [part for link, part in bears if link.joint and link.joint.joint.name in arm.finger_joints]
+        fingers = [
+            part
+            for link, part in bears
+            if link.joint and link.joint.joint.name in arm.finger_joints
+        ]
         difference = [0.0, 1.0, -1.0]  # of the two joints, that is
         articulation = components[0].articulation
-        articulation.create_fixed_tendon([fingers[0].parent, *fingers], difference, difference, **_COUPLING)
+        articulation.create_fixed_tendon(
+            [fingers[0].parent, *fingers], difference, difference, **_COUPLING
+        )
         articulation.solver_position_iterations *= _GRIP
     return components
 
 
-def _attach(component: Any, part: PlacedShape, arm: Robot, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
+def _attach(
+    component: Any,
+    part: PlacedShape,
+    arm: Robot,
+    tool: Tool,
+    surfaces: Surfaces,
+    folder: Path,
+) -> None:
     def make(material: Any) -> Any:
         shape = part.shape
-        collider = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
+        collider = (
+            hull(shape, material)
+            if isinstance(shape, Path)
+            else collision(shape, material, folder)
+        )
         place(collider, shape, part.pose)
         return collider
 
-    for shape in surfaces.copies(Surface(friction_of(arm, tool, part.part)), make, apart=_apart(part.part, arm, tool)):
+    for shape in surfaces.copies(
+        Surface(friction_of(arm, tool, part.part)),
+        make,
+        apart=_apart(part.part, arm, tool),
+    ):
         component.attach(shape)
 
 

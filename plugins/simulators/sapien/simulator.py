@@ -36,7 +36,9 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
         check_positive("sim.", **self._settings._asdict())
         check_time_step(time_step)
         self._folder = temporary_folder()
-        self._placed: tuple[Scene, Weighed] | None = None  # of the last job: consecutive ones mostly share it
+        self._placed: tuple[Scene, Weighed] | None = (
+            None  # of the last job: consecutive ones mostly share it
+        )
 
     def build(self, task: Task, job: Rollout) -> World:
         scene = job.scene_in(task)
@@ -44,4 +46,12 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
             self._placed = (scene, Weighed(only_rigid(scene, task.name, "sapien")))
         folder = self._folder
         forces = job.forces and job.record_hz > 0
-        return World(folder, self._placed[1], task.robot, job.tool, job.trajectory, self._settings, forces)
+        return World(
+            folder,
+            self._placed[1],
+            task.robot,
+            job.tool,
+            job.trajectory,
+            self._settings,
+            forces,
+        )

@@ -20,7 +20,9 @@ from plugins.simulators.sapien.engine import physx
 _FEW = 4
 _ALIKE = 1.5
 
-_HIGH_BITS = 16  # shapes whose last word differs in its upper half never touch each other
+_HIGH_BITS = (
+    16  # shapes whose last word differs in its upper half never touch each other
+)
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,10 @@ class Surfaces:
         self._kinds = _kinds({*moving, *fixed})
         self._all = sorted({*self._kinds.values()})
         self._moving = sorted({self._kinds[surface] for surface in moving})
-        self._typical = {kind: _typical([s for s, k in self._kinds.items() if k == kind]) for kind in self._all}
+        self._typical = {
+            kind: _typical([s for s, k in self._kinds.items() if k == kind])
+            for kind in self._all
+        }
         self._materials: dict[tuple[Surface, int], Any] = {}
 
     def copies(
@@ -66,7 +71,9 @@ class Surfaces:
             pair = 1 + low * len(self._all) + high
             # Two shapes touch if the first word of one has a bit in common with the second word of the other.
             is_, meets = (1, 1) if own == other else (1, 2) if own == low else (2, 1)
-            shape.set_collision_groups([is_, meets, apart, pair << _HIGH_BITS | mechanism])
+            shape.set_collision_groups(
+                [is_, meets, apart, pair << _HIGH_BITS | mechanism]
+            )
             yield shape
 
     def _material(self, surface: Surface, other: int) -> Any:
@@ -76,9 +83,13 @@ class Surfaces:
             one = self._typical[self._kinds[surface]]
             two = self._typical[other]
             friction = math.sqrt(one.friction * two.friction)
-            if friction > 0:  # this surface's deviation from the typical one of its kind
+            if (
+                friction > 0
+            ):  # this surface's deviation from the typical one of its kind
                 friction *= 2 * math.sqrt(surface.friction / one.friction) - 1
-            self._materials[key] = physx.PhysxMaterial(friction, friction, one.restitution * two.restitution)
+            self._materials[key] = physx.PhysxMaterial(
+                friction, friction, one.restitution * two.restitution
+            )
         return self._materials[key]
 
 
@@ -89,7 +100,10 @@ def _kinds(surfaces: set[Surface]) -> dict[Surface, int]:
     first = Surface(-1.0)
     kind = -1
     for surface in sorted(surfaces, key=lambda s: (s.restitution, s.friction)):
-        if surface.restitution != first.restitution or surface.friction > ratio * first.friction:
+        if (
+            surface.restitution != first.restitution
+            or surface.friction > ratio * first.friction
+        ):
             first = surface
             kind = kind + 1
         kinds[surface] = kind

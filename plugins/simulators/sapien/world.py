@@ -68,7 +68,9 @@ class World:
             enable_friction_every_iteration=True,
         )
         physx.set_body_config(
-            solver_position_iterations=iterations, solver_velocity_iterations=1, sleep_threshold=_SLEEP
+            solver_position_iterations=iterations,
+            solver_velocity_iterations=1,
+            sleep_threshold=_SLEEP,
         )
         physx.set_shape_config(contact_offset=_CONTACT_OFFSET, rest_offset=0.0)
         self._system = physx.PhysxCpuSystem()
@@ -76,18 +78,45 @@ class World:
         self._scene = sapien.Scene([self._system])
         surfaces = Surfaces(surfaces_of(robot, tool) | weighed.moving, weighed.fixed)
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
-        self._joints = Joints(weighed.scene, weighed.inertias, self._bodies.components, time_step, tracking_rate)
-        self._robot = ArticulatedArm(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
+        self._joints = Joints(
+            weighed.scene,
+            weighed.inertias,
+            self._bodies.components,
+            time_step,
+            tracking_rate,
+        )
+        self._robot = ArticulatedArm(
+            self._scene,
+            surfaces,
+            robot,
+            tool,
+            trajectory,
+            folder,
+            tracking_rate,
+            time_step,
+        )
         self._held = robot, tool
-        if not np.allclose(self.read([self._bodies.note()])[0], trajectory.arm[0], atol=1e-5):
+        if not np.allclose(
+            self.read([self._bodies.note()])[0], trajectory.arm[0], atol=1e-5
+        ):
             raise RuntimeError(UNKNOWN_PACK)
-        self.forces = Forces(self._system, weighed.scene, robot, tool) if forces else None
+        self.forces = (
+            Forces(self._system, weighed.scene, robot, tool) if forces else None
+        )
 
-    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+    def step(
+        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+    ) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        self.obey(*self.orders(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
+        self.obey(
+            *self.orders(
+                arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])
+            )
+        )
 
-    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
+    def orders(
+        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
+    ) -> list[list[float]]:
         return self._robot.orders(arm, fingers, speeds, finger_speeds)
 
     def obey(self, order: list[float]) -> None:
@@ -105,7 +134,11 @@ class World:
     def _beyond(self) -> set[Any]:
         """The collision shapes of what the arm's last joint moves."""
         links = beyond(*self._held)
-        own = [link for link in self._system.articulation_link_components if link.entity.name in links]
+        own = [
+            link
+            for link in self._system.articulation_link_components
+            if link.entity.name in links
+        ]
         return {shape for link in own for shape in link.collision_shapes}
 
     def launch(self) -> None:

@@ -44,14 +44,22 @@ class Measure:
     def __post_init__(self) -> None:
         if not -np.inf < self.lower < self.upper < np.inf:
             bounds = f"from {self.lower:g} to {self.upper:g}"
-            raise UsageError(f"evolution.measures: {self.name} goes {bounds}; lower must be less than upper")
+            raise UsageError(
+                f"evolution.measures: {self.name} goes {bounds}; lower must be less than upper"
+            )
         if not 1 <= self.bins <= MAX_BINS:
-            raise UsageError(f"evolution.measures: {self.name} needs 1 to {MAX_BINS} bins, got {self.bins}")
+            raise UsageError(
+                f"evolution.measures: {self.name} needs 1 to {MAX_BINS} bins, got {self.bins}"
+            )
 
     def bin(self, evaluation: Evaluation) -> int:
         """Return the number of the bin that an evaluation lies in, from 0; that of nan is the last."""
         share = (VALUES[self.name](evaluation) - self.lower) / (self.upper - self.lower)
-        return min(int(max(share, 0.0) * self.bins), self.bins - 1) if share < 1 else self.bins - 1
+        return (
+            min(int(max(share, 0.0) * self.bins), self.bins - 1)
+            if share < 1
+            else self.bins - 1
+        )
 
 
 def tool_of(evaluation: Evaluation) -> Tool:
@@ -69,8 +77,13 @@ def extent(tool: Tool) -> float:
     corners: dict[str, list[Array]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]
-        corners.setdefault(mount, []).append(pose.apply(component.shape.to_trimesh().vertices))
-    return max((float(np.ptp(np.concatenate(of), axis=0).max()) for of in corners.values()), default=0.0)
+        corners.setdefault(mount, []).append(
+            pose.apply(component.shape.to_trimesh().vertices)
+        )
+    return max(
+        (float(np.ptp(np.concatenate(of), axis=0).max()) for of in corners.values()),
+        default=0.0,
+    )
 
 
 def touch(evaluation: Evaluation) -> float:
@@ -78,7 +91,9 @@ def touch(evaluation: Evaluation) -> float:
 
     Of several trials it is the mean of those in which it touched one.
     """
-    touches = [trial.touch_m for trial in evaluation.trials if trial.touch_m is not None]
+    touches = [
+        trial.touch_m for trial in evaluation.trials if trial.touch_m is not None
+    ]
     return float(np.mean(touches)) if touches else float("nan")
 
 
@@ -96,7 +111,14 @@ VALUES: dict[str, Callable[[Evaluation], float]] = {
     "touch": touch,
     "time": motion,
 }
-COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m", "motion_s")  # of these values
+COLUMNS = (
+    "mass_kg",
+    "extent_m",
+    "components",
+    "distance_m",
+    "touch_m",
+    "motion_s",
+)  # of these values
 MEASURES = {
     measure.name: measure
     for measure in (
@@ -125,21 +147,34 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
         if name in found:
             raise UsageError(f"evolution.measures names {name} twice")
         if unknown := sorted(given.keys() - asdict(MEASURES[name])):
-            raise choices("key", str(unknown[0]), asdict(MEASURES[name]), f"evolution.measures: {name}")
+            raise choices(
+                "key",
+                str(unknown[0]),
+                asdict(MEASURES[name]),
+                f"evolution.measures: {name}",
+            )
         try:
-            found[name] = pydantic.TypeAdapter(Measure).validate_python({**asdict(MEASURES[name]), **given})
+            found[name] = pydantic.TypeAdapter(Measure).validate_python(
+                {**asdict(MEASURES[name]), **given}
+            )
         except pydantic.ValidationError as error:
             first = error.errors()[0]
-            raise UsageError(f"evolution.measures: {name}: {first['loc'][-1]}: {first['msg']}") from error
+            raise UsageError(
+                f"evolution.measures: {name}: {first['loc'][-1]}: {first['msg']}"
+            ) from error
     if not found:
-        raise UsageError(f"evolution.measures is empty; name some of {', '.join(MEASURES)}")
+        raise UsageError(
+            f"evolution.measures is empty; name some of {', '.join(MEASURES)}"
+        )
     return tuple(found.values())
 
 
 def observes(written: object) -> bool:
     """Report whether one of the measures, as written, needs observations of rollouts."""
     items = written if isinstance(written, Sequence) else ()
-    return "touch" in [item.get("name") if isinstance(item, Mapping) else item for item in items]
+    return "touch" in [
+        item.get("name") if isinstance(item, Mapping) else item for item in items
+    ]
 
 
 class Archive:
@@ -159,17 +194,27 @@ class Archive:
     @property
     def best(self) -> dict[Cell, Evaluation]:
         """The best evaluation of each cell (`core.trial.ranked`), in the order of the cells."""
-        return {cell: best_first(self._found[cell], self.tie)[0] for cell in sorted(self._found)}
+        return {
+            cell: best_first(self._found[cell], self.tie)[0]
+            for cell in sorted(self._found)
+        }
 
 
 def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     """Return what holds and is not beaten in mass without a longer motion, the lightest first."""
-    held = [(e, (effort.mass_kg, effort.motion_s)) for e in evaluations if e.holds and (effort := e.effort) is not None]
+    held = [
+        (e, (effort.mass_kg, effort.motion_s))
+        for e in evaluations
+        if e.holds and (effort := e.effort) is not None
+    ]
     return [held[number][0] for number in front([point for _, point in held])]
 
 
 def save_archive(
-    archive: Archive, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path
+    archive: Archive,
+    ranking: Sequence[Evaluation],
+    representation: ToolRepresentation,
+    folder: Path,
 ) -> None:
     """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies.
 
@@ -177,15 +222,25 @@ def save_archive(
     against time (`lean_front`), where these are none.
     """
     picked: dict[str, list[str]] = {}
-    chosen = {"best": best_first(ranking, archive.tie)[:1], "front": lean_front(ranking)}
+    chosen = {
+        "best": best_first(ranking, archive.tie)[:1],
+        "front": lean_front(ranking),
+    }
     for name, evaluations in chosen.items():
         for evaluation in evaluations:
             picked.setdefault(evaluation.candidate.id, []).append(name)
     cells = {evaluation.candidate.id: cell for cell, evaluation in archive.best.items()}
-    kept = {e.candidate.id: e for e in (*archive.best.values(), *chosen["best"], *chosen["front"])}
+    kept = {
+        e.candidate.id: e
+        for e in (*archive.best.values(), *chosen["best"], *chosen["front"])
+    }
     folder.mkdir(parents=True, exist_ok=True)
-    document = {"strategies": [dump_design(e.candidate, representation) for e in kept.values()]}
-    (folder / "designs.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    document = {
+        "strategies": [dump_design(e.candidate, representation) for e in kept.values()]
+    }
+    (folder / "designs.json").write_text(
+        json.dumps(document, indent=2) + "\n", encoding="utf-8"
+    )
     with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         axes = [f"cell_{measure.name}" for measure in archive.measures]
@@ -193,4 +248,13 @@ def save_archive(
         for number, (name, evaluation) in enumerate(kept.items()):
             where = cells.get(name, [""] * len(axes))
             values = [value(evaluation) for value in VALUES.values()]
-            writer.writerow([number, name, *where, " ".join(picked.get(name, ())), evaluation.reward, *values])
+            writer.writerow(
+                [
+                    number,
+                    name,
+                    *where,
+                    " ".join(picked.get(name, ())),
+                    evaluation.reward,
+                    *values,
+                ]
+            )

@@ -14,7 +14,12 @@ import numpy as np
 from core.design import Candidate
 from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
 from core.trial import TIE, Evaluation, best_first, best_tools
-from plugins.strategies.map_elites.archive import Archive, observes, read_measures, save_archive
+from plugins.strategies.map_elites.archive import (
+    Archive,
+    observes,
+    read_measures,
+    save_archive,
+)
 
 
 class MapElites(EvolutionStrategy):
@@ -47,14 +52,21 @@ class MapElites(EvolutionStrategy):
     def observes(cls, settings: Mapping[str, Any]) -> bool:
         return observes(settings.get("measures"))
 
-    def write_archive(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+    def write_archive(
+        self,
+        ranking: Sequence[Evaluation],
+        representation: ToolRepresentation,
+        folder: Path,
+    ) -> None:
         """Write the best of each cell, and a few more that a user may want."""
         archive = Archive(self._archive.measures, self.tie)
         archive.add(ranking)
         save_archive(archive, ranking, representation, folder)
 
     def ask(self) -> Iterator[Candidate]:
-        rng = np.random.default_rng([getattr(self.designer, "seed", 0), self._generation])
+        rng = np.random.default_rng(
+            [getattr(self.designer, "seed", 0), self._generation]
+        )
         ranking = best_first(self._archive.best.values(), self.tie)
         return self.designer.design(self._generation, self._elites(ranking, rng))
 
@@ -62,11 +74,15 @@ class MapElites(EvolutionStrategy):
         self._generation += 1
         self._archive.add(evaluations)
 
-    def _elites(self, ranking: Sequence[Evaluation], rng: np.random.Generator) -> list[Evaluation]:
+    def _elites(
+        self, ranking: Sequence[Evaluation], rng: np.random.Generator
+    ) -> list[Evaluation]:
         tools = best_tools(e for e in ranking if e.reward > self.budget.reward_save)
         count = min(len(tools), self.budget.k_top) - 1
         if count < 1:
             return tools[:1]
         weights = np.arange(len(tools) - 1, 0, -1.0)  # by rank
-        others = rng.choice(len(tools) - 1, count, replace=False, p=weights / weights.sum())
+        others = rng.choice(
+            len(tools) - 1, count, replace=False, p=weights / weights.sum()
+        )
         return [tools[0], *(tools[1 + i] for i in sorted(others))]

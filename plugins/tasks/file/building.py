@@ -29,7 +29,10 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
             or goals don't fit together.
     """
     around = [floor(spec.floor_height)] * spec.floor + [table()] * spec.table
-    marks = [Body.mark(mark.name, mark.position, mark.radius, rgba(mark.color)) for mark in spec.marks]
+    marks = [
+        Body.mark(mark.name, mark.position, mark.radius, rgba(mark.color))
+        for mark in spec.marks
+    ]
     bodies = list[Body]()
     joints = list(spec.joints)
     for number, of in enumerate(spec.bodies):
@@ -37,8 +40,12 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
             body = _body(of, files)
             limits = f"{LIGHTEST:g} to {HEAVIEST:g}; change its density"
             if not of.fixed and not LIGHTEST <= body.mass <= HEAVIEST:
-                raise ValueError(f"its mass would be {body.mass:.3g} kg, beyond {limits}")
-            bodies.append(replace(body, pose=_frame(of.at, (*marks, *bodies)) @ body.pose))
+                raise ValueError(
+                    f"its mass would be {body.mass:.3g} kg, beyond {limits}"
+                )
+            bodies.append(
+                replace(body, pose=_frame(of.at, (*marks, *bodies)) @ body.pose)
+            )
     for number, other in enumerate(spec.imports):
         with _located(tree, ("imports", number)):
             found = files.bodies(other.file, other.prefix, fixed=other.fixed)
@@ -46,18 +53,31 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         bodies += [replace(body, pose=pose @ body.pose) for body in found.bodies]
         joints += found.joints
     taken = [body.name for body in around]
-    for kind, names in (("marks", [mark.name for mark in spec.marks]), ("bodies", [body.name for body in spec.bodies])):
+    for kind, names in (
+        ("marks", [mark.name for mark in spec.marks]),
+        ("bodies", [body.name for body in spec.bodies]),
+    ):
         for number, name in enumerate(names):
             if name in taken:
-                raise tree.error((kind, number, "name"), f"{name!r} is there already; choose another name")
+                raise tree.error(
+                    (kind, number, "name"),
+                    f"{name!r} is there already; choose another name",
+                )
             taken.append(name)
     try:
         scene = Scene((*around, *marks, *bodies), tuple(joints))
     except ValueError as error:
-        known = (("joints", n) for n, joint in enumerate(spec.joints) if f"joint {joint.name!r}:" in str(error))
+        known = (
+            ("joints", n)
+            for n, joint in enumerate(spec.joints)
+            if f"joint {joint.name!r}:" in str(error)
+        )
         raise tree.error(next(known, ()), str(error)) from error
     if not scene.free:
-        raise tree.error(("bodies",), "nothing can move, so nothing can be earned; give a body a mass")
+        raise tree.error(
+            ("bodies",),
+            "nothing can move, so nothing can be earned; give a body a mass",
+        )
     _check_goals(tree, spec, scene)
     return scene
 
@@ -72,13 +92,20 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
     for placed in scene.ordered_joints:
         joint = placed.joint
         ball = placed.joint.kind == "ball"
-        value = np.array([1.0, 0.0, 0.0, 0.0] if ball else starts.get(joint.name, joint.start))
-        parent = Placement.at_rest(poses[joint.parent] if joint.parent is not None else Pose())
+        value = np.array(
+            [1.0, 0.0, 0.0, 0.0] if ball else starts.get(joint.name, joint.start)
+        )
+        parent = Placement.at_rest(
+            poses[joint.parent] if joint.parent is not None else Pose()
+        )
         moved = placed.carry(value, np.zeros(3 if ball else ()), parent)
         poses[joint.body] = Pose(moved.position, moved.quaternion)
     return Scene(
         tuple(replace(body, pose=poses[body.name]) for body in scene.bodies),
-        tuple(replace(joint, start=starts.get(joint.name, joint.start)) for joint in scene.joints),
+        tuple(
+            replace(joint, start=starts.get(joint.name, joint.start))
+            for joint in scene.joints
+        ),
     )
 
 
@@ -95,7 +122,9 @@ def _body(spec: BodySpec, files: Files) -> Body:
     own = rgba(spec.color or GREY)
     if spec.elastic is not None:
         form = spec.rope or spec.cloth or Filling(_hull(spec, files), spec.counts)
-        return Soft.make(spec.name, form, spec.elastic, _pose(spec), color=own, pinned=spec.pinned)
+        return Soft.make(
+            spec.name, form, spec.elastic, _pose(spec), color=own, pinned=spec.pinned
+        )
     if spec.file is not None:
         (read,) = files.mesh(spec.file, spec.scale).bodies
         visuals = read.visuals
@@ -105,7 +134,9 @@ def _body(spec: BodySpec, files: Files) -> Body:
             visuals = tuple(replace(geom, color=own) for geom in visuals)
     elif spec.parts is not None:
         parts = spec.parts
-        visuals = collisions = tuple(Geom(_shape(p), _pose(p), rgba(p.color) if p.color else own) for p in parts)
+        visuals = collisions = tuple(
+            Geom(_shape(p), _pose(p), rgba(p.color) if p.color else own) for p in parts
+        )
         volume = sum(geom.shape.volume for geom in visuals)
     else:
         visuals = collisions = (Geom(_shape(spec), color=own),)
@@ -120,7 +151,10 @@ def _hull(spec: BodySpec, files: Files) -> Shape:
     """Return a shape whose convex hull is that of a body's one shape, or of its file."""
     if spec.file is None:
         return _shape(spec)
-    parts = [part.shape.to_trimesh() for part in files.mesh(spec.file, spec.scale).bodies[0].collisions]
+    parts = [
+        part.shape.to_trimesh()
+        for part in files.mesh(spec.file, spec.scale).bodies[0].collisions
+    ]
     return Mesh.from_trimesh(trimesh.util.concatenate(parts).convex_hull)
 
 
@@ -161,13 +195,27 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
     free = [body.name for body in scene.free]
     softs = {soft.name: len(soft.form.nodes) for soft in scene.softs}
     for number, goal in enumerate(spec.goals):
-        named = [(name, "body that can move", free) for name in (*goal.bodies, *goal.keep)]
-        named += [(name, "body", bodies) for name in (*goal.untouched, *([goal.at] if goal.at is not None else []))]
-        named += [(goal.joint, "joint", [joint.name for joint in scene.joints])] if goal.joint is not None else []
+        named = [
+            (name, "body that can move", free) for name in (*goal.bodies, *goal.keep)
+        ]
+        named += [
+            (name, "body", bodies)
+            for name in (*goal.untouched, *([goal.at] if goal.at is not None else []))
+        ]
+        named += (
+            [(goal.joint, "joint", [joint.name for joint in scene.joints])]
+            if goal.joint is not None
+            else []
+        )
         if isinstance(goal.after, str):
-            named += [(goal.after, "goal", [other.name for other in spec.goals if other.name])]
+            named += [
+                (goal.after, "goal", [other.name for other in spec.goals if other.name])
+            ]
         elif goal.after is not None and not 0 <= goal.after < len(spec.goals):
-            raise tree.error(("goals", number, "after"), f"goals have numbers from 0 to {len(spec.goals) - 1}")
+            raise tree.error(
+                ("goals", number, "after"),
+                f"goals have numbers from 0 to {len(spec.goals) - 1}",
+            )
         for name, what, possible in named:
             if name not in possible:
                 raise tree.error(("goals", number), str(choices(what, name, possible)))
@@ -176,6 +224,11 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
             nodes = softs.get(name, 0)
             if asks and not 0 <= (goal.node or 0) < nodes:
                 what = "node (from 0), max_height_m and min_area_m2 are for soft bodies"
-                raise tree.error(("goals", number), f"{what}; {name!r} has {nodes} nodes")
+                raise tree.error(
+                    ("goals", number), f"{what}; {name!r} has {nodes} nodes"
+                )
             if nodes and goal.axis is not None:
-                raise tree.error(("goals", number, "axis"), f"the soft body {name!r} has no axis; its nodes move")
+                raise tree.error(
+                    ("goals", number, "axis"),
+                    f"the soft body {name!r} has no axis; its nodes move",
+                )

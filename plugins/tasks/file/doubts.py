@@ -19,8 +19,14 @@ Box = tuple[Array, Array]
 
 def find_doubts(scene: Scene) -> Iterator[str]:
     """Yield a line for each thing that is seldom meant."""
-    boxes = {body.name: _box(body) for body in scene.bodies if body.collisions or isinstance(body, Soft)}
-    hanging = {joint.body for joint in scene.joints} | {soft.name for soft in scene.softs if soft.pinned}
+    boxes = {
+        body.name: _box(body)
+        for body in scene.bodies
+        if body.collisions or isinstance(body, Soft)
+    }
+    hanging = {joint.body for joint in scene.joints} | {
+        soft.name for soft in scene.softs if soft.pinned
+    }
     for body in scene.free:
         if body.name not in boxes:
             continue
@@ -34,7 +40,11 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             continue
         gap = _gap_below(body.name, boxes)
         if gap > FALLS_M:
-            under = "nothing is below it" if np.isinf(gap) else f"it falls by {1000 * gap:.3g} mm"
+            under = (
+                "nothing is below it"
+                if np.isinf(gap)
+                else f"it falls by {1000 * gap:.3g} mm"
+            )
             yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
 
 
@@ -43,7 +53,9 @@ def _box(body: Body) -> Box:
     if isinstance(body, Soft):
         half = body.form.thickness / 2
         return body.placed.min(axis=0) - half, body.placed.max(axis=0) + half
-    middles, halves = map(np.array, zip(*(solid.bounds() for solid in body_solids(body)), strict=True))
+    middles, halves = map(
+        np.array, zip(*(solid.bounds() for solid in body_solids(body)), strict=True)
+    )
     return (middles - halves).min(axis=0), (middles + halves).max(axis=0)
 
 
@@ -53,6 +65,9 @@ def _gap_below(name: str, boxes: Mapping[str, Box]) -> float:
     gaps = [
         max(0.0, float(low[2] - other[1][2]))
         for key, other in boxes.items()
-        if key != name and (low[:2] < other[1][:2]).all() and (high[:2] > other[0][:2]).all() and other[0][2] < low[2]
+        if key != name
+        and (low[:2] < other[1][:2]).all()
+        and (high[:2] > other[0][:2]).all()
+        and other[0][2] < low[2]
     ]
     return min(gaps, default=float("inf"))

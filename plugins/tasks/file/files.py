@@ -36,7 +36,9 @@ class Files:
             UserError: it can't be used.
         """
         if Path(name).suffix.lower() in HOLDING:
-            raise UserError(f"{name} holds bodies of its own; name it under imports, not as the shape of a body")
+            raise UserError(
+                f"{name} holds bodies of its own; name it under imports, not as the shape of a body"
+            )
         if (name, scale) not in self._read:
             found = read_mesh(self.folder / name, scale, self.folder)
             self._keep((name, scale), found)
@@ -51,7 +53,9 @@ class Files:
         file = self.folder / name
         kind = Path(name).suffix.lower()
         if kind not in HOLDING:
-            raise UserError(f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import")
+            raise UserError(
+                f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import"
+            )
         if (name, prefix, fixed) not in self._read:
             if kind == ".urdf":
                 found = read_urdf(file, fixed=fixed, prefix=prefix, folder=self.folder)

@@ -29,7 +29,9 @@ from plugins.tasks.file.imports.solids import read_inside
 try:
     import mujoco
 except (ImportError, RuntimeError) as error:  # it reads MUJOCO_GL when it is imported
-    raise UserError(f"MuJoCo reads MJCF files, but can't be imported ({error}): pip install 'mujoco>=4,<5'") from error
+    raise UserError(
+        f"MuJoCo reads MJCF files, but can't be imported ({error}): pip install 'mujoco>=4,<5'"
+    ) from error
 
 LIMIT_S = 60
 MAX_DEPTH = 64
@@ -44,12 +46,21 @@ _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
     "CAPSULE": lambda x, y, z: Capsule(x, 2 * y),
     "CYLINDER": lambda x, y, z: Cylinder(x, 2 * y),
     "BOX": lambda x, y, z: Box((2 * x, 2 * y, 2 * z)),
-    "ELLIPSOID": lambda *radii: Mesh.from_trimesh(Sphere(1.0).to_trimesh().apply_scale(radii)),
+    "ELLIPSOID": lambda *radii: Mesh.from_trimesh(
+        Sphere(1.0).to_trimesh().apply_scale(radii)
+    ),
 }
-_GREY = (0.5, 0.5, 0.5, 1.0)  # of a shape that names no colour, so that its material's counts
+_GREY = (
+    0.5,
+    0.5,
+    0.5,
+    1.0,
+)  # of a shape that names no colour, so that its material's counts
 
 
-def read_mjcf(file: str | Path, *, prefix: str = "", folder: Path | None = None) -> Imported:
+def read_mjcf(
+    file: str | Path, *, prefix: str = "", folder: Path | None = None
+) -> Imported:
     """Make bodies and joints of an MJCF file, as they stand at the start (``qpos0``).
 
     A body without joints becomes part of the one that it hangs from, or fixed if that is the world. As in MuJoCo a mesh
@@ -67,10 +78,19 @@ def read_mjcf(file: str | Path, *, prefix: str = "", folder: Path | None = None)
     file = Path(file).expanduser().absolute()
     left = Counter[str]()
     try:
-        made = isolated(compile_model, "the model", _packed(file, folder or file.parent, left), limit_s=LIMIT_S)
+        made = isolated(
+            compile_model,
+            "the model",
+            _packed(file, folder or file.parent, left),
+            limit_s=LIMIT_S,
+        )
         model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": made})
         return _Reading(model, prefix, left).read()
-    except (UserError, ValueError, RuntimeError) as error:  # the last is Qhull's, of what is flat
+    except (
+        UserError,
+        ValueError,
+        RuntimeError,
+    ) as error:  # the last is Qhull's, of what is flat
         raise UserError(f"{file}: {clean(str(error), 300)}") from error
 
 
@@ -82,8 +102,13 @@ def compile_model(packed: bytes) -> bytes:
     """
     try:
         model = mujoco.MjSpec.from_zip(io.BytesIO(packed)).compile()
-    except (ValueError, mujoco.FatalError) as error:  # the lines that it names are not those of the file
-        raise UserError("is refused by MuJoCo: " + re.sub(", line [0-9-]+", "", str(error))) from error
+    except (
+        ValueError,
+        mujoco.FatalError,
+    ) as error:  # the lines that it names are not those of the file
+        raise UserError(
+            "is refused by MuJoCo: " + re.sub(", line [0-9-]+", "", str(error))
+        ) from error
     made = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, made)
     return made.tobytes()
@@ -93,7 +118,9 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
     """Zip the bodies of a model and their meshes, under names of our own, and count what is left out."""
     root = read_xml(read_inside(file, folder, "MJCF", MAX_BYTES / 1e6), file)
     if root.tag != "mujoco":
-        raise UserError(f"it is no MJCF: its root is <{clean(root.tag, 40)}> instead of <mujoco>")
+        raise UserError(
+            f"it is no MJCF: its root is <{clean(root.tag, 40)}> instead of <mujoco>"
+        )
     waiting = [(root, 0, 1)]
     included = {file.resolve()}
     total = 0
@@ -102,13 +129,17 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
         if element.tag == "replicate":
             count = element.get("count", "").strip()
             if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
-                raise UserError(f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}")
+                raise UserError(
+                    f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}"
+                )
             copies *= int(count)
         total += copies
         if depth > MAX_DEPTH:
             raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
         if total > MAX_ELEMENTS:
-            raise UserError(f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out")
+            raise UserError(
+                f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out"
+            )
         children = [*reversed(element)]
         element[:] = []
         while children:
@@ -118,13 +149,19 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
                 if other in included:
                     raise UserError(f"{other} is included twice; leave one of them out")
                 included.add(other)
-                children += reversed(read_xml(read_inside(other, folder, "MJCF", MAX_BYTES / 1e6), other))
+                children += reversed(
+                    read_xml(read_inside(other, folder, "MJCF", MAX_BYTES / 1e6), other)
+                )
             elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
                 element.append(child)
                 waiting.append((child, depth + 1, copies))
             else:
                 left[clean(f"{child.tag} {child.get('type', '')}", 40)] += 1
-    options = {key: value for compiler in root.iter("compiler") for key, value in compiler.items()}
+    options = {
+        key: value
+        for compiler in root.iter("compiler")
+        for key, value in compiler.items()
+    }
     meshes = file.parent / options.get("meshdir", options.get("assetdir", ""))
     for element in root.iter():
         for key in ("assetdir", "meshdir", "texturedir", "texture", "builtin"):
@@ -135,11 +172,17 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
         for mesh in root.iterfind(".//mesh[@file]"):
             path = (meshes / mesh.attrib["file"]).resolve()
             if (kind := path.suffix.lower()) not in _MESHES:
-                raise UserError(f"mesh {path} is of no kind that is read: {', '.join(_MESHES)}")
+                raise UserError(
+                    f"mesh {path} is of no kind that is read: {', '.join(_MESHES)}"
+                )
             if path not in names:
                 names[path] = f"{len(names)}{kind}"
                 archive.writestr(names[path], read_inside(path, folder, "mesh"))
-            mesh.attrib |= {"name": mesh.get("name", path.stem), "file": names[path], "maxhullvert": str(MAX_CORNERS)}
+            mesh.attrib |= {
+                "name": mesh.get("name", path.stem),
+                "file": names[path],
+                "maxhullvert": str(MAX_CORNERS),
+            }
         archive.writestr("model.xml", tostring(root))
     return stream.getvalue()
 
@@ -155,7 +198,10 @@ class _Reading:
         mujoco.mj_kinematics(model, self._data)
         self._meshes = [self._mesh(model.mesh(number)) for number in range(model.nmesh)]
         self._notes: list[str] = []
-        self._names = [prefix + (model.body(number).name or f"body{number}") for number in range(model.nbody)]
+        self._names = [
+            prefix + (model.body(number).name or f"body{number}")
+            for number in range(model.nbody)
+        ]
         numbers = np.arange(model.nbody)
         welded = model.body_weldid
         self._moves = (welded == numbers) & (numbers > 0)
@@ -163,19 +209,30 @@ class _Reading:
 
     def read(self) -> Imported:
         bodies = [body for head in np.unique(self._heads) if (body := self._body(head))]
-        joints = [self._joint(self._model.joint(number)) for number in np.flatnonzero(self._model.jnt_type)]  # 0: free
-        left = [f"left out: {count} {what}" for what, count in sorted(self._left.items()) if count]
+        joints = [
+            self._joint(self._model.joint(number))
+            for number in np.flatnonzero(self._model.jnt_type)
+        ]  # 0: free
+        left = [
+            f"left out: {count} {what}"
+            for what, count in sorted(self._left.items())
+            if count
+        ]
         return Imported(tuple(bodies), tuple(joints), (*left, *self._notes))
 
     def _mesh(self, mesh: Any) -> tuple[Shape, Shape]:
         """Make what is drawn of a mesh, and its hull, from the lists of numbers that MuJoCo keeps of it."""
         corners = self._model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-        drawn = Mesh(corners, self._model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]])
+        drawn = Mesh(
+            corners, self._model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
+        )
         if mesh.graphadr[0] < 0:  # it does not collide
             return drawn, drawn
         graph = self._model.mesh_graph[mesh.graphadr[0] :]
         count, faces = graph[:2]
-        used, numbers = np.unique(graph[2 + 3 * (count + faces) :][: 3 * faces], return_inverse=True)
+        used, numbers = np.unique(
+            graph[2 + 3 * (count + faces) :][: 3 * faces], return_inverse=True
+        )
         return drawn, Mesh(corners[used], numbers.reshape(-1, 3))
 
     def _body(self, head: int) -> Body | None:
@@ -184,9 +241,13 @@ class _Reading:
         data = self._data
         name = self._names[head]
         if not NAME.fullmatch(name.removeprefix(self._prefix)):
-            raise UserError(f"body {name[:64]!r}: its name is not 1 to 64 letters, digits, '_', '.' or '-'; rename it")
+            raise UserError(
+                f"body {name[:64]!r}: its name is not 1 to 64 letters, digits, '_', '.' or '-'; rename it"
+            )
         if (joints := model.body_jntnum[head]) > 1:
-            raise UserError(f"body {name!r} has {joints} joints; one is read: put a body with mass and shape between")
+            raise UserError(
+                f"body {name!r} has {joints} joints; one is read: put a body with mass and shape between"
+            )
         at = _pose(data.body(head))
         visuals = list[Geom]()
         collisions = list[Geom]()
@@ -197,9 +258,15 @@ class _Reading:
             if kind not in (*_SHAPES, "MESH"):
                 self._left[f"geom {kind.lower()}"] += 1
                 continue
-            drawn, solid = self._meshes[geom.dataid[0]] if kind == "MESH" else (_SHAPES[kind](*geom.size.tolist()),) * 2
+            drawn, solid = (
+                self._meshes[geom.dataid[0]]
+                if kind == "MESH"
+                else (_SHAPES[kind](*geom.size.tolist()),) * 2
+            )
             plain = geom.matid[0] >= 0 and np.allclose(geom.rgba, _GREY)
-            red, green, blue, opacity = np.clip(model.mat_rgba[geom.matid[0]] if plain else geom.rgba, 0, 1).tolist()
+            red, green, blue, opacity = np.clip(
+                model.mat_rgba[geom.matid[0]] if plain else geom.rgba, 0, 1
+            ).tolist()
             place = at.inverse() @ _pose(data.geom(number))
             if geom.group[0] < 3 and opacity:  # as in MuJoCo's viewer
                 visuals.append(Geom(drawn, place, (red, green, blue, opacity)))
@@ -207,11 +274,19 @@ class _Reading:
                 collisions.append(Geom(solid, place, (red, green, blue, opacity)))
                 frictions.add(float(geom.friction[0]))
         if len(frictions) > 1:
-            self._notes.append(f"body {name!r}: its shapes have several frictions; all get the largest")
+            self._notes.append(
+                f"body {name!r}: its shapes have several frictions; all get the largest"
+            )
         if not (self._moves[head] or visuals or collisions):
             return None
-        mass = float(model.body_mass[self._heads == head].sum()) if self._moves[head] else None
-        return joined_body(name, at, mass, visuals, collisions, max(frictions, default=1.0))
+        mass = (
+            float(model.body_mass[self._heads == head].sum())
+            if self._moves[head]
+            else None
+        )
+        return joined_body(
+            name, at, mass, visuals, collisions, max(frictions, default=1.0)
+        )
 
     def _joint(self, joint: Any) -> Joint:
         body = self._names[joint.bodyid[0]]
@@ -220,7 +295,11 @@ class _Reading:
         self._left["armature of a joint"] += bool(joint.armature[0])
         self._left["range of a ball"] += bool(kind == "ball" and joint.limited[0])
         lower, upper = joint.range.tolist()
-        if not joint.limited[0] or kind == "ball" or (kind == "hinge" and upper - lower >= 2 * math.pi):
+        if (
+            not joint.limited[0]
+            or kind == "ball"
+            or (kind == "hinge" and upper - lower >= 2 * math.pi)
+        ):
             lower = -math.inf
             upper = math.inf
         return Joint(
@@ -241,4 +320,6 @@ class _Reading:
 
 
 def _pose(thing: Any) -> Pose:
-    return Pose.from_rotation(thing.xpos, Rotation.from_matrix(thing.xmat.reshape(3, 3)))
+    return Pose.from_rotation(
+        thing.xpos, Rotation.from_matrix(thing.xmat.reshape(3, 3))
+    )

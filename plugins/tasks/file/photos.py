@@ -21,7 +21,9 @@ SIDE = 1280  # pixels of the longer side that is sent
 LIMIT_S = 60
 
 
-def read_photograph(folder: Path, file: str, camera: Camera | None, name: str) -> Picture:
+def read_photograph(
+    folder: Path, file: str, camera: Camera | None, name: str
+) -> Picture:
     """Read a photograph as a PNG picture whose longer side has at most `SIDE` pixels, turned as it was taken.
 
     Raises:
@@ -30,7 +32,11 @@ def read_photograph(folder: Path, file: str, camera: Camera | None, name: str) -
     data = read_inside(folder / file, folder, "photograph", MAX_MB)
     made = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
     with Image.open(io.BytesIO(made)) as sent:  # made by this program
-        known = describe_camera(camera, sent.size) if camera else "where its camera stood is not known"
+        known = (
+            describe_camera(camera, sent.size)
+            if camera
+            else "where its camera stood is not known"
+        )
     return Picture(made, name, f"{name}: a photograph of the real bench; {known}")
 
 
@@ -41,13 +47,22 @@ def as_png(data: bytes) -> bytes:
         UserError: it is too large, or no picture.
     """
     try:
-        with warnings.catch_warnings(), Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as opened:
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the size is checked here
+        with (
+            warnings.catch_warnings(),
+            Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as opened,
+        ):
+            warnings.simplefilter(
+                "ignore", Image.DecompressionBombWarning
+            )  # the size is checked here
             if opened.width * opened.height > MAX_PIXELS:
-                raise UserError(f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read")
+                raise UserError(
+                    f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read"
+                )
             photograph = ImageOps.exif_transpose(opened).convert("RGB")
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise UserError(f"is no PNG or JPEG picture that can be read: {error}") from error
+        raise UserError(
+            f"is no PNG or JPEG picture that can be read: {error}"
+        ) from error
     photograph.thumbnail((SIDE, SIDE))
     stream = io.BytesIO()
     photograph.save(stream, "PNG")

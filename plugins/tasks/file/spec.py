@@ -31,7 +31,13 @@ from core.geometry import Capsule, Cylinder, Sphere
 from core.scene import Camera, Cloth, Color, Elastic, Goal, Joint, Rope
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
-from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX_FRICTION, SHORTEST_M
+from plugins.tasks.file.imports.bodies import (
+    HEAVIEST,
+    LIGHTEST,
+    LONGEST_M,
+    MAX_FRICTION,
+    SHORTEST_M,
+)
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
@@ -42,7 +48,14 @@ MAX_GOALS = 50
 MAX_RANGES = 200
 MAX_VARIATIONS = 20
 MAX_PHOTOS = 8
-_RIGID = ("parts", "friction", "rolling_friction", "restitution", "velocity", "spin")  # keys of rigid bodies alone
+_RIGID = (
+    "parts",
+    "friction",
+    "rolling_friction",
+    "restitution",
+    "velocity",
+    "spin",
+)  # keys of rigid bodies alone
 _SOFT = ("rope", "cloth", "counts", "pinned")
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST = "must be a list, such as [0, 0, 0.1]"
@@ -76,16 +89,33 @@ Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
 
 Most = Annotated[float, Field(ge=0, le=1e4)]
 
-GOAL: dict[str, Any] = {"place": Wanted | None, "places": tuple[Wanted, ...], "axis": Place | None, "points": Place}
+GOAL: dict[str, Any] = {
+    "place": Wanted | None,
+    "places": tuple[Wanted, ...],
+    "axis": Place | None,
+    "points": Place,
+}
 GOAL |= {"to": Rate | None, "away": Most | None, "by_s": Most | None}
-GOAL |= dict.fromkeys(("tolerance", "tolerance_deg", "max_force_n", "max_height_m", "min_area_m2", "weight"), Most)
+GOAL |= dict.fromkeys(
+    (
+        "tolerance",
+        "tolerance_deg",
+        "max_force_n",
+        "max_height_m",
+        "min_area_m2",
+        "weight",
+    ),
+    Most,
+)
 
 
 def _color(text: str) -> str:
     try:
         ImageColor.getrgb(text)
     except ValueError:
-        raise ValueError("must be a colour such as red, seagreen or '#3366cc'") from None
+        raise ValueError(
+            "must be a colour such as red, seagreen or '#3366cc'"
+        ) from None
     return text
 
 
@@ -103,7 +133,11 @@ def _made(of: type, **types: Any) -> GetPydanticSchema:
     hints = get_type_hints(of) | types
     given = [field for field in fields(of) if field.init]
     entries: dict[str, Any] = {
-        field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in given
+        field.name: (
+            hints[field.name],
+            ... if field.default is MISSING else field.default,
+        )
+        for field in given
     }
     model = create_model(of.__name__, __config__=STRICT, **entries)
 
@@ -111,19 +145,25 @@ def _made(of: type, **types: Any) -> GetPydanticSchema:
         return of(**{name: getattr(spec, name) for name in entries})
 
     return GetPydanticSchema(
-        lambda _source, handler: core_schema.no_info_after_validator_function(make, handler(model))
+        lambda _source, handler: core_schema.no_info_after_validator_function(
+            make, handler(model)
+        )
     )
 
 
 def _looks(camera: Camera) -> Camera:
     if np.allclose(camera.position, camera.target, atol=1e-3):
-        raise ValueError("the camera's position and target are one point; move one of them")
+        raise ValueError(
+            "the camera's position and target are one point; move one of them"
+        )
     return camera
 
 
 def _perspective(camera: Camera | None) -> Camera | None:
     if camera is not None and camera.height_m is not None:
-        raise ValueError("a photograph is in perspective; give fov_deg in place of height_m")
+        raise ValueError(
+            "a photograph is in perspective; give fov_deg in place of height_m"
+        )
     return camera
 
 
@@ -142,8 +182,12 @@ class ShapeSpec(_Spec):
 
     box: tuple[Length, Length, Length] | None = None
     sphere: Annotated[Sphere, _made(Sphere, radius=Length)] | None = None
-    cylinder: Annotated[Cylinder, _made(Cylinder, radius=Length, length=Length)] | None = None
-    capsule: Annotated[Capsule, _made(Capsule, radius=Length, length=Length)] | None = None
+    cylinder: (
+        Annotated[Cylinder, _made(Cylinder, radius=Length, length=Length)] | None
+    ) = None
+    capsule: Annotated[Capsule, _made(Capsule, radius=Length, length=Length)] | None = (
+        None
+    )
     position: Place = (0.0, 0.0, 0.0)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     color: ColorName | None = None
@@ -169,11 +213,17 @@ class BodySpec(ShapeSpec):
 
     name: Name
     at: Name | None = None
-    parts: Annotated[tuple[ShapeSpec, ...], Field(min_length=1, max_length=MAX_PARTS)] | None = None
+    parts: (
+        Annotated[tuple[ShapeSpec, ...], Field(min_length=1, max_length=MAX_PARTS)]
+        | None
+    ) = None
     file: FileName | None = None
     scale: Length = 1.0
     rope: Annotated[Rope, _made(Rope, path=Path, thickness=Length)] | None = None
-    cloth: Annotated[Cloth, _made(Cloth, size=tuple[Length, Length], thickness=Length)] | None = None
+    cloth: (
+        Annotated[Cloth, _made(Cloth, size=tuple[Length, Length], thickness=Length)]
+        | None
+    ) = None
     elastic: Annotated[Elastic, _made(Elastic)] | None = None
     counts: tuple[int, int, int] = (3, 3, 3)
     pinned: Annotated[tuple[int, ...], Field(max_length=MAX_NODES)] = ()
@@ -188,18 +238,28 @@ class BodySpec(ShapeSpec):
 
     @check_whole(mode="after")
     def _one_shape(self) -> Self:
-        self._check_one("box", "sphere", "cylinder", "capsule", "parts", "file", "rope", "cloth")
+        self._check_one(
+            "box", "sphere", "cylinder", "capsule", "parts", "file", "rope", "cloth"
+        )
         if self.fixed is False:
-            raise ValueError("fixed: false says nothing; leave it out, and give a mass or a density")
+            raise ValueError(
+                "fixed: false says nothing; leave it out, and give a mass or a density"
+            )
         self._check_one("mass", "density", "fixed", "elastic")
-        if wrong := [name for name in (_RIGID if self.elastic else _SOFT) if name in self.model_fields_set]:
+        if wrong := [
+            name
+            for name in (_RIGID if self.elastic else _SOFT)
+            if name in self.model_fields_set
+        ]:
             raise ValueError(
                 f"{wrong[0]} is for a rigid body; leave it out (the friction of a soft one is in elastic)"
                 if self.elastic
                 else f"{wrong[0]} is for a soft body; give it elastic: {{density: 300, young: 1.0e5}}"
             )
         if "counts" in self.model_fields_set and (self.rope or self.cloth):
-            raise ValueError("counts is for a soft solid; a rope has a count, and a cloth counts, of its own")
+            raise ValueError(
+                "counts is for a soft solid; a rope has a count, and a cloth counts, of its own"
+            )
         if self.scale != 1 and self.file is None:
             raise ValueError("scale is for a body with a file")
         return self
@@ -226,7 +286,9 @@ class MarkSpec(_Spec):
 
 
 CameraSpec = Annotated[
-    Camera, _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None), AfterValidator(_looks)
+    Camera,
+    _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None),
+    AfterValidator(_looks),
 ]
 
 
@@ -257,9 +319,13 @@ class SceneSpec(_Spec):
     imports: Annotated[tuple[ImportSpec, ...], Field(max_length=MAX_IMPORTS)] = ()
     marks: Annotated[tuple[MarkSpec, ...], Field(max_length=MAX_BODIES)] = ()
     joints: Annotated[
-        tuple[Annotated[Joint, _made(Joint, name=Name, axis=Place, origin=Place)], ...], Field(max_length=MAX_BODIES)
+        tuple[Annotated[Joint, _made(Joint, name=Name, axis=Place, origin=Place)], ...],
+        Field(max_length=MAX_BODIES),
     ] = ()
-    goals: Annotated[tuple[Annotated[Goal, _made(Goal, **GOAL)], ...], Field(min_length=1, max_length=MAX_GOALS)]
+    goals: Annotated[
+        tuple[Annotated[Goal, _made(Goal, **GOAL)], ...],
+        Field(min_length=1, max_length=MAX_GOALS),
+    ]
     every: bool = False
     hold_s: Annotated[float, Field(ge=0, le=60)] = 0.0
     success_reward: Annotated[float, Field(gt=0, le=1)] = 0.95
@@ -267,7 +333,10 @@ class SceneSpec(_Spec):
     camera: CameraSpec = Camera()
     pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()
     variations: Annotated[
-        dict[Name, Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)]],
+        dict[
+            Name,
+            Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)],
+        ],
         Field(max_length=MAX_VARIATIONS),
         AfterValidator(_named),
     ] = {}
@@ -279,12 +348,23 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
     Raises:
         UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
     """
-    if isinstance(given := data.get("pictures"), list):  # a name stands for a photograph without its camera
-        data = {**data, "pictures": [{"file": each} if isinstance(each, str) else each for each in given]}
+    if isinstance(
+        given := data.get("pictures"), list
+    ):  # a name stands for a photograph without its camera
+        data = {
+            **data,
+            "pictures": [
+                {"file": each} if isinstance(each, str) else each for each in given
+            ],
+        }
     try:
-        return SceneSpec.model_validate_json(json.dumps(data))  # strictly, but a list is a tuple
+        return SceneSpec.model_validate_json(
+            json.dumps(data)
+        )  # strictly, but a list is a tuple
     except ValidationError as error:
-        first = min(error.errors(include_url=False), key=lambda e: e["type"] not in UNKNOWN)
+        first = min(
+            error.errors(include_url=False), key=lambda e: e["type"] not in UNKNOWN
+        )
         where: Where = tuple(first["loc"])
         raise tree.error(where, _explain(where, first)) from error
 
@@ -296,11 +376,21 @@ def _explain(where: Where, error: ErrorDetails) -> str:
         return str(choices("key", str(where[-1]), keys_at(where[:-1])))
     if kind == "missing":
         return "is missing; add it"
-    message = WORDS.get(kind) or re.sub(r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"])
+    message = WORDS.get(kind) or re.sub(
+        r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"]
+    )
     message = message.removeprefix("Value error, ").replace(" after validation", "")
-    shown = f", got {given!r}" if isinstance(given, str | int | float) and "got" not in message else ""
+    shown = (
+        f", got {given!r}"
+        if isinstance(given, str | int | float) and "got" not in message
+        else ""
+    )
     limits = error.get("ctx", {})
-    metres = "; it is in metres" if {limits.get("le"), limits.get("ge")} & {LONGEST_M, -LONGEST_M} else ""
+    metres = (
+        "; it is in metres"
+        if {limits.get("le"), limits.get("ge")} & {LONGEST_M, -LONGEST_M}
+        else ""
+    )
     return f"{message}{shown if len(shown) < 100 else ''}{metres}"
 
 
@@ -314,7 +404,12 @@ def keys_at(where: Where) -> list[str]:
     found = [_schema()]
     for step in (None, *where):
         if step is not None:
-            below = (n.get("items") if isinstance(step, int) else n.get("properties", {}).get(step) for n in found)
+            below = (
+                n.get("items")
+                if isinstance(step, int)
+                else n.get("properties", {}).get(step)
+                for n in found
+            )
             found = [inner for inner in below if isinstance(inner, dict)]
         found = [inner for node in found for inner in _alternatives(node)]
     return sorted({key for node in found for key in node.get("properties", {})})
@@ -323,4 +418,8 @@ def keys_at(where: Where) -> list[str]:
 def _alternatives(node: Mapping[str, Any]) -> list[dict[str, Any]]:
     if "$ref" in node:
         return _alternatives(_schema()["$defs"][node["$ref"].rpartition("/")[2]])
-    return [inner for choice in node["anyOf"] for inner in _alternatives(choice)] if "anyOf" in node else [dict(node)]
+    return (
+        [inner for choice in node["anyOf"] for inner in _alternatives(choice)]
+        if "anyOf" in node
+        else [dict(node)]
+    )

@@ -42,10 +42,23 @@ class FileTask(Task):
         spec = schema.read_spec(self._tree, self._tree.data)
         home = spec.home
         # Attributes of the object hide those of the class.
-        same = ("name", "goals", "camera", "success_reward", "every", "hold_s", "variations")
+        same = (
+            "name",
+            "goals",
+            "camera",
+            "success_reward",
+            "every",
+            "hold_s",
+            "variations",
+        )
         own: dict[str, Any] = {name: getattr(spec, name) for name in same}
-        own |= {name: " ".join(getattr(spec, name).split()) for name in ("description", "in_words")}
-        vars(self).update(own, home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)))
+        own |= {
+            name: " ".join(getattr(spec, name).split())
+            for name in ("description", "in_words")
+        }
+        vars(self).update(
+            own, home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg))
+        )
         self._photographs = spec.pictures
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
@@ -57,7 +70,10 @@ class FileTask(Task):
         """See `core.interfaces.Task.photographs`."""
         folder = self._files.folder
         given = enumerate(self._photographs, 1)
-        return [photos.read_photograph(folder, photo.file, photo.camera, f"photo{n}") for n, photo in given]
+        return [
+            photos.read_photograph(folder, photo.file, photo.camera, f"photo{n}")
+            for n, photo in given
+        ]
 
     def scene(self, seed: int) -> Scene:
         if self.variation == NONE:
@@ -79,7 +95,9 @@ class FileTask(Task):
                 starts[holder["name"]] = number
             else:
                 holder[key] = number
-        scene = building.build_scene(self._tree, schema.read_spec(self._tree, data), self._files)
+        scene = building.build_scene(
+            self._tree, schema.read_spec(self._tree, data), self._files
+        )
         try:
             return building.with_starts(scene, starts) if starts else scene
         except ValueError as error:
@@ -96,22 +114,33 @@ class FileTask(Task):
                 where = ("variations", name, path)
                 if path.partition(".")[0] not in VARYING:
                     hint = (
-                        "to vary a goal, put it `at` a mark" if path.startswith("goals") else "such as bodies.cup.mass"
+                        "to vary a goal, put it `at` a mark"
+                        if path.startswith("goals")
+                        else "such as bodies.cup.mass"
                     )
-                    raise self._tree.error(where, f"only numbers of {', '.join(VARYING)} can vary; {hint}")
+                    raise self._tree.error(
+                        where, f"only numbers of {', '.join(VARYING)} can vary; {hint}"
+                    )
                 if low > high:
                     raise self._tree.error(
-                        where, f"its range is from {low:g} to {high:g}; write the lower number first"
+                        where,
+                        f"its range is from {low:g} to {high:g}; write the lower number first",
                     )
                 try:
                     tree.follow(self._tree.data, path)
                 except (LookupError, TypeError, ValueError):
                     hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
-                    raise self._tree.error(where, f"there is no such number; {hint}") from None
+                    raise self._tree.error(
+                        where, f"there is no such number; {hint}"
+                    ) from None
             for end in (0, 1):
-                self._check_numbers(name, [(path, span[end]) for path, span in ranges.items()])
+                self._check_numbers(
+                    name, [(path, span[end]) for path, span in ranges.items()]
+                )
 
-    def _check_numbers(self, variation: str, numbers: Sequence[tuple[str, float]]) -> None:
+    def _check_numbers(
+        self, variation: str, numbers: Sequence[tuple[str, float]]
+    ) -> None:
         """Refuse numbers that can't be in one scene, by the first that can't be with those before it.
 
         Raises:
@@ -125,10 +154,19 @@ class FileTask(Task):
                 return error
             return None
 
-        if problem(len(numbers)) is not None:  # few scenes are built, whatever the number of ranges
-            first = bisect_left(range(len(numbers)), True, key=lambda number: problem(number + 1) is not None)
+        if (
+            problem(len(numbers)) is not None
+        ):  # few scenes are built, whatever the number of ranges
+            first = bisect_left(
+                range(len(numbers)),
+                True,
+                key=lambda number: problem(number + 1) is not None,
+            )
             path, number = numbers[first]
-            raise self._tree.error(("variations", variation, path), f"{number:g} can't be: {problem(first + 1)}")
+            raise self._tree.error(
+                ("variations", variation, path),
+                f"{number:g} can't be: {problem(first + 1)}",
+            )
 
     @property
     def reads_trace(self) -> bool:

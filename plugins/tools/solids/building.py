@@ -35,21 +35,32 @@ class TooFine(Exception):
 
 def segments(radius: float) -> int:
     """Choose a multiple of 4."""
-    return min(MAX_SEGMENTS, 4 * math.ceil(math.pi / math.acos(max(0.0, 1 - CHORD / radius)) / 4))
+    return min(
+        MAX_SEGMENTS,
+        4 * math.ceil(math.pi / math.acos(max(0.0, 1 - CHORD / radius)) / 4),
+    )
 
 
 def count_triangles(node: Node) -> int:
     """Estimate the triangles of all shapes of a tree, before any is built."""
-    round_ones = segments(1000 * max(node.sizes[:2])) if node.kind in ("sphere", "cylinder", "capsule", "cone") else 0
+    round_ones = (
+        segments(1000 * max(node.sizes[:2]))
+        if node.kind in ("sphere", "cylinder", "capsule", "cone")
+        else 0
+    )
     match node.kind:
         case "sphere" | "capsule":
             return round_ones**2 // 2 + 2 * round_ones
         case "cylinder" | "cone":
             return 4 * round_ones
         case "revolve":
-            return 2 * len(node.points) * segments(1000 * max(r for r, _ in node.points))
+            return (
+                2 * len(node.points) * segments(1000 * max(r for r, _ in node.points))
+            )
         case _:
-            return max(12, 4 * len(node.points)) + sum(map(count_triangles, node.children))
+            return max(12, 4 * len(node.points)) + sum(
+                map(count_triangles, node.children)
+            )
 
 
 def _placed(node: Node, solid: Manifold) -> Manifold:
@@ -70,7 +81,9 @@ def _leaf(node: Node) -> Manifold:
         case "capsule":
             radius, length = sizes
             ball = Manifold.sphere(radius, segments(radius))
-            return Manifold.batch_hull([ball.translate([0, 0, way * length / 2]) for way in (-1, 1)])
+            return Manifold.batch_hull(
+                [ball.translate([0, 0, way * length / 2]) for way in (-1, 1)]
+            )
         case _:
             low, high, length = sizes if node.kind == "cone" else (sizes[0], *sizes)
             return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
@@ -95,10 +108,16 @@ def surface(node: Node) -> Manifold:
     """
     match node.kind:
         case "union" | "difference" | "intersection":
-            operation = {"union": OpType.Add, "difference": OpType.Subtract, "intersection": OpType.Intersect}
+            operation = {
+                "union": OpType.Add,
+                "difference": OpType.Subtract,
+                "intersection": OpType.Intersect,
+            }
             solid = surface(node.children[0])
             for child in node.children[1:]:
-                solid = Manifold.batch_boolean([solid, surface(child)], operation[node.kind])
+                solid = Manifold.batch_boolean(
+                    [solid, surface(child)], operation[node.kind]
+                )
                 if solid.num_tri() > MAX_TRIANGLES:
                     raise TooFine
         case "hull":
@@ -108,7 +127,9 @@ def surface(node: Node) -> Manifold:
             solid = _outline(node).extrude(height).translate([0, 0, -height / 2])
         case "revolve":
             outline = _outline(node)
-            solid = outline.revolve(segments(outline.bounds()[2]), math.degrees(node.sizes[0]))
+            solid = outline.revolve(
+                segments(outline.bounds()[2]), math.degrees(node.sizes[0])
+            )
         case _:
             solid = _leaf(node)
     if solid.num_tri() > MAX_TRIANGLES:
@@ -124,29 +145,45 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
     """
     match node.kind:
         case "union":
-            parts = [part for child in node.children for part in convex_parts(child, tolerance)]
+            parts = [
+                part
+                for child in node.children
+                for part in convex_parts(child, tolerance)
+            ]
         case "intersection":
             parts = convex_parts(node.children[0], tolerance)
             for child in node.children[1:]:
                 others = convex_parts(child, tolerance)
                 if len(parts) * len(others) > _MAX_PAIRS:
                     raise TooManyPieces
-                parts = [both for a, b in itertools.product(parts, others) if (both := a ^ b).volume() >= SLIVER]
+                parts = [
+                    both
+                    for a, b in itertools.product(parts, others)
+                    if (both := a ^ b).volume() >= SLIVER
+                ]
         case "difference":
             first, *others = node.children
             parts = convex_parts(first, tolerance)
-            cutters = [part for child in others for part in convex_parts(child, tolerance)]
+            cutters = [
+                part for child in others for part in convex_parts(child, tolerance)
+            ]
             gone = Manifold()
-            for cutter in sorted(cutters, key=lambda solid: solid.num_tri()):  # fewer pieces than the other way round
+            for cutter in sorted(
+                cutters, key=lambda solid: solid.num_tri()
+            ):  # fewer pieces than the other way round
                 rest = cutter - gone if len(cutters) <= _FEW else cutter
                 if rest.volume() < SLIVER:
                     continue
-                parts = cut(parts, few_planes(rest if is_convex(rest) else cutter, tolerance))
+                parts = cut(
+                    parts, few_planes(rest if is_convex(rest) else cutter, tolerance)
+                )
                 gone += cutter if len(cutters) <= _FEW else Manifold()
         case "extrude":
             height = 1000 * node.sizes[0]
             pieces = outline_pieces(_outline(node), tolerance)
-            parts = [piece.extrude(height).translate([0, 0, -height / 2]) for piece in pieces]
+            parts = [
+                piece.extrude(height).translate([0, 0, -height / 2]) for piece in pieces
+            ]
         case "revolve":
             parts = _revolved(_outline(node), math.degrees(node.sizes[0]), tolerance)
         case "hull":
@@ -155,7 +192,9 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
             parts = [_leaf(node)]
     if len(parts) > MAX_PIECES:
         raise TooManyPieces
-    return [_placed(node, part) for part in parts if part.volume() >= SLIVER]  # a flat hull has none
+    return [
+        _placed(node, part) for part in parts if part.volume() >= SLIVER
+    ]  # a flat hull has none
 
 
 def _round_hull(outline: CrossSection) -> CrossSection:
@@ -169,10 +208,14 @@ def _convex_when_turned(outline: CrossSection) -> bool:
     return bool(_round_hull(outline).area() - outline.area() < _ALIKE)
 
 
-def _revolved(outline: CrossSection, degrees: float, tolerance: Tolerance) -> list[Manifold]:
+def _revolved(
+    outline: CrossSection, degrees: float, tolerance: Tolerance
+) -> list[Manifold]:
     hull = _round_hull(outline)
     fine = segments(outline.bounds()[2])
-    pockets = [pocket for pocket in (hull - outline).decompose() if pocket.area() >= _ALIKE]
+    pockets = [
+        pocket for pocket in (hull - outline).decompose() if pocket.area() >= _ALIKE
+    ]
     if all(map(_convex_when_turned, pockets)):
         parts = _sectors(hull, degrees, tolerance)
         for pocket in pockets:
@@ -187,12 +230,17 @@ def _revolved(outline: CrossSection, degrees: float, tolerance: Tolerance) -> li
     return sectors
 
 
-def _sectors(outline: CrossSection, degrees: float, tolerance: Tolerance) -> list[Manifold]:
+def _sectors(
+    outline: CrossSection, degrees: float, tolerance: Tolerance
+) -> list[Manifold]:
     """Revolve a convex outline in as few convex sectors as the tolerance allows, none where the whole is convex."""
     radius = outline.bounds()[2]
     if _convex_when_turned(outline):
         count = 1 if degrees >= 360 else math.ceil(degrees / 180 - 1e-6)
     else:
-        count = math.ceil(degrees / math.degrees(2 * math.acos(max(0.5, 1 - tolerance.short / radius))))
+        count = math.ceil(
+            degrees
+            / math.degrees(2 * math.acos(max(0.5, 1 - tolerance.short / radius)))
+        )
     each = outline.revolve(segments(radius), degrees / count)
     return [each.hull().rotate([0, 0, k * degrees / count]) for k in range(count)]

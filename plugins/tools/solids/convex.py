@@ -63,23 +63,40 @@ class Faces:
     def of(cls, solid: Manifold) -> Faces:
         corners = vertices_of(solid)
         triangles = corners[np.asarray(solid.to_mesh64().tri_verts)]
-        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        normals = np.cross(
+            triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+        )
         twice = np.linalg.norm(normals, axis=1)
         large = twice > _AREA
         triangles = triangles[large]
         normals = normals[large] / twice[large, None]
         twice = twice[large]
-        _, first, group = np.unique(np.round(normals, 4), axis=0, return_index=True, return_inverse=True)
+        _, first, group = np.unique(
+            np.round(normals, 4), axis=0, return_index=True, return_inverse=True
+        )
         sums = np.zeros((len(first), 3))
         np.add.at(sums, group.ravel(), triangles.mean(axis=1) * twice[:, None])
         areas = np.bincount(group.ravel(), twice).astype(np.float64)
         normals = normals[first]
-        chords = np.asarray(cKDTree(normals).query(normals, k=2)[0])  # to itself and to the next one
+        chords = np.asarray(
+            cKDTree(normals).query(normals, k=2)[0]
+        )  # to itself and to the next one
         curved = chords[:, 1] < _CURVED
         # Of very many facets of a curved surface, some stand for the others.
         kept = ~curved | (np.cumsum(curved) % (1 + curved.sum() // _FACETS) == 0)
-        normals, areas, centers = normals[kept], areas[kept], sums[kept] / areas[kept, None]
-        return cls(normals, np.max(normals @ corners.T, axis=1), centers, areas, curved[kept], corners)
+        normals, areas, centers = (
+            normals[kept],
+            areas[kept],
+            sums[kept] / areas[kept, None],
+        )
+        return cls(
+            normals,
+            np.max(normals @ corners.T, axis=1),
+            centers,
+            areas,
+            curved[kept],
+            corners,
+        )
 
     def excess(self, planes: Planes) -> tuple[Array, Array]:
         """Return the corners (C, 3) of the polyhedron of planes, and how far each exceeds each face (C, F).
@@ -90,7 +107,9 @@ class Faces:
         walls = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -size)])
         halves = np.column_stack([planes[0], -planes[1]])
         try:
-            corners = HalfspaceIntersection(np.vstack([walls, halves]), np.zeros(3)).intersections
+            corners = HalfspaceIntersection(
+                np.vstack([walls, halves]), np.zeros(3)
+            ).intersections
         except QhullError as error:  # it is thinner than the numbers are exact
             raise TooManyPieces from error
         return corners, corners @ self.normals.T - self.offsets
@@ -117,7 +136,9 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
             raise TooManyPieces
         chosen.append(int(excess.max(axis=0).argmax()))
     curved = faces.curved
-    flat, bent = ([k for k in chosen if curved[k] == wanted] for wanted in (False, True))
+    flat, bent = (
+        [k for k in chosen if curved[k] == wanted] for wanted in (False, True)
+    )
     best = _spread(faces, flat, bent)
     too_few = 0
     enough = len(bent)
@@ -142,12 +163,22 @@ def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
     """Return the flat faces' planes, and as many as ``bent`` that share the curved surface evenly."""
     normals = faces.normals[bent]
     centers = faces.centers[bent]
-    own_normals, own_centers, areas = (part[faces.curved] for part in (faces.normals, faces.centers, faces.areas))
+    own_normals, own_centers, areas = (
+        part[faces.curved] for part in (faces.normals, faces.centers, faces.areas)
+    )
     for _ in range(_ROUNDS if bent else 0):
         # How far the edge between two tangent planes exceeds the surface grows with (c - c') (n - n').
         across = own_centers @ normals.T + own_normals @ centers.T
-        far = (own_centers * own_normals).sum(axis=1)[:, None] + (centers * normals).sum(axis=1) - across
-        shares = np.where(np.arange(len(bent)) == np.abs(far).argmin(axis=1)[:, None], areas[:, None], 0.0)
+        far = (
+            (own_centers * own_normals).sum(axis=1)[:, None]
+            + (centers * normals).sum(axis=1)
+            - across
+        )
+        shares = np.where(
+            np.arange(len(bent)) == np.abs(far).argmin(axis=1)[:, None],
+            areas[:, None],
+            0.0,
+        )
         served = shares.sum(axis=0) > 0
         shares = shares[:, served] / shares[:, served].sum(axis=0)
         normals[served] = shares.T @ own_normals
@@ -169,19 +200,27 @@ def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
         beyond = vertices_of(part) @ normals.T > offsets + 1e-6
         left = part
         outside = []
-        for plane in np.flatnonzero(beyond.any(axis=0)) if not beyond.all(axis=0).any() else ():
+        for plane in (
+            np.flatnonzero(beyond.any(axis=0)) if not beyond.all(axis=0).any() else ()
+        ):
             beside, left = left.split_by_plane(normals[plane], offsets[plane])
             outside.append(beside)
             if left.volume() < SLIVER:
                 break
         entered = left.volume() >= SLIVER and not beyond.all(axis=0).any()
-        pieces += [piece for piece in outside if piece.volume() >= SLIVER] if entered else [part]
+        pieces += (
+            [piece for piece in outside if piece.volume() >= SLIVER]
+            if entered
+            else [part]
+        )
         if len(pieces) > MAX_PIECES:
             raise TooManyPieces
     return pieces
 
 
-def outline_pieces(outline: CrossSection, tolerance: Tolerance, nested: int = 0) -> list[CrossSection]:
+def outline_pieces(
+    outline: CrossSection, tolerance: Tolerance, nested: int = 0
+) -> list[CrossSection]:
     """Cut an outline into convex outlines: its hull, less the hulls of its pockets, and what lies within these."""
     hull = outline.hull()
     solids = [hull.extrude(100.0)]

@@ -11,9 +11,25 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from core.design import DesignError
-from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import (
+    Array,
+    Box,
+    Capsule,
+    Compound,
+    Cylinder,
+    Mesh,
+    Pose,
+    Shape,
+    Sphere,
+)
 from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
-from plugins.tools.solids.convex import SLIVER, Tolerance, TooManyPieces, is_convex, vertices_of
+from plugins.tools.solids.convex import (
+    SLIVER,
+    Tolerance,
+    TooManyPieces,
+    is_convex,
+    vertices_of,
+)
 from plugins.tools.solids.reading import Node
 
 WITHIN_M = 0.001  # between a solid and its convex parts, both ways
@@ -64,13 +80,19 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
     try:
         solid = surface(tree)
         if solid.volume() < _MIN_VOLUME:
-            raise DesignError(f"has a volume of {solid.volume():.3g} mm^3: check what is taken away, and where")
+            raise DesignError(
+                f"has a volume of {solid.volume():.3g} mm^3: check what is taken away, and where"
+            )
         _check_whole(solid)
         if is_convex(solid):
             return WrittenMesh(*_triangles(_slim(solid.hull())), tree), Pose()
-        return WrittenCompound(Mesh(*_triangles(solid)), _parts(tree, solid, most), tree), Pose()
+        return WrittenCompound(
+            Mesh(*_triangles(solid)), _parts(tree, solid, most), tree
+        ), Pose()
     except TooFine as error:
-        raise DesignError(f"has more than {MAX_TRIANGLES} triangles; use fewer curved shapes and holes") from error
+        raise DesignError(
+            f"has more than {MAX_TRIANGLES} triangles; use fewer curved shapes and holes"
+        ) from error
 
 
 def node_of(shape: Shape | Compound) -> Node:
@@ -95,11 +117,19 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
     problem = ""
     for tolerance in _TOLERANCES:
         try:
-            parts = [part for part in convex_parts(tree, tolerance) if part.volume() >= SLIVER]
+            parts = [
+                part
+                for part in convex_parts(tree, tolerance)
+                if part.volume() >= SLIVER
+            ]
         except TooManyPieces:
             parts = []
         if not 0 < len(parts) <= most:
-            needed = f"{len(parts)} convex parts" if parts else f"more than {MAX_PARTS} convex parts"
+            needed = (
+                f"{len(parts)} convex parts"
+                if parts
+                else f"more than {MAX_PARTS} convex parts"
+            )
             left = f", of which {most} are left" if most < MAX_PARTS else ""
             raise DesignError(
                 f"needs {needed} to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} are allowed for "
@@ -133,18 +163,25 @@ def _farthest(pieces: Manifold, solid: Manifold) -> float:
     corners = vertices_of(pieces)
     rng = np.random.default_rng(0)
     triangles = corners[np.asarray(mesh.tri_verts)]
-    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    areas = np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]),
+        axis=1,
+    )
     chosen = triangles[rng.choice(len(triangles), _SAMPLES, p=areas / areas.sum())]
     points = np.einsum("pkx,pk->px", chosen, rng.dirichlet((1, 1, 1), _SAMPLES))
     points = np.vstack([points, corners[rng.permutation(len(corners))[:_SAMPLES]]])
-    return farthest_from_surface(points, vertices_of(solid), solid.to_mesh64().tri_verts)
+    return farthest_from_surface(
+        points, vertices_of(solid), solid.to_mesh64().tri_verts
+    )
 
 
 def _check_whole(solid: Manifold) -> None:
     """Refuse what falls apart; pieces that touch hang together."""
     pieces = solid.decompose()
     if len(pieces) > _MAX_PIECES:
-        raise DesignError(f"falls into {len(pieces)} pieces; a component is of one piece")
+        raise DesignError(
+            f"falls into {len(pieces)} pieces; a component is of one piece"
+        )
     joined = pieces[:1]
     apart = pieces[1:]
     while joined and apart:
@@ -153,7 +190,9 @@ def _check_whole(solid: Manifold) -> None:
         joined = joined + near
         apart = [other for other in apart if other not in near]
     if apart:
-        raise DesignError(f"falls into {len(pieces)} pieces; join them, or write them as components that touch")
+        raise DesignError(
+            f"falls into {len(pieces)} pieces; join them, or write them as components that touch"
+        )
 
 
 def _slim(part: Manifold) -> Manifold:
@@ -166,8 +205,12 @@ def _slim(part: Manifold) -> Manifold:
     return slim
 
 
-def _triangles(solid: Manifold) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
-    return vertices_of(solid) / 1000, np.asarray(solid.to_mesh64().tri_verts, dtype=np.int64)
+def _triangles(
+    solid: Manifold,
+) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
+    return vertices_of(solid) / 1000, np.asarray(
+        solid.to_mesh64().tri_verts, dtype=np.int64
+    )
 
 
 def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float:
@@ -184,4 +227,11 @@ def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float
     measure = coal.ComputeDistance(surface, point)
     here = coal.Transform3s()
     request = coal.DistanceRequest()
-    return max(float(measure(here, coal.Transform3s(np.eye(3), at), request, coal.DistanceResult())) for at in points)
+    return max(
+        float(
+            measure(
+                here, coal.Transform3s(np.eye(3), at), request, coal.DistanceResult()
+            )
+        )
+        for at in points
+    )

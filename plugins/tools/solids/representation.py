@@ -12,7 +12,15 @@ from core.geometry import Array, Box, Compound, Pose, Shape
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
-from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZES, Node, TreeReader, dump_node
+from plugins.tools.solids.reading import (
+    MAX_NODES,
+    MAX_POINTS,
+    MAX_SIZE_M,
+    SIZES,
+    Node,
+    TreeReader,
+    dump_node,
+)
 
 FIELD = "tool_solids"
 
@@ -26,9 +34,13 @@ class _Reader:
         self._triangles = 0
         self._parts = 0
 
-    def read(self, item: Mapping[str, Any], where: str) -> tuple[Shape | Compound, Pose]:
+    def read(
+        self, item: Mapping[str, Any], where: str
+    ) -> tuple[Shape | Compound, Pose]:
         """Read a tree; what is returned stands in for its shape."""
-        node = self._trees[where] = self._reader.read(item.get("solid"), f"{where}: solid")
+        node = self._trees[where] = self._reader.read(
+            item.get("solid"), f"{where}: solid"
+        )
         self._triangles += count_triangles(node) if node.kind not in SIZES else 0
         if self._triangles > MAX_TRIANGLES:
             raise DesignError(
@@ -37,7 +49,9 @@ class _Reader:
             )
         return Box((1.0, 1.0, 1.0)), Pose()
 
-    def make(self, item: Mapping[str, Any], where: str) -> tuple[Shape | Compound, Pose]:
+    def make(
+        self, item: Mapping[str, Any], where: str
+    ) -> tuple[Shape | Compound, Pose]:
         try:
             shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:

@@ -26,13 +26,25 @@ from plugins.tools.components import default_mass, parents_first, robot_names
 
 MAX_CHARACTERS = 1_000_000
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
-MAX_NAME = {"link": 64, "joint": 70}  # `core.robot` names a joint after its link, with "_joint" added
+MAX_NAME = {
+    "link": 64,
+    "joint": 70,
+}  # `core.robot` names a joint after its link, with "_joint" added
 DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
 
-_MOVES: dict[str, Literal["hinge", "slider"]] = {"revolute": "hinge", "prismatic": "slider"}
+_MOVES: dict[str, Literal["hinge", "slider"]] = {
+    "revolute": "hinge",
+    "prismatic": "slider",
+}
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 _DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
-_MANY = ("link", "joint", "material", "collision", "visual")  # what an element may have several of
+_MANY = (
+    "link",
+    "joint",
+    "material",
+    "collision",
+    "visual",
+)  # what an element may have several of
 _MIN_OPACITY = 0.2  # what collides must be visible
 
 
@@ -56,7 +68,9 @@ class _Holder(NamedTuple):
 _Holders = tuple[list[_Holder], Pose | None]
 
 
-def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False) -> Tool:
+def build_tool(
+    text: str, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False
+) -> Tool:
     """The tool whose links and joints are in ``text``, for ``robot``; ``masses``: read those too.
 
     Raises:
@@ -66,12 +80,21 @@ def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, l
     aliases = dict(robot.aliases)
     root = _parse(text)
     names = _check(root, robot_names(robot), " or ".join(mounts))
-    bare = {link.get("name") for link in root.iterfind("link") if link.find("inertial") is None or not masses}
+    bare = {
+        link.get("name")
+        for link in root.iterfind("link")
+        if link.find("inertial") is None or not masses
+    }
     for link in root.iterfind("link") if not masses else ():
         link[:] = [element for element in link if element.tag != "inertial"]
-    for name in (*mounts, *(alias for alias, mount in aliases.items() if mount in mounts)):
+    for name in (
+        *mounts,
+        *(alias for alias, mount in aliases.items() if mount in mounts),
+    ):
         SubElement(root, "link", name=name)
-        if name != mounts[0]:  # the others hang from the first one here: a description has one base
+        if (
+            name != mounts[0]
+        ):  # the others hang from the first one here: a description has one base
             joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
             SubElement(joint, "parent", link=mounts[0])
             SubElement(joint, "child", link=name)
@@ -80,17 +103,28 @@ def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, l
     except UserError as error:
         raise DesignError(str(error)) from error
     components: list[Component] = []
-    holders: dict[str, _Holders] = {mount: ([_Holder(mount, None, Pose())], None) for mount in mounts}
+    holders: dict[str, _Holders] = {
+        mount: ([_Holder(mount, None, Pose())], None) for mount in mounts
+    }
     taken = {*names, *robot_names(robot)}
-    parents = {name: aliases.get(tree.joints[name].parent, tree.joints[name].parent) for name in names}
+    parents = {
+        name: aliases.get(tree.joints[name].parent, tree.joints[name].parent)
+        for name in names
+    }
     for name in parents_first(parents, mounts, "link"):
         shapes = _boxes(tree.links[name])
         mass = tree.links[name].inertial.mass
         if name in bare:
-            mass = default_mass(math.fsum(shape.box.volume for shape in shapes)) if shapes else Component.mass
+            mass = (
+                default_mass(math.fsum(shape.box.volume for shape in shapes))
+                if shapes
+                else Component.mass
+            )
         moving = _moving(tree.joints[name], loose)
         pose = tree.joints[name].origin.pose
-        boxes, holders[name] = _hang(name, shapes, mass, pose, moving, holders[parents[name]], taken)
+        boxes, holders[name] = _hang(
+            name, shapes, mass, pose, moving, holders[parents[name]], taken
+        )
         components += boxes
     return Tool(tuple(components), gripper)
 
@@ -98,11 +132,16 @@ def build_tool(text: str, gripper: bool, robot: Robot, *, masses: bool = True, l
 def _parse(text: str) -> Element:
     """Parse the text; the children of what is returned are the tool's elements."""
     if len(text) > MAX_CHARACTERS:
-        raise DesignError(f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed")
+        raise DesignError(
+            f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
+        )
     declaration = _DECLARATION.match(text)
     block = text[declaration.end() :] if declaration else text
     try:
-        root = read_xml(f"<robot>{block}\n</robot>".encode(errors="surrogatepass"), Path("tool_urdf"))
+        root = read_xml(
+            f"<robot>{block}\n</robot>".encode(errors="surrogatepass"),
+            Path("tool_urdf"),
+        )
     except UserError as error:
         raise DesignError(str(error)) from error
     return root[0] if len(root) == 1 and root[0].tag == "robot" else root
@@ -113,7 +152,9 @@ def _check(root: Element, own: frozenset[str], mounts: str) -> list[str]:
     names: dict[str, list[str]] = {"link": [], "joint": [], "material": []}
     for element in root:
         if (tag := element.tag) not in names:
-            raise DesignError(f"<{shorten(tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>")
+            raise DesignError(
+                f"<{shorten(tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>"
+            )
         name = element.get("name", "")
         names[tag].append(name)
         if tag in MAX_NAME and (not _NAME.fullmatch(name) or len(name) > MAX_NAME[tag]):
@@ -121,19 +162,34 @@ def _check(root: Element, own: frozenset[str], mounts: str) -> list[str]:
                 f"{tag} name {shorten(name)} is not 1 to {MAX_NAME[tag]} letters, digits, '_', '.' or '-'"
             )
         if tag in MAX_NAME and name in own:
-            raise DesignError(f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints")
-    limits = {"visual": MAX_COMPONENTS, "collision": MAX_COMPONENTS, "link": MAX_LINKS, "joint": MAX_LINKS}
+            raise DesignError(
+                f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints"
+            )
+    limits = {
+        "visual": MAX_COMPONENTS,
+        "collision": MAX_COMPONENTS,
+        "link": MAX_LINKS,
+        "joint": MAX_LINKS,
+    }
     for tag, most in limits.items():
         if (count := sum(1 for _ in root.iter(tag))) > most:
-            raise DesignError(f"the tool has {count} <{tag}> elements; at most {most} are allowed")
+            raise DesignError(
+                f"the tool has {count} <{tag}> elements; at most {most} are allowed"
+            )
     for element in root.iter():
         tags = [child.tag for child in element if child.tag not in _MANY]
-        if twice := next((tag for number, tag in enumerate(tags) if tag in tags[:number]), None):
-            raise DesignError(f"a <{element.tag}> has {tags.count(twice)} <{twice}> elements; give one")
+        if twice := next(
+            (tag for number, tag in enumerate(tags) if tag in tags[:number]), None
+        ):
+            raise DesignError(
+                f"a <{element.tag}> has {tags.count(twice)} <{twice}> elements; give one"
+            )
     held = {child.get("link") for child in root.iterfind("joint/child")}
     for name in names["link"]:
         if name not in held:
-            raise DesignError(f"no joint holds link {name!r}; hang it from {mounts} or another link")
+            raise DesignError(
+                f"no joint holds link {name!r}; hang it from {mounts} or another link"
+            )
     return names["link"]
 
 
@@ -148,10 +204,22 @@ def _boxes(link: RobotLink) -> list[_Shape]:
     made = []
     for shape, looks in zip(collisions, painted, strict=True):
         if not isinstance(shape.shape, Box):
-            found = "mesh" if isinstance(shape.shape, Path) else type(shape.shape).__name__.lower()
-            raise DesignError(f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>')
+            found = (
+                "mesh"
+                if isinstance(shape.shape, Path)
+                else type(shape.shape).__name__.lower()
+            )
+            raise DesignError(
+                f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>'
+            )
         red, green, blue, opacity = looks.color or DEFAULT_COLOR
-        made.append(_Shape(shape.shape, shape.origin.pose, (red, green, blue, max(opacity, _MIN_OPACITY))))
+        made.append(
+            _Shape(
+                shape.shape,
+                shape.origin.pose,
+                (red, green, blue, max(opacity, _MIN_OPACITY)),
+            )
+        )
     return made
 
 
@@ -161,15 +229,26 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
     if joint.kind == "fixed":
         return None
     if not (loose and joint.kind in _MOVES):
-        wanted = 'use type "fixed", "revolute" or "prismatic"' if loose else 'tools are rigid: use type "fixed"'
+        wanted = (
+            'use type "fixed", "revolute" or "prismatic"'
+            if loose
+            else 'tools are rigid: use type "fixed"'
+        )
         raise DesignError(f"{where} is of type {shorten(joint.kind)}; {wanted}")
     lower, upper, *_ = joint.limits
     if lower is None or upper is None:
         raise DesignError(f'{where} needs <limit lower="..." upper="..."/>')
     stiffness, rest = joint.spring or (0.0, 0.0)
-    numbers = {"damping": joint.damping, "friction": joint.friction, "stiffness": stiffness, "rest": rest}
+    numbers = {
+        "damping": joint.damping,
+        "friction": joint.friction,
+        "stiffness": stiffness,
+        "rest": rest,
+    }
     try:
-        return ToolJoint(_MOVES[joint.kind], joint.axis, lower, upper, (0.0, 0.0, 0.0), **numbers)
+        return ToolJoint(
+            _MOVES[joint.kind], joint.axis, lower, upper, (0.0, 0.0, 0.0), **numbers
+        )
     except DesignError as error:
         raise DesignError(f"{where}: {error}") from error
 
@@ -191,7 +270,9 @@ def _hang(
     parents, frame = holders
     base = pose if frame is None else frame @ pose
     if not shapes and moving is not None:
-        raise DesignError(f"link {name!r} hangs on a joint that moves, and has no box; give it one")
+        raise DesignError(
+            f"link {name!r} hangs on a joint that moves, and has no box; give it one"
+        )
     if not shapes:
         return [], (parents, base)
     volume = math.fsum(shape.box.volume for shape in shapes)
@@ -199,12 +280,26 @@ def _hang(
     own: list[_Holder] = []
     for box, place, color in shapes:
         parent, there = _nearest(own or parents, box, place if own else base @ place)
-        own_mass = mass * (box.volume / volume)  # all of it, to the last bit, where there is one box
-        part = Component(_free_name(name, taken) if own else name, parent, there, box, own_mass, color)
+        own_mass = mass * (
+            box.volume / volume
+        )  # all of it, to the last bit, where there is one box
+        part = Component(
+            _free_name(name, taken) if own else name,
+            parent,
+            there,
+            box,
+            own_mass,
+            color,
+        )
         if moving is not None and not own:
             inverse = place.inverse()
-            (x, y, z), (ax, ay, az) = inverse.position.tolist(), inverse.rotation.apply(moving.axis).tolist()
-            part = replace(part, joint=replace(moving, axis=(ax, ay, az), origin=(x, y, z)))
+            (x, y, z), (ax, ay, az) = (
+                inverse.position.tolist(),
+                inverse.rotation.apply(moving.axis).tolist(),
+            )
+            part = replace(
+                part, joint=replace(moving, axis=(ax, ay, az), origin=(x, y, z))
+            )
         components.append(part)
         own.append(_Holder(part.name, box, place.inverse()))
     return components, (own, None)
@@ -218,7 +313,11 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
     best = holders[0]
     least = math.inf
     for holder in holders if len(holders) > 1 else ():
-        distance = gap(box, holder.frame @ pose, holder.box, Pose()) if holder.box is not None else 0.0
+        distance = (
+            gap(box, holder.frame @ pose, holder.box, Pose())
+            if holder.box is not None
+            else 0.0
+        )
         if distance < least:
             best = holder
             least = distance

@@ -25,15 +25,21 @@ class UrdfTools(VariedTools):
         self.joints = joints
 
     def schema(self) -> dict[str, Any]:
-        description = "URDF <link> and <joint> elements of the tool, without a root element"
+        description = (
+            "URDF <link> and <joint> elements of the tool, without a root element"
+        )
         return {"tool_urdf": {"type": "string", "description": description}}
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
         if "tool_urdf" not in data:
-            raise DesignError("tool_urdf is missing; give the tool's <link> and <joint> elements")
+            raise DesignError(
+                "tool_urdf is missing; give the tool's <link> and <joint> elements"
+            )
         text = data["tool_urdf"]
         if not isinstance(text, str):
-            raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
+            raise DesignError(
+                f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}"
+            )
         masses = self.material.density_kg_m3 is None
         return build_tool(text, gripper, self.robot, masses=masses, loose=self.joints)
 
@@ -42,9 +48,18 @@ class UrdfTools(VariedTools):
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
         """Write a line for each component: in its parent's frame where it is, in its own how it moves."""
-        return {"components": [fill("plugins.tools", "line", part=c, short=short_numbers) for c in tool.components]}
+        return {
+            "components": [
+                fill("plugins.tools", "line", part=c, short=short_numbers)
+                for c in tool.components
+            ]
+        }
 
     def instructions(self, brief: Brief) -> str:
         link, name, size, at = first_box(brief)
-        given = {"size": short_numbers(size, 4), "at": short_numbers(at, 4), "joints": self.joints}
+        given = {
+            "size": short_numbers(size, 4),
+            "at": short_numbers(at, 4),
+            "joints": self.joints,
+        }
         return instruct("urdf", brief, self.material, link=link, name=name, **given)

@@ -51,8 +51,13 @@ class Ensemble(VLM):
         seed: int = 0,
     ) -> None:
         if not members:
-            raise UsageError("vlm.members is empty; name models, such as vlm.members=[gemini,openai]")
-        for name, limit in {"max_cost_usd": max_cost_usd, "max_tokens_total": max_tokens_total}.items():
+            raise UsageError(
+                "vlm.members is empty; name models, such as vlm.members=[gemini,openai]"
+            )
+        for name, limit in {
+            "max_cost_usd": max_cost_usd,
+            "max_tokens_total": max_tokens_total,
+        }.items():
             if limit is not None:
                 check_positive("vlm.", **{name: limit})
         limits = Spending(max_cost_usd, max_tokens_total)
@@ -61,7 +66,9 @@ class Ensemble(VLM):
         for node in listed("vlm", "model", members).values():
             vlm = part(MODEL, node).create()
             if isinstance(vlm, Ensemble):
-                raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")
+                raise UsageError(
+                    "vlm.members: an ensemble can't be a member of one; name its members here"
+                )
             label = clean(vlm.model, _LONGEST)
             if label in self._members:
                 label = f"{label} ({len(self._members) + 1})"
@@ -74,7 +81,9 @@ class Ensemble(VLM):
         self.criticises = any(vlm.criticises for vlm in every)
         self.sees = all(vlm.sees for vlm in every)
         self._dealer = Dealer(list(self._members), seed)
-        self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
+        self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(
+            list
+        )  # by generation and agent
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. What a member leaves at its limit goes to the others."""
@@ -85,26 +94,56 @@ class Ensemble(VLM):
             for request in left:
                 if (label := self._choose(request, closed)) is not None:
                     hands.setdefault(label, []).append(request)
-                elif request.critique and len(closed) < len(self._members):  # a limit ends no run that can go on
-                    yield Reply(request.id, "", self.model, error="no member that writes critiques is left")
+                elif request.critique and len(closed) < len(
+                    self._members
+                ):  # a limit ends no run that can go on
+                    yield Reply(
+                        request.id,
+                        "",
+                        self.model,
+                        error="no member that writes critiques is left",
+                    )
             if len(closed) == len(self._members):
-                why = ", ".join(f"{label}: {str(limit).partition('; ')[0]}" for label, limit in closed.items())
-                raise LimitReached(f"{why}; {len(left)} of {len(requests)} requests are left without a reply")
-            missing = {request.id: request for label in hands for request in hands[label]}
+                why = ", ".join(
+                    f"{label}: {str(limit).partition('; ')[0]}"
+                    for label, limit in closed.items()
+                )
+                raise LimitReached(
+                    f"{why}; {len(left)} of {len(requests)} requests are left without a reply"
+                )
+            missing = {
+                request.id: request for label in hands for request in hands[label]
+            }
             for label, reply in self._ask(hands, closed):
                 missing.pop(reply.request_id, None)
                 yield replace(reply, model=label)
-            left = [r for label in hands if label in closed for r in hands[label] if r.id in missing]
+            left = [
+                r
+                for label in hands
+                if label in closed
+                for r in hands[label]
+                if r.id in missing
+            ]
 
     def _choose(self, request: Request, closed: dict[str, LimitReached]) -> str | None:
         """The member that is to answer a request; None: all that can have reached their limit."""
-        ranking = self._dealer.ranking(request.brief.generation, request.brief.agent, critique=request.critique)
-        able = [label for label in ranking if self._members[label].criticises or not request.critique]
+        ranking = self._dealer.ranking(
+            request.brief.generation, request.brief.agent, critique=request.critique
+        )
+        able = [
+            label
+            for label in ranking
+            if self._members[label].criticises or not request.critique
+        ]
         return next((label for label in able if label not in closed), None)
 
-    def _ask(self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]) -> Iterator[tuple[str, Reply]]:
+    def _ask(
+        self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]
+    ) -> Iterator[tuple[str, Reply]]:
         """Yield the replies of all members as they arrive, and add those that reach a limit to ``closed``."""
-        arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]] = queue.SimpleQueue()
+        arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]] = (
+            queue.SimpleQueue()
+        )
         stop = threading.Event()
 
         def receive(label: str) -> None:
@@ -141,10 +180,18 @@ class Ensemble(VLM):
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Pass a reply on to the member that gave it, by its label: a resumed run repeats those that are stored."""
         if reply.model in self._members:
-            others = [self._events.get_plugin(label) for label in self._members if label != reply.model]
-            self._events.subset_hook_caller("reply_received", others)(request=request, reply=reply)
+            others = [
+                self._events.get_plugin(label)
+                for label in self._members
+                if label != reply.model
+            ]
+            self._events.subset_hook_caller("reply_received", others)(
+                request=request, reply=reply
+            )
             if not request.critique:
-                self._replies[request.brief.generation, request.brief.agent].append(reply)
+                self._replies[request.brief.generation, request.brief.agent].append(
+                    reply
+                )
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -184,19 +231,29 @@ class Dealer:
             self._costs[member].append(cost_usd)
         self._priced &= cost_usd is not None
 
-    def ranking(self, generation: int, agent: int, *, critique: bool = False) -> list[str]:
+    def ranking(
+        self, generation: int, agent: int, *, critique: bool = False
+    ) -> list[str]:
         """Order the members for a request, the first choice first.
 
         Members that have not answered yet come first, each for another agent. A ``critique`` earns nothing: there
         only the draw counts.
         """
         rng = np.random.default_rng([self._seed, generation, agent, int(critique)])
-        costs = {name: fmean(paid) for name, paid in self._costs.items() if paid} if self._priced else {}
-        usual = fmean(costs.values()) if costs else 1.0  # of a member that nothing was paid to yet
+        costs = (
+            {name: fmean(paid) for name, paid in self._costs.items() if paid}
+            if self._priced
+            else {}
+        )
+        usual = (
+            fmean(costs.values()) if costs else 1.0
+        )  # of a member that nothing was paid to yet
         draws = {}
         for name, rewards in self._rewards.items():
             earned = fsum(rewards)
-            draws[name] = rng.beta(1 + earned, 1 + len(rewards) - earned) / costs.get(name, usual)
+            draws[name] = rng.beta(1 + earned, 1 + len(rewards) - earned) / costs.get(
+                name, usual
+            )
         ranked = sorted(draws, key=lambda name: -draws[name])
         untried = [name for name, rewards in self._rewards.items() if not rewards]
         if agent < len(untried) and not critique:

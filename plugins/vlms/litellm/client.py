@@ -42,7 +42,11 @@ _OTHER_KEYS = {
 }
 
 _LIKE_OPENAI = ("aiohttp_openai", "custom_openai")  # beside those that LiteLLM lists
-_UNUSUAL = {"cometapi": "COMETAPI_KEY", "lambda_ai": "LAMBDA_API_KEY", "meta_llama": "LLAMA_API_KEY"}  # names of keys
+_UNUSUAL = {
+    "cometapi": "COMETAPI_KEY",
+    "lambda_ai": "LAMBDA_API_KEY",
+    "meta_llama": "LLAMA_API_KEY",
+}  # names of keys
 
 # Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
 _AT_IMPORT = {
@@ -57,15 +61,25 @@ def load() -> ModuleType:
     """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
     os.environ.update(_AT_IMPORT)
     for name, value in os.environ.items():
-        if is_secret_name(name) and value != value.strip():  # a file's last line break, which no header can hold
+        if (
+            is_secret_name(name) and value != value.strip()
+        ):  # a file's last line break, which no header can hold
             os.environ[name] = value.strip()
     litellm = importlib.import_module("litellm")
-    litellm.__dict__.update(suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True)
-    warnings.filterwarnings("ignore", "Pydantic serializer", UserWarning)  # they quote the answer
+    litellm.__dict__.update(
+        suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True
+    )
+    warnings.filterwarnings(
+        "ignore", "Pydantic serializer", UserWarning
+    )  # they quote the answer
     if litellm.client_session is None:
         handlers = importlib.import_module("litellm.llms.custom_httpx.http_handler")
-        guarded = transport(verify=handlers.get_ssl_configuration(), cert=os.getenv("SSL_CERTIFICATE"))
-        litellm.__dict__.update(client_session=httpx.Client(transport=guarded), sync_transport=guarded)
+        guarded = transport(
+            verify=handlers.get_ssl_configuration(), cert=os.getenv("SSL_CERTIFICATE")
+        )
+        litellm.__dict__.update(
+            client_session=httpx.Client(transport=guarded), sync_transport=guarded
+        )
     for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
         logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
     return litellm
@@ -75,19 +89,31 @@ def estimate(request: Request, model: str) -> Estimate:
     """Count tokens: texts with LiteLLM's counter, pictures by their pixels; prices are from LiteLLM's list."""
     litellm = load()
     messages = explained(request)
-    texts = [replace(message, parts=tuple(p for p in message.parts if isinstance(p, Text))) for message in messages]
+    texts = [
+        replace(message, parts=tuple(p for p in message.parts if isinstance(p, Text)))
+        for message in messages
+    ]
     tokens = litellm.token_counter(model=model, messages=render(texts))
-    tokens += sum(_picture_tokens(part) for message in messages for part in message.parts if isinstance(part, Picture))
+    tokens += sum(
+        _picture_tokens(part)
+        for message in messages
+        for part in message.parts
+        if isinstance(part, Picture)
+    )
     price = _price(litellm, model)
     version = importlib.metadata.version("litellm")
     if price is None:
         return Estimate(tokens, "litellm.token_counter")
-    return Estimate(tokens, "litellm.token_counter", *price, f"price list of LiteLLM {version}")
+    return Estimate(
+        tokens, "litellm.token_counter", *price, f"price list of LiteLLM {version}"
+    )
 
 
 def _picture_tokens(picture: Picture) -> int:
     """Count the tokens of a PNG picture as Claude does, a token for 750 pixels; other providers count otherwise."""
-    width, height = (int.from_bytes(picture.png[at : at + 4], "big") for at in (16, 20))  # of the file's header
+    width, height = (
+        int.from_bytes(picture.png[at : at + 4], "big") for at in (16, 20)
+    )  # of the file's header
     return math.ceil(width * height / PIXELS_PER_TOKEN)
 
 
@@ -108,10 +134,18 @@ class Client:
         UserError: LiteLLM does not know the provider, refuses the model, or finds no API key.
     """
 
-    def __init__(self, model: str, api_base: str | None, timeout_s: float, max_output_tokens: int | None) -> None:
+    def __init__(
+        self,
+        model: str,
+        api_base: str | None,
+        timeout_s: float,
+        max_output_tokens: int | None,
+    ) -> None:
         self._litellm = load()
         try:
-            self._bare, self._provider, key, _ = self._litellm.get_llm_provider(model, api_base=api_base)
+            self._bare, self._provider, key, _ = self._litellm.get_llm_provider(
+                model, api_base=api_base
+            )
         except self._litellm.BadRequestError as error:
             raise UserError(
                 f"vlm.model={model}: LiteLLM knows no such provider; write provider/model, "
@@ -119,22 +153,39 @@ class Client:
             ) from error
         self.model = model
         given = {"max_tokens": max_output_tokens, "api_base": api_base}
-        self._settings: dict[str, Any] = {"timeout": timeout_s + 1.0, "num_retries": 0, "max_retries": 0}
-        self._settings |= {name: value for name, value in given.items() if value is not None}
+        self._settings: dict[str, Any] = {
+            "timeout": timeout_s + 1.0,
+            "num_retries": 0,
+            "max_retries": 0,
+        }
+        self._settings |= {
+            name: value for name, value in given.items() if value is not None
+        }
         missing = self._missing_keys() if key is None else []
         if missing and api_base is None:
-            raise UserError(f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}")
+            raise UserError(
+                f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}"
+            )
         if missing:
-            self._settings["api_key"] = "none"  # clients refuse to call without a key, local servers ignore it
+            self._settings["api_key"] = (
+                "none"  # clients refuse to call without a key, local servers ignore it
+            )
         self._price = None if self._provider in _LOCAL else _price(self._litellm, model)
         self.priced = self._price is not None
         self._schema_lock = threading.Lock()
-        self._accepted = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
-        schemas = self._provider in _LOCAL or self._litellm.supports_response_schema(model=model)
+        self._accepted = {
+            "temperature": self._accepts(temperature=0.7),
+            "seed": self._accepts(seed=1),
+        }
+        schemas = self._provider in _LOCAL or self._litellm.supports_response_schema(
+            model=model
+        )
         self._accepted["response_format"] = bool(schemas)
         left_out = [name for name, accepted in self._accepted.items() if not accepted]
         if left_out:
-            names = ", no ".join(left_out).replace("response_format", "JSON schema (the prompt's text holds it)")
+            names = ", no ".join(left_out).replace(
+                "response_format", "JSON schema (the prompt's text holds it)"
+            )
             _log.warning("%s accepts no %s: left out of its requests", model, names)
 
     def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
@@ -142,13 +193,22 @@ class Client:
         prompt = reply.prompt_tokens
         completion = reply.completion_tokens
         if prompt is None:
-            prompt = int(self._litellm.token_counter(model=self.model, messages=render(explained(request))))
+            prompt = int(
+                self._litellm.token_counter(
+                    model=self.model, messages=render(explained(request))
+                )
+            )
         if completion is None:
-            completion = int(self._litellm.token_counter(model=self.model, text=reply.text))
+            completion = int(
+                self._litellm.token_counter(model=self.model, text=reply.text)
+            )
         if reply.cost_usd is not None:
             return prompt + completion, reply.cost_usd
         per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
-        return prompt + completion, prompt * per_prompt_token + completion * per_completion_token
+        return (
+            prompt + completion,
+            prompt * per_prompt_token + completion * per_completion_token,
+        )
 
     def _missing_keys(self) -> list[str]:
         """The environment variables of which one must hold the key; empty: one does, or no key is needed."""
@@ -158,24 +218,43 @@ class Client:
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
         missing = sorted(name for name in missing if name.endswith("_API_KEY"))
         if not missing and self._provider not in OPENAI:
-            registry = importlib.import_module("litellm.llms.openai_like.json_loader").JSONProviderRegistry
+            registry = importlib.import_module(
+                "litellm.llms.openai_like.json_loader"
+            ).JSONProviderRegistry
             registered = registry.get(self._provider)
             usual = f"{self._provider.upper().replace('-', '_')}_API_KEY"
-            if registered is not None:  # a provider that speaks OpenAI's protocol, as LiteLLM lists it
-                missing = [registered.api_key_env]  # LiteLLM would send OpenAI's key in its place
-            elif self._provider in (*self._litellm.openai_compatible_providers, *_LIKE_OPENAI):
+            if (
+                registered is not None
+            ):  # a provider that speaks OpenAI's protocol, as LiteLLM lists it
+                missing = [
+                    registered.api_key_env
+                ]  # LiteLLM would send OpenAI's key in its place
+            elif self._provider in (
+                *self._litellm.openai_compatible_providers,
+                *_LIKE_OPENAI,
+            ):
                 missing = [_UNUSUAL.get(self._provider, usual)]
-        given = any(map(os.environ.get, (*missing, *_OTHER_KEYS.get(self._provider, ()))))
-        return [] if given else missing  # of Azure, LiteLLM names the key if only the address is missing
+        given = any(
+            map(os.environ.get, (*missing, *_OTHER_KEYS.get(self._provider, ())))
+        )
+        return (
+            [] if given else missing
+        )  # of Azure, LiteLLM names the key if only the address is missing
 
     def _accepts(self, **parameter: Any) -> bool:
-        parameter |= {"model": self._bare, "custom_llm_provider": self._provider, "drop_params": False}
+        parameter |= {
+            "model": self._bare,
+            "custom_llm_provider": self._provider,
+            "drop_params": False,
+        }
         try:
             self._litellm.utils.get_optional_params(**parameter)
         except self._litellm.UnsupportedParamsError:
             return False
         except Exception as error:  # a provider's own check of the model's name; the class of the error varies
-            raise UserError(f"vlm.model={self.model}: LiteLLM refuses it: {explain(error)}") from error
+            raise UserError(
+                f"vlm.model={self.model}: LiteLLM refuses it: {explain(error)}"
+            ) from error
         return True
 
     def ask(self, request: Request) -> tuple[Reply, str]:
@@ -196,13 +275,18 @@ class Client:
         with self._schema_lock:
             if self._accepted["response_format"]:
                 self._accepted["response_format"] = False
-                _log.warning("%s refused the JSON schema of the answer: from now on in the prompt's text", self.model)
+                _log.warning(
+                    "%s refused the JSON schema of the answer: from now on in the prompt's text",
+                    self.model,
+                )
         return self._call(request, False)
 
     def _call(self, request: Request, with_schema: bool) -> tuple[Reply, str]:
         settings = dict(self._settings)
         if self._accepted["temperature"]:
-            most = 1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
+            most = (
+                1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
+            )
             settings["temperature"] = min(request.temperature, most)
         if self._accepted["seed"]:
             settings["seed"] = request.brief.seed
@@ -210,13 +294,21 @@ class Client:
         if with_schema:
             settings["response_format"] = {
                 "type": "json_schema",
-                "json_schema": {"name": "designs", "schema": request.schema, "strict": True},
+                "json_schema": {
+                    "name": "designs",
+                    "schema": request.schema,
+                    "strict": True,
+                },
             }
-        sees_schema = with_schema and self._provider not in _LOCAL  # those use it as a grammar alone
+        sees_schema = (
+            with_schema and self._provider not in _LOCAL
+        )  # those use it as a grammar alone
         messages = render(request.messages if sees_schema else explained(request))
         sender.provider = self._provider
         try:
-            response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
+            response = self._litellm.completion(
+                model=self.model, messages=messages, drop_params=True, **settings
+            )
         except Exception as error:
             cause: BaseException | None = error
             while cause is not None and not isinstance(cause, BadAnswer):
@@ -235,15 +327,26 @@ class Client:
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
             cost_usd=self._cost(response),
         )
-        return checked(reply), clean(str(getattr(choice, "finish_reason", None) or "none given"), 40)
+        return checked(reply), clean(
+            str(getattr(choice, "finish_reason", None) or "none given"), 40
+        )
 
     def _cost(self, response: Any) -> float | None:
         """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""
         if self._provider in _LOCAL:
             return None
         try:
-            return float(self._litellm.completion_cost(completion_response=response, model=self.model)) or None
-        except Exception:  # a model that is not in the list; the class of the error varies
+            return (
+                float(
+                    self._litellm.completion_cost(
+                        completion_response=response, model=self.model
+                    )
+                )
+                or None
+            )
+        except (
+            Exception
+        ):  # a model that is not in the list; the class of the error varies
             return None
 
 
@@ -253,12 +356,23 @@ def explained(request: Request) -> tuple[Message, ...]:
         return request.messages
     schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))
     *before, last = request.messages
-    return (*before, replace(last, parts=(*last.parts, Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n"))))
+    return (
+        *before,
+        replace(
+            last,
+            parts=(
+                *last.parts,
+                Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n"),
+            ),
+        ),
+    )
 
 
 def render(messages: Sequence[Message]) -> list[dict[str, Any]]:
     """Messages in LiteLLM's form: one text if there is no picture, otherwise parts; pictures are data URLs."""
-    return [{"role": message.role, "content": _content(message)} for message in messages]
+    return [
+        {"role": message.role, "content": _content(message)} for message in messages
+    ]
 
 
 def _content(message: Message) -> str | list[dict[str, Any]]:

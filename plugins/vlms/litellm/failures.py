@@ -24,7 +24,9 @@ MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a dai
 MAX_MESSAGE = 400
 LONGEST_READ = 10_000  # characters of an error, which may hold a whole answer
 
-_ACCOUNT = re.compile(r"api.?key|credit balance|billing|quota", re.IGNORECASE)  # some providers send status 400
+_ACCOUNT = re.compile(
+    r"api.?key|credit balance|billing|quota", re.IGNORECASE
+)  # some providers send status 400
 
 
 class TimedOut(Exception):
@@ -63,7 +65,8 @@ def pause(error: Exception, tries: int) -> float | None:
     if requested is not None:
         return requested if requested <= MAX_REQUESTED_WAIT_S else None
     # At random, so that agents that were refused together do not retry together.
-    return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * random.uniform(0.75, 1.25)  # noqa: S311
+    jitter = random.uniform(0.75, 1.25)  # noqa: S311
+    return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * jitter
 
 
 def unanswered(error: Exception) -> bool:
@@ -71,7 +74,12 @@ def unanswered(error: Exception) -> bool:
     status = _status(error)
     account = 400 <= status < 500 and _ACCOUNT.search(str(error)) is not None
     passing = status in (401, 402, 403, 404, 407, 408, 429) or status >= 500
-    return passing or account or isinstance(error, TimedOut | Redirected) or fault(error) is not None
+    return (
+        passing
+        or account
+        or isinstance(error, TimedOut | Redirected)
+        or fault(error) is not None
+    )
 
 
 def _status(error: Exception) -> int:
@@ -90,7 +98,9 @@ def _retry_after(error: Exception) -> float | None:
         return float(header)
     if header:
         try:
-            return max(0.0, (parsedate_to_datetime(header) - datetime.now(UTC)).total_seconds())
+            return max(
+                0.0, (parsedate_to_datetime(header) - datetime.now(UTC)).total_seconds()
+            )
         except (ValueError, TypeError):
             return None
     body = re.search(r'"retryDelay":\s*"(\d+(?:\.\d+)?)s"', str(error))
@@ -99,7 +109,9 @@ def _retry_after(error: Exception) -> float | None:
 
 def explain(error: Exception) -> str:
     """The error in one line, without keys."""
-    text, *_ = " ".join(str(error).split())[:LONGEST_READ].partition("Traceback (most recent call last)")
+    text, *_ = " ".join(str(error).split())[:LONGEST_READ].partition(
+        "Traceback (most recent call last)"
+    )
     if not isinstance(error, TimedOut | BadAnswer):
         name = f"{type(error).__name__}: "
         text = name + text.replace("litellm.", "").replace(name, "")

@@ -53,13 +53,29 @@ class LanguageModel(VLM):
 
     def __post_init__(self) -> None:
         if not self.model:
-            raise UsageError("vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro")
+            raise UsageError(
+                "vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro"
+            )
         check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
-        names = ("requests_per_minute", "max_output_tokens", "max_cost_usd", "max_tokens_total")
-        check_positive("vlm.", **{name: limit for name in names if (limit := getattr(self, name)) is not None})
+        names = (
+            "requests_per_minute",
+            "max_output_tokens",
+            "max_cost_usd",
+            "max_tokens_total",
+        )
+        check_positive(
+            "vlm.",
+            **{
+                name: limit
+                for name in names
+                if (limit := getattr(self, name)) is not None
+            },
+        )
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
-        self._client = Client(self.model, self.api_base, self.timeout_s, self.max_output_tokens)
+        self._client = Client(
+            self.model, self.api_base, self.timeout_s, self.max_output_tokens
+        )
         self._limits: list[Spending] = []
         self.share(Spending(self.max_cost_usd, self.max_tokens_total))
         self._pace = Pace(self.requests_per_minute)
@@ -81,11 +97,15 @@ class LanguageModel(VLM):
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Count what a resumed run had already spent towards its limits."""
-        if request.id not in self._answered and (reply.error is None or reply.prompt_tokens is not None):
+        if request.id not in self._answered and (
+            reply.error is None or reply.prompt_tokens is not None
+        ):
             self._spend(request, reply)
 
     def _spend(self, request: Request, reply: Reply) -> None:
-        spent = self._client.spent(request, reply) if self._limits else (0, 0.0)  # counting takes its time
+        spent = (
+            self._client.spent(request, reply) if self._limits else (0, 0.0)
+        )  # counting takes its time
         for limits in self._limits:
             limits.add(*spent)
 
@@ -133,7 +153,9 @@ class LanguageModel(VLM):
         finally:
             stop.set()
         if limits:
-            raise LimitReached(f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply")
+            raise LimitReached(
+                f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply"
+            )
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
         """Call the model until a call succeeds or the retries are used up.
@@ -150,8 +172,12 @@ class LanguageModel(VLM):
                 raise LimitReached(reached)
             tries += 1
             try:
-                reply, finish = within(self.timeout_s, lambda: self._client.ask(request))
-            except Exception as error:  # any error of a server or of LiteLLM costs this reply only
+                reply, finish = within(
+                    self.timeout_s, lambda: self._client.ask(request)
+                )
+            except (
+                Exception
+            ) as error:  # any error of a server or of LiteLLM costs this reply only
                 wait_s = pause(error, tries)
                 if tries > self.retries or wait_s is None:
                     after = f" (after {tries} tries)" if tries > 1 else ""
@@ -162,7 +188,13 @@ class LanguageModel(VLM):
                 return self._judged(reply, finish)
 
     def _failed(self, request: Request, error: Exception, after: str = "") -> Reply:
-        return Reply(request.id, "", self.model, error=explain(error) + after, unanswered=unanswered(error))
+        return Reply(
+            request.id,
+            "",
+            self.model,
+            error=explain(error) + after,
+            unanswered=unanswered(error),
+        )
 
     def _judged(self, reply: Reply, finish: str) -> Reply:
         """The reply, with the reason why it has no text. A text that was cut off is passed on."""

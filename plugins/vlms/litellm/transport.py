@@ -16,7 +16,10 @@ from core.support.secrets import is_secret_name, remember
 MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes
 
-OPENAI = ("openai", "text-completion-openai")  # providers that OPENAI_API_KEY is for, at any address
+OPENAI = (
+    "openai",
+    "text-completion-openai",
+)  # providers that OPENAI_API_KEY is for, at any address
 
 
 class _Sender(threading.local):
@@ -41,7 +44,11 @@ def transport(**settings: Any) -> httpx.BaseTransport:
     # A client of its own, since httpx looks at the environment's proxies only there.
     limits = httpx.Limits(max_connections=None, max_keepalive_connections=20)
     hooks = {"response": [_refuse_redirect]}  # before httpx looks where it leads
-    return _Transport(httpx.Client(follow_redirects=False, event_hooks=hooks, limits=limits, **settings))
+    return _Transport(
+        httpx.Client(
+            follow_redirects=False, event_hooks=hooks, limits=limits, **settings
+        )
+    )
 
 
 class _Transport(httpx.BaseTransport):
@@ -71,8 +78,14 @@ class _Transport(httpx.BaseTransport):
         if answer.is_error:
             content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
         hop = ("content-encoding", "content-length", "transfer-encoding")
-        headers = [(name, value) for name, value in answer.headers.multi_items() if name not in hop]
-        return httpx.Response(answer.status_code, headers=headers, content=content, request=request)
+        headers = [
+            (name, value)
+            for name, value in answer.headers.multi_items()
+            if name not in hop
+        ]
+        return httpx.Response(
+            answer.status_code, headers=headers, content=content, request=request
+        )
 
 
 def _keep_openai(request: httpx.Request) -> None:
@@ -87,11 +100,17 @@ def _keep_openai(request: httpx.Request) -> None:
         return
     for name in [name for name in request.headers if name.startswith("openai-")]:
         del request.headers[name]
-    if host == "api.openai.com" and not own:  # LiteLLM's default for servers of one's own
-        raise BadAnswer(f"requests of {sender.provider} would go to {host}; set vlm.api_base")
+    if (
+        host == "api.openai.com" and not own
+    ):  # LiteLLM's default for servers of one's own
+        raise BadAnswer(
+            f"requests of {sender.provider} would go to {host}; set vlm.api_base"
+        )
     key = os.environ.get("OPENAI_API_KEY")
     if key and not own and any(key in value for value in request.headers.values()):
-        raise BadAnswer(f"OPENAI_API_KEY would go to {host}; set the variable of {sender.provider or 'that provider'}")
+        raise BadAnswer(
+            f"OPENAI_API_KEY would go to {host}; set the variable of {sender.provider or 'that provider'}"
+        )
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:
@@ -103,7 +122,11 @@ def _refuse_redirect(answer: httpx.Response) -> None:
         return
     try:
         target = answer.url.join(answer.headers.get("location", ""))
-        there = target.host if target.host != answer.url.host else f"{target.scheme}://{target.netloc.decode()}"
+        there = (
+            target.host
+            if target.host != answer.url.host
+            else f"{target.scheme}://{target.netloc.decode()}"
+        )
     except (httpx.InvalidURL, ValueError, TypeError):
         there = "an address that can't be read"
     raise Redirected(
@@ -122,7 +145,9 @@ def _read(answer: httpx.Response, deadline: float | None) -> bytes:
     for part in answer.iter_bytes():
         content += part
         if len(content) > MAX_BYTES:
-            raise BadAnswer(f"the answer is larger than {MAX_BYTES >> 20} MiB; the rest is not read")
+            raise BadAnswer(
+                f"the answer is larger than {MAX_BYTES >> 20} MiB; the rest is not read"
+            )
         if deadline is not None and time.monotonic() > deadline:
             raise httpx.ReadTimeout("the answer takes too long", request=answer.request)
     return bytes(content)

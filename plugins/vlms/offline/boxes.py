@@ -25,16 +25,25 @@ class Boxes:
         pairs = list(placed)
         return cls(
             np.array([pose.position for pose, _ in pairs]).reshape(-1, 3),
-            np.array([pose.rotation.as_matrix() for pose, _ in pairs]).reshape(-1, 3, 3),
+            np.array([pose.rotation.as_matrix() for pose, _ in pairs]).reshape(
+                -1, 3, 3
+            ),
             np.array([np.asarray(size) / 2 for _, size in pairs]).reshape(-1, 3),
         )
 
     @classmethod
     def join(cls, several: Iterable[Boxes]) -> Boxes:
         parts = [*several, cls.of(())]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
+        return cls(
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in cls.__dataclass_fields__
+            )
+        )
 
-    def __getitem__(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> Boxes:
+    def __getitem__(
+        self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]
+    ) -> Boxes:
         return Boxes(self.centers[chosen], self.axes[chosen], self.halves[chosen])
 
     @property
@@ -46,7 +55,9 @@ class Boxes:
     def extents(self, way: Array, origin: Array) -> tuple[Array, Array]:
         """The least and the greatest coordinate (N,) of each box along ``way`` (3,), from ``origin`` (3,)."""
         middles = (self.centers - origin) @ way
-        halves = np.abs(np.einsum("nji,j->ni", self.axes, way) * self.halves).sum(axis=1)
+        halves = np.abs(np.einsum("nji,j->ni", self.axes, way) * self.halves).sum(
+            axis=1
+        )
         return middles - halves, middles + halves
 
     def carried(self, positions: Array, rotations: Array) -> Boxes:
@@ -54,7 +65,9 @@ class Boxes:
         centers = np.einsum("kij,nj->kni", rotations, self.centers) + positions[:, None]
         axes = np.einsum("kij,njl->knil", rotations, self.axes)
         halves = np.broadcast_to(self.halves, centers.shape)
-        return Boxes(centers.reshape(-1, 3), axes.reshape(-1, 3, 3), halves.reshape(-1, 3))
+        return Boxes(
+            centers.reshape(-1, 3), axes.reshape(-1, 3, 3), halves.reshape(-1, 3)
+        )
 
 
 def axes_of(heading: float) -> tuple[Array, Array]:
@@ -67,7 +80,9 @@ def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
     """The number of pairs, one box from each, closer than ``margin`` metres (negative: that overlap by more)."""
     lower, upper = a.bounds
     other_lower, other_upper = b.bounds
-    near = (lower[:, None] - margin < other_upper) & (other_lower - margin < upper[:, None])
+    near = (lower[:, None] - margin < other_upper) & (
+        other_lower - margin < upper[:, None]
+    )
     first, second = np.nonzero(near.all(axis=-1))
     gaps, _ = separations(a[first], b[second])
     return int((gaps < margin).sum())
@@ -79,7 +94,10 @@ def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
     """
     faces = a.axes.transpose(0, 2, 1)
     others = b.axes.transpose(0, 2, 1)
-    axes = np.concatenate([faces, others, np.cross(faces[:, :, None], others[:, None]).reshape(-1, 9, 3)], axis=1)
+    axes = np.concatenate(
+        [faces, others, np.cross(faces[:, :, None], others[:, None]).reshape(-1, 9, 3)],
+        axis=1,
+    )
     lengths = np.linalg.norm(axes, axis=-1, keepdims=True)
     parallel = lengths[..., 0] < 1e-6
     axes = axes / np.where(parallel[..., None], 1.0, lengths)

@@ -13,7 +13,15 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.designs.planning import look
 from core.hooks import hookimpl
-from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request, Task
+from core.interfaces import (
+    VLM,
+    ActionRepresentation,
+    Brief,
+    Perception,
+    Reply,
+    Request,
+    Task,
+)
 from core.scene import Goal, Scene
 from core.support.cli import say
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
@@ -43,14 +51,23 @@ class OfflineDesigner(VLM):
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
         parts = run.task.parts
-        left = [f"{f'{task.name}: ' * (len(parts) > 1)}{what}" for task in parts for what in left_out(task, run.seed)]
+        left = [
+            f"{f'{task.name}: ' * (len(parts) > 1)}{what}"
+            for task in parts
+            for what in left_out(task, run.seed)
+        ]
         if left:
-            say(f"the embedded designer does not plan for: {'; '.join(left)}", file=sys.stderr)
+            say(
+                f"the embedded designer does not plan for: {'; '.join(left)}",
+                file=sys.stderr,
+            )
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:
             try:
-                yield Reply(request.id, json.dumps(answer(request.brief), indent=1), self.model)
+                yield Reply(
+                    request.id, json.dumps(answer(request.brief), indent=1), self.model
+                )
             except (NothingToMove, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
 
@@ -65,7 +82,9 @@ def left_out(task: Task, seed: int) -> list[str]:
         "a turn about the vertical": any(_turns_level(goal, scene) for goal in goals),
         "a time limit": any(goal.by_s is not None for goal in goals),
         "what a soft body does as it gives way": bool(scene.softs),
-        "a height, an area or a node": any(g.max_height_m or g.min_area_m2 or g.node is not None for g in goals),
+        "a height, an area or a node": any(
+            g.max_height_m or g.min_area_m2 or g.node is not None for g in goals
+        ),
         "a limit of force": any(goal.max_force_n for goal in task.goals),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": task.every
         and len(goals) > 1
@@ -81,7 +100,10 @@ def _turns_level(goal: Goal, scene: Scene) -> bool:
         return False
     axis, _ = turn_between(goal, scene[goal.bodies[0]])
     length = float(np.linalg.norm(axis))
-    return length > np.sin(np.radians(goal.tolerance_deg)) and abs(float(axis[2])) > 0.5 * length
+    return (
+        length > np.sin(np.radians(goal.tolerance_deg))
+        and abs(float(axis[2])) > 0.5 * length
+    )
 
 
 def answer(brief: Brief) -> dict[str, Any]:
@@ -95,7 +117,10 @@ def answer(brief: Brief) -> dict[str, Any]:
         return tools_answer(brief)
     layout = Layout(brief)
     others = list[Layout]()
-    if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
+    if (
+        brief.task.ranges
+        and type(brief.actions).anchor is not ActionRepresentation.anchor
+    ):
         if (turn := turn_of(layout.analysis, layout.seen)) is not None:
             layout = Layout(brief, turn)
         others = [Layout(other) for other in _unlike(brief)]
@@ -117,13 +142,23 @@ def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
     if tool is not None:
         name = "the given tool"
         plans, parents = _plans_for(tool, sampler, elites)
-        description = f"Plans varied from {parents[0]}." if parents else f"It {plans[0].text}."
+        description = (
+            f"Plans varied from {parents[0]}." if parents else f"It {plans[0].text}."
+        )
     else:
         if elites:
-            name, description, tool, plans, parents = breed(elites, brief.n_action, sampler)
+            name, description, tool, plans, parents = breed(
+                elites, brief.n_action, sampler
+            )
         else:
             tool, head, pose, plan = sampler.invent()
-            plans = [plan, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
+            plans = [
+                plan,
+                *(
+                    sampler.use(tool, lambda _: (head, pose))
+                    for _ in range(brief.n_action - 1)
+                ),
+            ]
             parents = [elite.candidate.id for elite in brief.elites[:1]]
             name = f"{head.use} with {tool.name}"
             description = f"The {head.kind} {plan.text}."
@@ -142,13 +177,17 @@ def _strategy(sampler: Sampler, elites: Sequence[Elite]) -> dict[str, Any]:
         **fields,
         "gripper": tool.gripper,
         **representation.dump(tool),
-        "action_description": " | ".join(f"{i}: {plan.text}" for i, plan in enumerate(plans, start=1)),
+        "action_description": " | ".join(
+            f"{i}: {plan.text}" for i, plan in enumerate(plans, start=1)
+        ),
         "action_sets": action_sets,
     }
     return fields | {"parents": parents} if parents else fields
 
 
-def _plans_for(tool: Tool, sampler: Sampler, elites: Sequence[Elite]) -> tuple[list[SampledPlan], list[str]]:
+def _plans_for(
+    tool: Tool, sampler: Sampler, elites: Sequence[Elite]
+) -> tuple[list[SampledPlan], list[str]]:
     """Make plans for the given tool, and name their parents."""
     brief = sampler.brief
     made = task_plans(sampler, tool, elites)
@@ -165,7 +204,9 @@ def _unlike(brief: Brief) -> list[Brief]:
     drawn = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(_DRAWN)]
     seen = [look(one.task, one.scene_seed, Perception()).poses for one in drawn]
     same = [i for i, poses in enumerate(seen) if list(poses) == list(seen[0])]
-    places = np.array([np.ravel([pose.matrix[:3] for pose in seen[i].values()]) for i in same])
+    places = np.array(
+        [np.ravel([pose.matrix[:3] for pose in seen[i].values()]) for i in same]
+    )
     chosen = [0]
     while len(chosen) < min(1 + _LAYOUTS, len(same)):
         apart = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)

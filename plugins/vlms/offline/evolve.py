@@ -42,7 +42,9 @@ class Elite:
         return float(np.clip(1.5 * (1.0 - self.reward), 0.05, 1.0))
 
 
-def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) -> list[Elite]:
+def elites_with(
+    evaluations: Sequence[Evaluation], gripper: bool, seen: Seen
+) -> list[Elite]:
     """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout.
 
     A waypoint that ends by a guard is left out, and so is the way back from it.
@@ -58,19 +60,37 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
         given = candidate.plan.anchors
         kept = []
         for i, guard in enumerate(plan.guards or [None] * len(rows)):
-            back = i > 1 and bool(plan.guards) and plan.guards[i - 1] and rows[i].tolist() == rows[i - 2].tolist()
+            back = (
+                i > 1
+                and bool(plan.guards)
+                and plan.guards[i - 1]
+                and rows[i].tolist() == rows[i - 2].tolist()
+            )
             if not guard and not back:
                 kept.append(i)
         anchors = []
         for i in kept:
             anchor = given[i] if len(given) == len(rows) else Anchor()
-            anchors.append(anchor if {anchor.name, anchor.toward} <= known else Anchor())
+            anchors.append(
+                anchor if {anchor.name, anchor.toward} <= known else Anchor()
+            )
         moved_m = evaluation.shown.moved_m if evaluation.shown is not None else {}
-        elites.append(Elite(candidate.id, candidate.tool, rows[kept], anchors, evaluation.reward, moved_m))
+        elites.append(
+            Elite(
+                candidate.id,
+                candidate.tool,
+                rows[kept],
+                anchors,
+                evaluation.reward,
+                moved_m,
+            )
+        )
     return elites
 
 
-def breed(elites: Sequence[Elite], count: int, sampler: Sampler) -> tuple[str, str, Tool, list[SampledPlan], list[str]]:
+def breed(
+    elites: Sequence[Elite], count: int, sampler: Sampler
+) -> tuple[str, str, Tool, list[SampledPlan], list[str]]:
     """One offspring: name, description, tool, ``count`` plans, parents' ids. Better elites are parents more often.
 
     Where no change keeps the rules, the tool is its parent's.
@@ -78,7 +98,10 @@ def breed(elites: Sequence[Elite], count: int, sampler: Sampler) -> tuple[str, s
     rng = sampler.rng
     weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
     for attempt in range(_TRIES):
-        first, second = (elites[int(i)] for i in rng.choice(len(elites), 2, p=weights / weights.sum()))
+        first, second = (
+            elites[int(i)]
+            for i in rng.choice(len(elites), 2, p=weights / weights.sum())
+        )
         crossing = second is not first and rng.random() < 0.4
         if crossing:
             tool, done = cross(first.tool, second.tool, rng)
@@ -95,20 +118,32 @@ def breed(elites: Sequence[Elite], count: int, sampler: Sampler) -> tuple[str, s
     base = first.tool.description.split("; changed: ")[0]
     tool = replace(tool, name=first.tool.name, description=f"{base}; changed: {done}")
     description = f"{name.capitalize()} of {' and '.join(parents)}: {done}."
-    return f"{name}: {done}", description, tool, offspring_plans(first, tool, count, sampler), parents
+    return (
+        f"{name}: {done}",
+        description,
+        tool,
+        offspring_plans(first, tool, count, sampler),
+        parents,
+    )
 
 
-def offspring_plans(elite: Elite, tool: Tool, count: int, sampler: Sampler) -> list[SampledPlan]:
+def offspring_plans(
+    elite: Elite, tool: Tool, count: int, sampler: Sampler
+) -> list[SampledPlan]:
     """Plans for a tool derived from the elite's: its plan fitted to the tool, variations of it, or fresh ones."""
     rng = sampler.rng
     part = part_for(tool, sampler.brief.task)
     apart = middle(part_for(elite.tool, sampler.brief.task)) - middle(part)
-    base = elite.plan.copy()  # the foot of the new tool moves as that of the elite's did
+    base = (
+        elite.plan.copy()
+    )  # the foot of the new tool moves as that of the elite's did
     base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(apart)
     plans: list[SampledPlan] = []
     for i in range(count):
         if 0 < i == count - 1 and rng.random() < elite.scale:
-            plans.append(sampler.use(tool, lambda subgoal: recognize(part, subgoal, rng)))
+            plans.append(
+                sampler.use(tool, lambda subgoal: recognize(part, subgoal, rng))
+            )
             continue
         parent = SampledPlan(base, "the parent's plan", elite.anchors)
         plan = parent
@@ -131,18 +166,30 @@ def _last_straight(rows: Array) -> tuple[int, int]:
         return max(0, len(rows) - 2), len(rows) - 1
     end = max([i for i in level if lengths[i] > 0.035] or level)
     start = end
-    while start - 1 in level and ways[start - 1] @ ways[end] > 0.9 * lengths[start - 1] * lengths[end]:
+    while (
+        start - 1 in level
+        and ways[start - 1] @ ways[end] > 0.9 * lengths[start - 1] * lengths[end]
+    ):
         start -= 1
     return start, end + 1
 
 
-def vary(plan: SampledPlan, elite: Elite, analysis: SceneAnalysis, rng: Generator) -> SampledPlan:
+def vary(
+    plan: SampledPlan, elite: Elite, analysis: SceneAnalysis, rng: Generator
+) -> SampledPlan:
     """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
     start, end = _last_straight(plan.rows)
     way = plan.rows[end, :3] - plan.rows[start, :3]
     length = float(np.linalg.norm(way))
     missing = _missing(elite, analysis)
-    kinds = {"length": 0.2, "shift": 0.25, "height": 0.15, "yaw": 0.1, "slower": 0.05, "faster": 0.05}
+    kinds = {
+        "length": 0.2,
+        "shift": 0.25,
+        "height": 0.15,
+        "yaw": 0.1,
+        "slower": 0.05,
+        "faster": 0.05,
+    }
     if abs(missing) > 0.001 and length > 0.02:
         kinds["measure"] = 0.25
     kind = draw(kinds, rng)
@@ -150,7 +197,9 @@ def vary(plan: SampledPlan, elite: Elite, analysis: SceneAnalysis, rng: Generato
     anchors = list(plan.anchors)
     if kind in ("length", "measure"):
         if kind == "measure":
-            more = missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+            more = (
+                missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+            )
         else:
             more = rng.normal(0.0, 0.08 * elite.scale)
         share = np.clip((np.arange(len(rows)) - start) / max(1, end - start), 0.0, 1.0)
@@ -174,10 +223,17 @@ def vary(plan: SampledPlan, elite: Elite, analysis: SceneAnalysis, rng: Generato
         for i in range(end, start, -1):
             before, after = anchors[i - 1 : i + 1]
             alike = (before.name, before.toward) == (after.name, after.toward)
-            anchors.insert(i, replace(after, share=(before.share + after.share) / 2) if alike else after)
+            anchors.insert(
+                i,
+                replace(after, share=(before.share + after.share) / 2)
+                if alike
+                else after,
+            )
         done = "its stroke at half the speed"
     else:
-        kept = [i for i in range(len(rows)) if not start < i < end or (i - start) % 2 == 0]
+        kept = [
+            i for i in range(len(rows)) if not start < i < end or (i - start) % 2 == 0
+        ]
         rows = rows[kept]
         anchors = [anchors[i] for i in kept]
         done = "its stroke with fewer waypoints"
@@ -188,8 +244,15 @@ def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
     """Mean distance in metres by which the elite's bodies fell short (negative: went too far); 0 if unknown."""
     options = []
     for goal in analysis.goals:
-        places = {name: analysis.solids[name].position for name in goal.bodies if name in elite.moved_m and goal.place}
-        missing = [float(np.linalg.norm(wanted(at, goal) - at)) - elite.moved_m[name] for name, at in places.items()]
+        places = {
+            name: analysis.solids[name].position
+            for name in goal.bodies
+            if name in elite.moved_m and goal.place
+        }
+        missing = [
+            float(np.linalg.norm(wanted(at, goal) - at)) - elite.moved_m[name]
+            for name, at in places.items()
+        ]
         if missing:
             options.append(min(missing) if goal.any else float(np.mean(missing)))
     return min(options, key=abs, default=0.0)
@@ -211,33 +274,64 @@ def mutate(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
         return _resized(tool, scale, rng)
     if kind == "add":
         return _added(tool, rng)
-    number = int(rng.choice(_leaves(tool)) if kind in ("remove", "replace") else rng.integers(count))
+    number = int(
+        rng.choice(_leaves(tool))
+        if kind in ("remove", "replace")
+        else rng.integers(count)
+    )
     old = tool.components[number]
     if kind == "remove":
         changed = []
         text = f"{old.name} removed"
     elif kind == "shift":
         way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
-        changed = [replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))]
+        changed = [
+            replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))
+        ]
         text = f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
     elif kind == "turn":  # its descendants too
         axis = int(rng.integers(3))
-        angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
-        turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis]))
+        angle = float(
+            rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3)
+        )
+        turn = Pose.from_rotation(
+            np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis])
+        )
         changed = [replace(old, pose=old.pose @ turn)]
         text = f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
     else:
-        x, y, z = np.clip(old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6).tolist()
-        changed = [Component(_free_name("part", tool), old.parent, old.pose, Box((x, y, z)), color=_COLOR)]
+        x, y, z = np.clip(
+            old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6
+        ).tolist()
+        changed = [
+            Component(
+                _free_name("part", tool),
+                old.parent,
+                old.pose,
+                Box((x, y, z)),
+                color=_COLOR,
+            )
+        ]
         text = f"{old.name} replaced by a box of {x:.3f} x {y:.3f} x {z:.3f} m"
-    return joined(replace(tool, components=(*tool.components[:number], *changed, *tool.components[number + 1 :]))), text
+    return joined(
+        replace(
+            tool,
+            components=(
+                *tool.components[:number],
+                *changed,
+                *tool.components[number + 1 :],
+            ),
+        )
+    ), text
 
 
 def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
     """Lengthen or shorten one side; children of the component move with its faces."""
     number = int(rng.integers(len(tool.components)))
     axis = int(rng.integers(3))
-    factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
+    factor = float(
+        np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2))
+    )
     old = tool.components[number]
     before = old.shape.bounds[1]
     sides = before.tolist()
@@ -252,7 +346,10 @@ def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
     # The end that meets the parent stays where it is.
     way = old.pose.rotation.as_matrix()[:, axis]
     toward = np.sign(float(old.pose.position @ way)) or 1.0
-    pose = Pose(old.pose.position + toward * (way * (sides[axis] - before[axis]) / 2), old.pose.quaternion)
+    pose = Pose(
+        old.pose.position + toward * (way * (sides[axis] - before[axis]) / 2),
+        old.pose.quaternion,
+    )
     x, y, z = sides
     components[number] = replace(old, shape=Box((x, y, z)), pose=pose)
     verb = "lengthened" if factor > 1 else "shortened"
@@ -262,7 +359,9 @@ def _resized(tool: Tool, scale: float, rng: Generator) -> tuple[Tool, str]:
 
 def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
     """Add a plate on a face of a component."""
-    parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
+    parent = tool.components[
+        int(rng.integers(len(tool.components) // 2, len(tool.components)))
+    ]
     axis = int(rng.integers(3))
     side = float(rng.choice([-1.0, 1.0]))
     size = parent.shape.bounds[1]
@@ -274,8 +373,16 @@ def _added(tool: Tool, rng: Generator) -> tuple[Tool, str]:
     along = (axis + int(rng.integers(1, 3))) % 3
     place[along] = rng.choice([-1.0, 0.0, 1.0]) * (size[along] - sides[along]) / 2
     name = _free_name("fin", tool)
-    fin = Component(name, parent.name, Pose(place), Box((sides[0], sides[1], sides[2])), color=_COLOR)
-    return joined(replace(tool, components=(*tool.components, fin))), f"{name} added on {parent.name}"
+    fin = Component(
+        name,
+        parent.name,
+        Pose(place),
+        Box((sides[0], sides[1], sides[2])),
+        color=_COLOR,
+    )
+    return joined(
+        replace(tool, components=(*tool.components, fin))
+    ), f"{name} added on {parent.name}"
 
 
 def _leaves(tool: Tool) -> list[int]:
@@ -286,12 +393,18 @@ def _leaves(tool: Tool) -> list[int]:
 def _free_name(name: str, tool: Tool) -> str:
     """``name``, with a number if a component has it."""
     taken = {c.name for c in tool.components}
-    return next(free for free in (name, *(f"{name}_{i}" for i in range(2, 200))) if free not in taken)
+    return next(
+        free
+        for free in (name, *(f"{name}_{i}" for i in range(2, 200)))
+        if free not in taken
+    )
 
 
 def cross(first: Tool, second: Tool, rng: Generator) -> tuple[Tool, str]:
     """Cross two tools: interpolate between tools of equal structure, or put a part of the second on the first."""
-    alike = [(c.name, c.parent) for c in first.components] == [(c.name, c.parent) for c in second.components]
+    alike = [(c.name, c.parent) for c in first.components] == [
+        (c.name, c.parent) for c in second.components
+    ]
     if alike and rng.random() < 0.7:
         return _blended(first, second, float(rng.uniform(0.2, 0.8)))
     donor = second.components[int(rng.choice(_leaves(second)))]
@@ -301,11 +414,21 @@ def cross(first: Tool, second: Tool, rng: Generator) -> tuple[Tool, str]:
     if not near:
         return mutate(first, 0.5, rng)
     graft = Boxes.of([(pose, donor.shape.bounds[1])] * len(near))
-    gaps, _ = separations(graft, Boxes.of((mine[c.name][1], c.shape.bounds[1]) for c in near))
+    gaps, _ = separations(
+        graft, Boxes.of((mine[c.name][1], c.shape.bounds[1]) for c in near)
+    )
     parent = near[int(np.argmin(gaps))].name
     local = mine[parent][1].inverse() @ pose
-    new = replace(donor, name=_free_name(donor.name, first), parent=parent, pose=local, color=_COLOR)
-    return joined(replace(first, components=(*first.components, new))), f"{donor.name} of the second put on {parent}"
+    new = replace(
+        donor,
+        name=_free_name(donor.name, first),
+        parent=parent,
+        pose=local,
+        color=_COLOR,
+    )
+    return joined(
+        replace(first, components=(*first.components, new))
+    ), f"{donor.name} of the second put on {parent}"
 
 
 def _blended(first: Tool, second: Tool, share: float) -> tuple[Tool, str]:
@@ -314,9 +437,13 @@ def _blended(first: Tool, second: Tool, share: float) -> tuple[Tool, str]:
         sides = (1 - share) * a.shape.bounds[1] + share * b.shape.bounds[1]
         middle = (1 - share) * a.pose.position + share * b.pose.position
         turn = (a.pose.rotation.inv() * b.pose.rotation).as_rotvec()
-        pose = Pose.from_rotation(middle, a.pose.rotation * Rotation.from_rotvec(share * turn))
+        pose = Pose.from_rotation(
+            middle, a.pose.rotation * Rotation.from_rotvec(share * turn)
+        )
         components.append(replace(a, shape=resized(a.shape, sides), pose=pose))
-    return joined(replace(first, components=tuple(components))), f"all measures {share:.0%} of the way to the second's"
+    return joined(
+        replace(first, components=tuple(components))
+    ), f"all measures {share:.0%} of the way to the second's"
 
 
 def joined(tool: Tool) -> Tool:
@@ -326,10 +453,14 @@ def joined(tool: Tool) -> Tool:
     for component in tool.components:
         for _ in range(4 if component.parent in sizes else 0):
             parent = Boxes.of([(Pose(), sizes[component.parent])])
-            gap, axis = separations(parent, Boxes.of([(component.pose, sizes[component.name])]))
+            gap, axis = separations(
+                parent, Boxes.of([(component.pose, sizes[component.name])])
+            )
             if gap[0] <= 0.0:
                 break
             position = component.pose.position - (gap[0] + _OVERLAP_M) * axis[0]
-            component = replace(component, pose=Pose(position, component.pose.quaternion))
+            component = replace(
+                component, pose=Pose(position, component.pose.quaternion)
+            )
         components.append(component)
     return replace(tool, components=tuple(components))

@@ -40,7 +40,11 @@ def suits(subgoal: Subgoal) -> bool:
         return False
     lower, upper = subgoal.others.bounds
     held = (lower < subgoal.upper - 0.003) & (upper > subgoal.lower + 0.003)
-    return goal.joint is not None or _turn(subgoal) is not None or bool(held.all(axis=1).any())
+    return (
+        goal.joint is not None
+        or _turn(subgoal) is not None
+        or bool(held.all(axis=1).any())
+    )
 
 
 def guided(subgoal: Subgoal, rng: Generator) -> Head | None:
@@ -57,33 +61,74 @@ def _turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     if subgoal.goal is None or subgoal.goal.axis is None:
         return None
     axis, angle = turn_between(subgoal.goal, subgoal.solids[0].body)
-    if angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg)) or abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
+    if (
+        angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg))
+        or abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6
+    ):
         return None
     return axis, angle
 
 
-def _choose_under(subgoal: Subgoal, headings: Sequence[float], width: float, rng: Generator) -> Under | None:
+def _choose_under(
+    subgoal: Subgoal, headings: Sequence[float], width: float, rng: Generator
+) -> Under | None:
     """Choose at random among the places that are worth most; None: there is none."""
-    places = [place for heading in headings if (place := under(subgoal, heading, width)) is not None]
-    good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
+    places = [
+        place
+        for heading in headings
+        if (place := under(subgoal, heading, width)) is not None
+    ]
+    good = [
+        place
+        for place in places
+        if place.worth > max(other.worth for other in places) - 0.03
+    ]
     return good[int(rng.integers(len(good)))] if good else None
 
 
-def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, primitive: Primitive) -> Head:
+def _tines(
+    kind: str,
+    spot: Under,
+    width: float,
+    thick: float,
+    depth: float,
+    primitive: Primitive,
+) -> Head:
     """Two tines ahead of a wall, or a wide one; their upper faces are at z = 0."""
     across = 2 * spot.apart + width
     pieces = [box("wall", -0.004, 0.0, 0.015 - thick, (0.008, across, 0.03))]
-    for number, side in enumerate((1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1):
+    for number, side in enumerate(
+        (1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1
+    ):
         size = (depth + 0.008, width, thick)
-        pieces.append(box(f"tine_{number}", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
-    return Head(kind, "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, across, primitive=primitive)
+        pieces.append(
+            box(
+                f"tine_{number}",
+                (depth - 0.008) / 2,
+                side * spot.apart,
+                -thick / 2,
+                size,
+            )
+        )
+    return Head(
+        kind,
+        "guided",
+        tuple(pieces),
+        np.array([0.0, 0.0, 0.03 - thick]),
+        depth,
+        across,
+        primitive=primitive,
+    )
 
 
 def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     """Tines that lift a body out of what it stands in, carry it over, and lower it at the goal."""
     width = 0.009
     high = 0.2 * UP
-    if any(subgoal.blocked(high, start, step=0.006) for start in (np.zeros(3), subgoal.shift + 0.004 * UP)):
+    if any(
+        subgoal.blocked(high, start, step=0.006)
+        for start in (np.zeros(3), subgoal.shift + 0.004 * UP)
+    ):
         return None
     if (spot := _choose_under(subgoal, _QUARTERS, width, rng)) is None:
         return None
@@ -98,12 +143,17 @@ def carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         lifted = inside + 0.001 * UP
         goal = inside + 0.001 * UP + subgoal.shift
         over = [
-            np.array([*place[:2], max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)]) for place in (lifted, goal)
+            np.array(
+                [*place[:2], max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)]
+            )
+            for place in (lifted, goal)
         ]
         for place in (lifted, *over, goal, goal - rng.uniform(0.004, 0.012) * UP):
             length = float(np.linalg.norm(place - path.poses[-1].position))
             path.move(place, spot.heading, 0.15 if length > 0.02 else 1.0)
-        path.go(spot.heading, path.poses[-1].position - (depth + 0.02) * ahead, touch=True)
+        path.go(
+            spot.heading, path.poses[-1].position - (depth + 0.02) * ahead, touch=True
+        )
         return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
 
     return _tines("tines", spot, width, min(0.008, spot.room / 2), depth, primitive)
@@ -131,19 +181,30 @@ def tipper(subgoal: Subgoal, turn: tuple[Array, float], rng: Generator) -> Head 
 
     def primitive(path: Path, rng: Generator) -> str:
         tip = spot.rear + grip * ahead - 0.001 * UP
-        path.enter(subgoal, spot.heading, tip - depth * ahead - (depth + 0.02) * ahead, tip - depth * ahead)
+        path.enter(
+            subgoal,
+            spot.heading,
+            tip - depth * ahead - (depth + 0.02) * ahead,
+            tip - depth * ahead,
+        )
         path.hold()
         rise = float(tip[2] - pivot[2])
         for turned in np.linspace(0.0, most, int(np.ceil(most / _STEP_RAD)) + 1)[1:]:
-            arm = Rotation.from_rotvec(np.cross(UP, ahead) * turned).apply(-radius * ahead + rise * UP)
+            arm = Rotation.from_rotvec(np.cross(UP, ahead) * turned).apply(
+                -radius * ahead + rise * UP
+            )
             path.go(spot.heading, pivot + arm - depth * ahead, touch=True)
-        path.go(spot.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
+        path.go(
+            spot.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True
+        )
         return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
 
     return _tines("lip", spot, width, thick, depth, primitive)
 
 
-def _joint_way(subgoal: Subgoal, rng: Generator) -> tuple[Array, Array | None, Motion] | None:
+def _joint_way(
+    subgoal: Subgoal, rng: Generator
+) -> tuple[Array, Array | None, Motion] | None:
     """Compute the way (3,) that a joint's body goes at first, the joint's pole if it is a hinge, and all the motion.
 
     The pole (2, 3) is a point of the axis, and its direction. The motion goes a little beyond the goal.
@@ -161,11 +222,30 @@ def _joint_way(subgoal: Subgoal, rng: Generator) -> tuple[Array, Array | None, M
         pole = np.stack([body.pose.apply(joint.origin), way])
         turned = np.cross(way, subgoal.points - pole[0])
         way = turned[int(np.linalg.norm(turned, axis=1).argmax())]
-    to = float(np.clip(to + (to - joint.start) * rng.uniform(0.0, 0.4), joint.lower, joint.upper))
-    parent = Placement.at_rest(subgoal.analysis.scene[joint.parent].pose if joint.parent else Pose())
-    count = max(2, int(np.ceil(abs(to - joint.start) / (_STEP_RAD if joint.kind == "hinge" else _STEP_M))))
-    places = (placed.carry(np.asarray(v), np.zeros(()), parent) for v in np.linspace(joint.start, to, count + 1)[1:])
-    motion = [Pose(there.position, there.quaternion) @ body.pose.inverse() for there in places]
+    to = float(
+        np.clip(
+            to + (to - joint.start) * rng.uniform(0.0, 0.4), joint.lower, joint.upper
+        )
+    )
+    parent = Placement.at_rest(
+        subgoal.analysis.scene[joint.parent].pose if joint.parent else Pose()
+    )
+    count = max(
+        2,
+        int(
+            np.ceil(
+                abs(to - joint.start)
+                / (_STEP_RAD if joint.kind == "hinge" else _STEP_M)
+            )
+        ),
+    )
+    places = (
+        placed.carry(np.asarray(v), np.zeros(()), parent)
+        for v in np.linspace(joint.start, to, count + 1)[1:]
+    )
+    motion = [
+        Pose(there.position, there.quaternion) @ body.pose.inverse() for there in places
+    ]
     return way / np.linalg.norm(way), pole, motion
 
 
@@ -183,13 +263,23 @@ def mover(subgoal: Subgoal, rng: Generator) -> Head | None:
 
     def primitive(path: Path, rng: Generator) -> str:
         tip = contact.point - way * rng.uniform(0.001, 0.004)
-        path.enter(subgoal, frame_of(way), contact.point - way * (contact.length + 0.03), tip)
+        path.enter(
+            subgoal, frame_of(way), contact.point - way * (contact.length + 0.03), tip
+        )
         end = path.follow(motion)
         path.go(end, end.position - way * 0.03, touch=True)
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
     pieces = (box("rod", -length / 2, 0.0, 0.0, (length, thick, thick)),)
-    return Head("rod", "guided", pieces, np.array([0.006 - length, 0.0, 0.0]), 0.0, thick, primitive=primitive)
+    return Head(
+        "rod",
+        "guided",
+        pieces,
+        np.array([0.006 - length, 0.0, 0.0]),
+        0.0,
+        thick,
+        primitive=primitive,
+    )
 
 
 def handles(subgoal: Subgoal) -> tuple[Subgoal, float, float] | None:
@@ -208,7 +298,9 @@ def handles(subgoal: Subgoal) -> tuple[Subgoal, float, float] | None:
     return None
 
 
-def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator, stout: float) -> Head:
+def pourer(
+    subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator, stout: float
+) -> Head:
     """Two channels, open toward each other, that slide over the handles of the bodies' container.
 
     It is lifted, carried to the goal and turned over there by the arm's last joint: the flange points ahead, and the
@@ -243,12 +335,17 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
         path.move(grasp, heading, rng.uniform(0.1, 0.3))
 
         # High enough for the container to pass over everything near, upright and on its side.
-        height = subgoal.clear_z + max(grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2)
+        height = subgoal.clear_z + max(
+            grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2
+        )
         height += rng.uniform(0.01, 0.06)
         path.move(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
         path.hold()
 
-        place = np.mean([solid.position for solid in subgoal.solids], axis=0) + subgoal.shift
+        place = (
+            np.mean([solid.position for solid in subgoal.solids], axis=0)
+            + subgoal.shift
+        )
         there_heading = subgoal.space.direction(place) + rng.uniform(-0.5, 0.8)
         sign = float(rng.choice([-1.0, 1.0]))
         turn = rng.uniform(2.2, 3.0)
@@ -258,16 +355,30 @@ def pourer(subgoal: Subgoal, grips: tuple[Subgoal, float, float], rng: Generator
         path.move(there, there_heading, rng.uniform(0.15, 0.4))
 
         for share in np.linspace(0.0, 1.0, int(rng.integers(3, 7)) + 1)[1:]:
-            path.add(Pose.xyz_rpy(there, (sign * share * turn, 0.0, there_heading)), touch=True)
+            path.add(
+                Pose.xyz_rpy(there, (sign * share * turn, 0.0, there_heading)),
+                touch=True,
+            )
         path.go(path.poses[-1], there + 0.02 * UP, there, there + 0.02 * UP, touch=True)
         carried = f"slides over the handles, lifts, carries by {subgoal.length:.2f} m"
         return f"{carried} and turns over by {np.degrees(turn):.0f} degrees"
 
     pose = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
-    return Head("fork", "pour", tuple(pieces), np.zeros(3), length, 2 * (side + lip), primitive=primitive, pose=pose)
+    return Head(
+        "fork",
+        "pour",
+        tuple(pieces),
+        np.zeros(3),
+        length,
+        2 * (side + lip),
+        primitive=primitive,
+        pose=pose,
+    )
 
 
-def _channels(length: float, drop: float, sides: tuple[float, float], tall: float, lip: float) -> list[Piece]:
+def _channels(
+    length: float, drop: float, sides: tuple[float, float], tall: float, lip: float
+) -> list[Piece]:
     """A plate below the flange, a crossbar, and two channels that are open toward each other.
 
     The channels are ``tall`` inside, and reach across from the first of ``sides`` to the second on both sides.
@@ -280,9 +391,13 @@ def _channels(length: float, drop: float, sides: tuple[float, float], tall: floa
     ]
     for name, sign in SIDES:
         web = (length + 0.002, lip, tall + 2 * lip)
-        pieces.append(box(f"{name}_web", along, sign * (outer + lip / 2), -drop, web, 1))
+        pieces.append(
+            box(f"{name}_web", along, sign * (outer + lip / 2), -drop, web, 1)
+        )
         for edge, up in (("lower", -1.0), ("upper", 1.0)):
             z = -drop + up * (tall + lip) / 2
             size = (length + 0.002, outer - inner + 0.002, lip)
-            pieces.append(box(f"{name}_{edge}", along, sign * (inner + outer) / 2, z, size, 1))
+            pieces.append(
+                box(f"{name}_{edge}", along, sign * (inner + outer) / 2, z, size, 1)
+            )
     return pieces

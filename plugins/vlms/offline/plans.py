@@ -39,10 +39,20 @@ class Path:
     anchors: list[Anchor] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
 
-    def go(self, turn: float | Pose, *positions: Array, grip: float = 0.0, touch: bool = False) -> None:
+    def go(
+        self,
+        turn: float | Pose,
+        *positions: Array,
+        grip: float = 0.0,
+        touch: bool = False,
+    ) -> None:
         """Add positions of the head at a heading, or turned as a pose is."""
         for position in positions:
-            pose = Pose(position, turn.quaternion) if isinstance(turn, Pose) else Pose.xyz_rpy(position, (0, 0, turn))
+            pose = (
+                Pose(position, turn.quaternion)
+                if isinstance(turn, Pose)
+                else Pose.xyz_rpy(position, (0, 0, turn))
+            )
             self.add(pose, grip=grip, touch=touch)
 
     def add(self, pose: Pose, *, grip: float = 0.0, touch: bool = False) -> None:
@@ -50,15 +60,25 @@ class Path:
         self.grips.append(grip)
         self.touching.append(touch)
 
-    def enter(self, subgoal: Subgoal, turn: float | Pose, position: Array, *others: Array) -> None:
+    def enter(
+        self, subgoal: Subgoal, turn: float | Pose, position: Array, *others: Array
+    ) -> None:
         """Come down to a position from above everything near, and go on to others."""
         rise = max(0.03, subgoal.clear_z - float(position[2]) + 0.03)
         self.go(turn, position + rise * UP, position, *others)
 
-    def move(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
+    def move(
+        self, end: Array, heading: float, speed: float, *, grip: float = 0.0
+    ) -> None:
         """Add segments to ``end``, as many as give the head a speed of about ``speed`` metres per second."""
         start = self.poses[-1].position
-        count = int(np.clip(np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)), 1, _MOST_SEGMENTS))
+        count = int(
+            np.clip(
+                np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)),
+                1,
+                _MOST_SEGMENTS,
+            )
+        )
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             self.go(heading, start + share * (end - start), grip=grip, touch=True)
 
@@ -81,15 +101,26 @@ class Path:
     def end(self) -> None:
         """End a subgoal."""
         first = self.ends[-1][0] if self.ends else 0
-        touched = self.touching.index(True, first) if True in self.touching[first:] else len(self.poses)
-        self.ends.append((len(self.poses), self.held if self.held is not None else max(first, touched - 1)))
+        touched = (
+            self.touching.index(True, first)
+            if True in self.touching[first:]
+            else len(self.poses)
+        )
+        self.ends.append(
+            (
+                len(self.poses),
+                self.held if self.held is not None else max(first, touched - 1),
+            )
+        )
         self.held = None
 
     def plan(self, head: Pose, gripper: bool) -> Array:
         """Waypoints (N, 6), or (N, 7) with the gripper, of an end-effector that has the head at the pose ``head``."""
         back = head.inverse()
         mounts = [pose @ back for pose in self.poses]
-        rows = np.array([np.concatenate([mount.position, mount.rpy]) for mount in mounts])
+        rows = np.array(
+            [np.concatenate([mount.position, mount.rpy]) for mount in mounts]
+        )
         return np.column_stack([rows, self.grips]) if gripper else rows
 
 
@@ -106,7 +137,14 @@ def reach_error(plan: Array, arm: Arm) -> float:
     return worst
 
 
-def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, moved: Boxes, others: Boxes) -> int:
+def collisions(
+    plan: Array,
+    touching: Sequence[bool],
+    tool: Boxes,
+    home: Pose,
+    moved: Boxes,
+    others: Boxes,
+) -> int:
     """Count overlaps of the tool's boxes on the straight ways between waypoints: with ``others``, and with ``moved``
     on ways where the head must not touch them.
     """
@@ -114,7 +152,9 @@ def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, m
     turns = Rotation.from_euler("xyz", rows[:, 3:6])
     count = 0
     for i, touch in enumerate(touching):
-        steps = max(2, int(np.ceil(np.linalg.norm(rows[i + 1, :3] - rows[i, :3]) / _STEP_M)) + 1)
+        steps = max(
+            2, int(np.ceil(np.linalg.norm(rows[i + 1, :3] - rows[i, :3]) / _STEP_M)) + 1
+        )
         share = np.linspace(0.0, 1.0, steps)
         positions = rows[i, :3] + share[:, None] * (rows[i + 1, :3] - rows[i, :3])
         rotations = Slerp([0.0, 1.0], turns[i : i + 2])(share).as_matrix()
@@ -138,11 +178,19 @@ def anchors_of(path: Path, subgoals: Sequence[Subgoal], rng: Generator) -> list[
         goal = subgoal.reference
         shares = np.zeros(last - first)
         if goal is not None and goal != base.name and subgoal.length > _APART_M:
-            along = (positions[first:last] - positions[contact]) @ (subgoal.shift * [1.0, 1.0, 0.0]) / subgoal.length
-            shares = np.clip(along / max(float(along.max()), subgoal.length), 0.0, 1.0).round(3)
+            along = (
+                (positions[first:last] - positions[contact])
+                @ (subgoal.shift * [1.0, 1.0, 0.0])
+                / subgoal.length
+            )
+            shares = np.clip(
+                along / max(float(along.max()), subgoal.length), 0.0, 1.0
+            ).round(3)
             shares[: contact - first] = 0.0
         for share in shares.tolist():
-            toward = goal if goal is not None and (share or base.toward) else base.toward
+            toward = (
+                goal if goal is not None and (share or base.toward) else base.toward
+            )
             anchors.append(replace(base, toward=toward, share=share))
         first = last
     return anchors
@@ -160,7 +208,11 @@ def turn_of(analysis: SceneAnalysis, seen: Seen) -> Pose | None:
         (name,) = goal.bodies
     yaw = 0.0 if name is None else -float(seen.poses[name].rpy[2])
     base = Pose(analysis.space.base)
-    return base @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ base.inverse() if yaw else None
+    return (
+        base @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ base.inverse()
+        if yaw
+        else None
+    )
 
 
 def _base(subgoal: Subgoal, rng: Generator) -> Anchor:
@@ -173,9 +225,16 @@ def _base(subgoal: Subgoal, rng: Generator) -> Anchor:
     (solid,) = subgoal.solids
     name = solid.body.name
     reference = subgoal.analysis.solids.get(subgoal.reference or "")
-    away = subgoal.reference is not None and subgoal.reference != name and subgoal.length > _APART_M
+    away = (
+        subgoal.reference is not None
+        and subgoal.reference != name
+        and subgoal.length > _APART_M
+    )
     if reference is not None:  # it may be below
-        away = away and float(np.hypot(*(reference.position - solid.position)[:2])) > _APART_M
+        away = (
+            away
+            and float(np.hypot(*(reference.position - solid.position)[:2])) > _APART_M
+        )
     if away and (subgoal.alone or rng.random() < 0.8):
         return Anchor(name, toward=subgoal.reference or "")
     return Anchor(name, axes="anchor")

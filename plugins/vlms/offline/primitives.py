@@ -30,7 +30,10 @@ def _about(length: float, rng: Generator) -> float:
 def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
     falls = subgoal.shift[2] < -_FALL_M
-    thrown = bool(np.hypot(*subgoal.space.from_axis(subgoal.center + subgoal.shift)) > subgoal.space.farthest)
+    thrown = bool(
+        np.hypot(*subgoal.space.from_axis(subgoal.center + subgoal.shift))
+        > subgoal.space.farthest
+    )
     way = subgoal.extent(subgoal.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
     spare = max(0.001, (head.depth - way.along) / 2)
     gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)
@@ -67,7 +70,9 @@ def scoop(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     """Slide under the bodies and lift them; or carry them to the goal and tip them out there."""
     heading = subgoal.heading
     if subgoal.length < 0.03:
-        heading += float(rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1]))
+        heading += float(
+            rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1])
+        )
     way = subgoal.extent(heading + rng.normal(0.0, 0.05))
     low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
     gap = rng.uniform(0.005, 0.03)
@@ -98,15 +103,21 @@ def hook(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     if head.aside[2] > 0:
         edge = way.middle + subgoal.upper[2] * UP
     else:
-        toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0) + rng.uniform(0.004, 0.02)
-        edge = (way.left if head.aside[1] > 0 else way.right) * way.side + (subgoal.lower[2] + toe_middle) * UP
+        toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0) + rng.uniform(
+            0.004, 0.02
+        )
+        edge = (way.left if head.aside[1] > 0 else way.right) * way.side + (
+            subgoal.lower[2] + toe_middle
+        ) * UP
     outside = subgoal.length if subgoal.covered else 0.0
     behind = edge + (way.rear - rng.uniform(0.004, 0.02)) * way.ahead
     before = edge + (way.front + outside + rng.uniform(0.01, 0.04)) * way.ahead
     over = 0.05 * UP if subgoal.covered else _over(subgoal, subgoal.lower[2], rng)
     path.go(way.heading, before + aside + over, before + aside, behind + aside, behind)
     length = _about(subgoal.length, rng)
-    path.move(edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4))
+    path.move(
+        edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4)
+    )
     return f"passes {'over' if head.aside[2] > 0 else 'beside'}, gets behind and pulls by {length:.2f} m"
 
 
@@ -122,7 +133,14 @@ def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     rises = subgoal.shift[2] > 0.03
     drags = not rises and not subgoal.blocked(subgoal.shift) and rng.random() < 0.6
     over_ground = grasp + _about(1.0, rng) * subgoal.shift * np.array([1.0, 1.0, 0.0])
-    lift = 0.0 if drags else max(subgoal.shift[2], subgoal.clear_z - subgoal.lower[2] if subgoal.length > 0.03 else 0.0)
+    lift = (
+        0.0
+        if drags
+        else max(
+            subgoal.shift[2],
+            subgoal.clear_z - subgoal.lower[2] if subgoal.length > 0.03 else 0.0,
+        )
+    )
     lift += 0.0 if drags else rng.uniform(0.0, 0.03)
     if rises and (aside := subgoal.detour()).any():  # from under an obstacle
         path.move(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
@@ -140,5 +158,11 @@ def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     return f"closes the fingers and {verb} by {np.linalg.norm(subgoal.shift):.2f} m"
 
 
-PRIMITIVES: dict[str, Primitive] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+PRIMITIVES: dict[str, Primitive] = {
+    "push": push,
+    "surround": push,
+    "scoop": scoop,
+    "hook": hook,
+    "clamp": clamp,
+}
 """The primitives by a head's use."""

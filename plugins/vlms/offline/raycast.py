@@ -26,7 +26,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _kept(find: Callable[Concatenate[Subgoal, P], R]) -> Callable[Concatenate[Subgoal, P], R]:
+def _kept(
+    find: Callable[Concatenate[Subgoal, P], R],
+) -> Callable[Concatenate[Subgoal, P], R]:
     @wraps(find)
     def look(subgoal: Subgoal, /, *args: P.args, **kwargs: P.kwargs) -> R:
         key = (find.__name__, *map(id, subgoal.solids), repr((args, kwargs)))
@@ -62,12 +64,19 @@ class _Rays:
         points = self.turn.inverse().apply(subgoal.points)
         lower = points.min(axis=0) - _AROUND_M
         upper = points.max(axis=0) + _AROUND_M
-        counts = np.minimum(np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS)
-        self.axes = [np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)]
+        counts = np.minimum(
+            np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS
+        )
+        self.axes = [
+            np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)
+        ]
         self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
         self.near, far = self._crossings(subgoal.boxes)
         self.other_near, other_far = self._crossings(subgoal.others)
-        self.all = np.concatenate([self.near, self.other_near], axis=-1), np.concatenate([far, other_far], axis=-1)
+        self.all = (
+            np.concatenate([self.near, self.other_near], axis=-1),
+            np.concatenate([far, other_far], axis=-1),
+        )
 
     def _crossings(self, boxes: Boxes) -> tuple[Array, Array]:
         """Compute where each ray enters and leaves each box, (U, V, N); inf and -inf: it misses the box."""
@@ -77,7 +86,9 @@ class _Rays:
         u, v = np.meshgrid(*self.axes, indexing="ij")
         starts = np.stack([np.zeros_like(u), u, v], axis=-1)
         inside = np.einsum("nik,uvni->uvnk", axes, starts[:, :, None] - centers)
-        slopes = np.where(np.abs(axes[:, 0]) < 1e-9, 1e-9, axes[:, 0])  # of a ray, along each of a box's axes
+        slopes = np.where(
+            np.abs(axes[:, 0]) < 1e-9, 1e-9, axes[:, 0]
+        )  # of a ray, along each of a box's axes
         one = (-boxes.halves - inside) / slopes
         other = (boxes.halves - inside) / slopes
         near = np.minimum(one, other).max(axis=-1)
@@ -94,7 +105,9 @@ class _Rays:
 
     def outside(self) -> Array:
         """Compute for each ray where the obstacles begin that are near it, (U, V)."""
-        return minimum_filter(self.other_near.min(axis=-1, initial=np.inf), self.window(0.025))
+        return minimum_filter(
+            self.other_near.min(axis=-1, initial=np.inf), self.window(0.025)
+        )
 
 
 @_kept
@@ -118,7 +131,12 @@ def pushed(subgoal: Subgoal, way: Array, pole: Array | None = None) -> list[Cont
             away = across if pole is None else -np.cross(pole[1], point - pole[0]) @ way
             contacts.append((float(away), Contact(point, half, length)))
         if contacts:
-            return [contact for _, contact in sorted(contacts, key=lambda one: one[0])[: max(1, len(contacts) // 6)]]
+            return [
+                contact
+                for _, contact in sorted(contacts, key=lambda one: one[0])[
+                    : max(1, len(contacts) // 6)
+                ]
+            ]
     return []
 
 
@@ -138,7 +156,12 @@ class Under:
 
     @property
     def worth(self) -> float:
-        return min(self.depth, 0.06) + min(self.apart, 0.05) + self.room + float(self.rear[2])
+        return (
+            min(self.depth, 0.06)
+            + min(self.apart, 0.05)
+            + self.room
+            + float(self.rear[2])
+        )
 
 
 @_kept
@@ -148,21 +171,30 @@ def under(subgoal: Subgoal, heading: float, tine: float) -> Under | None:
     near, far = rays.all
     ahead, side = (axis[:2] for axis in axes_of(heading))
     u, v = np.meshgrid(*rays.axes, indexing="ij")
-    places = rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2] - subgoal.center[:2]
+    places = (
+        rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2]
+        - subgoal.center[:2]
+    )
     along = places @ ahead
     across = np.abs(places @ side)
     found = list[Under]()
     levels = np.unique(rays.near[np.isfinite(rays.near)].round(3))
     for level in levels[:: -max(1, len(levels) // 12)]:
-        low = np.abs(rays.near - level).min(axis=-1) < 0.0015  # an underside at this height
+        low = (
+            np.abs(rays.near - level).min(axis=-1) < 0.0015
+        )  # an underside at this height
         for room in (0.02, 0.012, 0.006):
             full = ((near < level - 0.0016) & (far > level - room)).any(axis=-1)
-            for apart in np.arange(0.0, float(across[low].max(initial=0.0)) + 1e-9, 2 * min(rays.steps)):
+            for apart in np.arange(
+                0.0, float(across[low].max(initial=0.0)) + 1e-9, 2 * min(rays.steps)
+            ):
                 lane = np.abs(across - apart) < tine / 2 + min(rays.steps)
                 if not (lane & low).any():
                     continue
                 rear = float(along[lane & low].min())
-                stop = float(along[lane & full & (along > rear - _AROUND_M)].min(initial=1.0))
+                stop = float(
+                    along[lane & full & (along > rear - _AROUND_M)].min(initial=1.0)
+                )
                 front = float(along[lane & low & (along < stop)].max(initial=rear))
                 if stop > rear and front - rear > 0.008:
                     at = np.array([*(subgoal.center[:2] + rear * ahead), level])

@@ -23,7 +23,15 @@ from plugins.vlms.offline.heads import Head, sample_clamp, sample_head
 from plugins.vlms.offline.plans import Path, anchors_of, collisions, reach_error
 from plugins.vlms.offline.primitives import PRIMITIVES
 from plugins.vlms.offline.scene_analysis import SceneAnalysis, Subgoal
-from plugins.vlms.offline.tools import HAND, STYLES, build, build_clamp, recognize, sample_turn, tool_boxes
+from plugins.vlms.offline.tools import (
+    HAND,
+    STYLES,
+    build,
+    build_clamp,
+    recognize,
+    sample_turn,
+    tool_boxes,
+)
 
 _DIGITS = 5  # hundredths of a millimetre
 _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
@@ -77,7 +85,9 @@ class Layout:
             NothingToMove: see `SceneAnalysis`.
         """
         seen = look(brief.task, brief.scene_seed, Perception()).poses
-        self.seen = Seen(seen if turn is None else {name: turn @ pose for name, pose in seen.items()})
+        self.seen = Seen(
+            seen if turn is None else {name: turn @ pose for name, pose in seen.items()}
+        )
         self.analysis = SceneAnalysis(brief, turn)
         self.spawn = SpawnRules(brief.task, brief.scene_seed)
 
@@ -88,7 +98,13 @@ class Sampler:
     A plan must do in ``others`` too; ``aim`` is where heads are.
     """
 
-    def __init__(self, brief: Brief, layout: Layout, others: Sequence[Layout] = (), aim: Aim | None = None) -> None:
+    def __init__(
+        self,
+        brief: Brief,
+        layout: Layout,
+        others: Sequence[Layout] = (),
+        aim: Aim | None = None,
+    ) -> None:
         self.brief = brief
         self.layouts = (layout, *others)
         self.analysis = layout.analysis
@@ -96,12 +112,19 @@ class Sampler:
         self._anchoring = np.random.default_rng([brief.seed, _ANCHORING])
         self._aim = aim
         self._several = bool(others)
-        self._guides: bool | None = None  # whether the tool at hand goes a guided way, where there is one
+        self._guides: bool | None = (
+            None  # whether the tool at hand goes a guided way, where there is one
+        )
 
     @property
     def stout(self) -> float:
         """How many times as thick as of the stiff default material parts are, so that they bend little enough."""
-        return float(max(1.0, (PAPER.young_pa / self.brief.representation.material.young_pa) ** 0.125))
+        return float(
+            max(
+                1.0,
+                (PAPER.young_pa / self.brief.representation.material.young_pa) ** 0.125,
+            )
+        )
 
     @property
     def room(self) -> float:
@@ -123,35 +146,57 @@ class Sampler:
 
     def written(self, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
         """A plan as in a designs document."""
-        return self.brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, self.layouts[0].seen)
+        return self.brief.actions.anchor(
+            Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, self.layouts[0].seen
+        )
 
     def written_with_guard(self, plan: SampledPlan, tool: Tool) -> list[Any]:
         """Write a plan that touches the ground where its tool is low for the first time, and corrects heights by that.
 
         It is written as it is if the tool stays high, or if its waypoints stand by no body.
         """
-        names = sorted({anchor.name for anchor in plan.anchors} & {*self.layouts[0].seen.poses})
+        names = sorted(
+            {anchor.name for anchor in plan.anchors} & {*self.layouts[0].seen.poses}
+        )
         goals = {name for goal in self.analysis.goals for name in goal.bodies}
-        ground = min(float(self.analysis.solids[name].points[:, 2].min()) for name in goals)
+        ground = min(
+            float(self.analysis.solids[name].points[:, 2].min()) for name in goals
+        )
         turns = Rotation.from_euler("xyz", plan.rows[:, 3:6]).as_matrix()
         bottoms = tool_boxes(tool).carried(plan.rows[:, :3], turns).bounds[0][:, 2]
-        over = bottoms.reshape(len(turns), len(tool.components)).min(axis=1, initial=np.inf) - ground
+        over = (
+            bottoms.reshape(len(turns), len(tool.components)).min(
+                axis=1, initial=np.inf
+            )
+            - ground
+        )
         low = np.flatnonzero((over > -_BEYOND_M) & (over < _LOW_M))
         if not names or not len(low):
             return self.written(plan.rows, plan.anchors)
         first = int(low[0])
-        order = [*range(first + 1), first, *range(first, len(plan.rows))]  # there, down, and up again
+        order = [
+            *range(first + 1),
+            first,
+            *range(first, len(plan.rows)),
+        ]  # there, down, and up again
         rows = plan.rows[order]
         rows[first + 1, 2] -= over[first] + _BEYOND_M
         steps = self.written(rows, [plan.anchors[i] for i in order])
-        steps[first + 1] |= {"until": "touch", "speed": _TOUCH_MPS, "corrects": names, "beyond": _BEYOND_M}
+        steps[first + 1] |= {
+            "until": "touch",
+            "speed": _TOUCH_MPS,
+            "corrects": names,
+            "beyond": _BEYOND_M,
+        }
         return steps
 
     def _elsewhere(self, rows: Array, anchors: Sequence[Anchor]) -> list[Array]:
         """What becomes of a plan in the other layouts."""
         if not self._several:
             return []
-        plan = self.brief.actions.parse(self.written(rows, anchors), gripper=self.brief.gripper)
+        plan = self.brief.actions.parse(
+            self.written(rows, anchors), gripper=self.brief.gripper
+        )
         return [plan.resolve(layout.seen).poses for layout in self.layouts[1:]]
 
     def invent(self) -> tuple[Tool, Head, Pose, SampledPlan]:
@@ -160,7 +205,9 @@ class Sampler:
         It is the best of a random number of samples: doubtful ones are not always the worst.
         """
         self._guides = None
-        return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
+        return _least_faulty(
+            self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1))
+        )
 
     def use(self, tool: Tool, find_head: FindHead) -> SampledPlan:
         """A plan for a tool; ``find_head`` returns its head and the head's pose for a subgoal."""
@@ -179,7 +226,9 @@ class Sampler:
         """The least fault of some plans for a tool of any origin; 0: one has none."""
         least = np.inf
         for _ in range(_PLAN_TRIES):
-            _, fault = self._use_once(tool, lambda subgoal: recognize(tool, subgoal, self.rng))
+            _, fault = self._use_once(
+                tool, lambda subgoal: recognize(tool, subgoal, self.rng)
+            )
             least = min(least, fault)
             if least == 0.0:
                 break
@@ -193,13 +242,21 @@ class Sampler:
         pose = self._mount(path, head, largest) if head.pose is None else head.pose
         tool = self._build(head, pose, path, largest)
         plan, fault = self._plan(tool, pose, path, subgoals)
-        return (tool, head, pose, plan), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
+        return (tool, head, pose, plan), fault + (
+            0.0 if self.accepts(tool) else _BREAKS_RULES
+        )
 
     def _head(self, subgoal: Subgoal) -> Head:
         rng = self.rng
         if self.brief.gripper:
-            clamps = rng.random() < (0.9 if subgoal.deep and subgoal.shift[2] > 0.03 else 0.5)
-            return sample_clamp(subgoal, rng) if clamps else sample_head(subgoal, rng, self.stout)
+            clamps = rng.random() < (
+                0.9 if subgoal.deep and subgoal.shift[2] > 0.03 else 0.5
+            )
+            return (
+                sample_clamp(subgoal, rng)
+                if clamps
+                else sample_head(subgoal, rng, self.stout)
+            )
         if suits(subgoal):
             if self._guides is None:
                 self._guides = bool(rng.random() < _GUIDED)
@@ -217,16 +274,26 @@ class Sampler:
         thickness = self.stout * float(rng.uniform(0.012, 0.024))
         style = list(STYLES)[int(rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
-            return build_clamp(head, pose, min(thickness, 0.012) if subgoal.deep else thickness)
+            return build_clamp(
+                head, pose, min(thickness, 0.012) if subgoal.deep else thickness
+            )
         if not self._is_high(path):
             return build(head, pose, style, thickness, self.brief.gripper)
         # The jib passes over the bodies.
-        top = float(pose.position[2] + max(subgoal.tall + thickness, head.hold[2]) + rng.uniform(0.01, 0.06))
+        top = float(
+            pose.position[2]
+            + max(subgoal.tall + thickness, head.hold[2])
+            + rng.uniform(0.01, 0.06)
+        )
         bend = float(rng.uniform(0.25, 0.6))
-        return build(head, pose, "riser", thickness, self.brief.gripper, bend=bend, top=top)
+        return build(
+            head, pose, "riser", thickness, self.brief.gripper, bend=bend, top=top
+        )
 
     def _subgoals(self) -> list[Subgoal]:
-        return self.analysis.subgoals(self.rng, alone=self._several and self.rng.random() < _ALONE)
+        return self.analysis.subgoals(
+            self.rng, alone=self._several and self.rng.random() < _ALONE
+        )
 
     def _path(self, subgoals: Sequence[Subgoal], head: Head) -> Path:
         """The head's path through all subgoals; a head with its own primitive has one for all of them."""
@@ -241,10 +308,14 @@ class Sampler:
         path.anchors = anchors_of(path, subgoals, self._anchoring)
         return path
 
-    def _plan(self, tool: Tool, pose: Pose, path: Path, subgoals: Sequence[Subgoal]) -> tuple[SampledPlan, float]:
+    def _plan(
+        self, tool: Tool, pose: Pose, path: Path, subgoals: Sequence[Subgoal]
+    ) -> tuple[SampledPlan, float]:
         """The plan that moves the head at a pose along the path, and its fault; for a high path it may rise before."""
         text = "; then ".join(dict.fromkeys(path.texts))
-        plan = SampledPlan(path.plan(pose, tool.gripper), text, path.anchors, path.touching)
+        plan = SampledPlan(
+            path.plan(pose, tool.gripper), text, path.anchors, path.touching
+        )
         fault = self._fault(tool, plan, subgoals)
         if fault <= self._several or not self._is_high(path):  # none in this layout
             return plan, fault
@@ -252,9 +323,15 @@ class Sampler:
         space = self.analysis.space
         home = self.analysis.home.position
         outward = space.from_axis(plan.rows[0])
-        for radius in (np.hypot(*space.from_axis(home)), round(space.inner + 0.1, 2), space.inner):
+        for radius in (
+            np.hypot(*space.from_axis(home)),
+            round(space.inner + 0.1, 2),
+            space.inner,
+        ):
             ahead = np.repeat(plan.rows[:1], 2, axis=0)
-            ahead[:, :2] = space.base[:2] + outward * (radius / max(np.hypot(*outward), 1e-6))
+            ahead[:, :2] = space.base[:2] + outward * (
+                radius / max(np.hypot(*outward), 1e-6)
+            )
             ahead[0, 2] = home[2]
             longer = plan._replace(
                 rows=np.vstack([ahead, plan.rows]),
@@ -269,35 +346,57 @@ class Sampler:
         """Report whether the head works higher than the end-effector's home."""
         return path.lowest > float(self.analysis.home.position[2])
 
-    def _fault(self, tool: Tool, plan: SampledPlan, subgoals: Sequence[Subgoal]) -> float:
+    def _fault(
+        self, tool: Tool, plan: SampledPlan, subgoals: Sequence[Subgoal]
+    ) -> float:
         """A measure of unwanted collisions and missed waypoints; 0: there are none.
 
         A plan without any in this layout gets at most 1: the less, the later the first layout with some comes.
         """
-        solids = [solid for subgoal in subgoals for solid in (*subgoal.solids, subgoal.holder)]
+        solids = [
+            solid for subgoal in subgoals for solid in (*subgoal.solids, subgoal.holder)
+        ]
         moved = {solid.body.name for solid in solids if solid}
         fault = self._fault_in(self.analysis, tool, plan.rows, plan.touching, moved)
         if fault > 0.0:
             return fault + self._several
         elsewhere = self._elsewhere(plan.rows, plan.anchors)
         for number, rows in enumerate(elsewhere):
-            if self._fault_in(self.layouts[number + 1].analysis, tool, rows, plan.touching, moved) > 0.0:
+            if (
+                self._fault_in(
+                    self.layouts[number + 1].analysis, tool, rows, plan.touching, moved
+                )
+                > 0.0
+            ):
                 return 1.0 - number / len(elsewhere)
         return 0.0
 
     def _fault_in(
-        self, analysis: SceneAnalysis, tool: Tool, rows: Array, touching: Sequence[bool], moved: set[str]
+        self,
+        analysis: SceneAnalysis,
+        tool: Tool,
+        rows: Array,
+        touching: Sequence[bool],
+        moved: set[str],
     ) -> float:
-        bodies = Boxes.join(solid.boxes for name, solid in analysis.solids.items() if name in moved)
-        others = Boxes.join(solid.boxes for name, solid in analysis.solids.items() if name not in moved)
-        parts = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
+        bodies = Boxes.join(
+            solid.boxes for name, solid in analysis.solids.items() if name in moved
+        )
+        others = Boxes.join(
+            solid.boxes for name, solid in analysis.solids.items() if name not in moved
+        )
+        parts = (
+            Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
+        )
         hits = collisions(rows, touching, parts, analysis.home, bodies, others)
         robot = self.brief.task.robot
         arm = arm_of(robot)
         miss = reach_error(rows, arm)
         if miss > _MISS_M:
             return hits + 100.0 * miss
-        meets_itself = find_self_collision(robot, tool, plan_motion(rows, self.analysis.home, arm).trajectory)
+        meets_itself = find_self_collision(
+            robot, tool, plan_motion(rows, self.analysis.home, arm).trajectory
+        )
         return hits + (0.0 if meets_itself is None else _BREAKS_RULES)
 
     def _mount(self, path: Path, head: Head, subgoal: Subgoal) -> Pose:
@@ -316,7 +415,10 @@ class Sampler:
 
         rows = path.plan(Pose(), self.brief.gripper)
         plans = [rows, *self._elsewhere(rows, path.anchors)]
-        motions = [(plan[:, :3], Rotation.from_euler("xyz", plan[:, 3:6]).as_matrix()) for plan in plans]
+        motions = [
+            (plan[:, :3], Rotation.from_euler("xyz", plan[:, 3:6]).as_matrix())
+            for plan in plans
+        ]
         ahead = space.direction(home) if space.base[:2].any() else 0.0
         poses: list[tuple[float, Pose]] = []
         for _ in range(_MOUNTS * (_MORE if self._several else 1)):
@@ -337,7 +439,11 @@ class Sampler:
 
         It is low enough for the shaft above the head, and high enough that the head at home is clear of the scene.
         """
-        top = head.hold if head.primitive is None else path.poses[1].rotation.apply(head.hold)
+        top = (
+            head.hold
+            if head.primitive is None
+            else path.poses[1].rotation.apply(head.hold)
+        )
         least = float(top[2]) + (0.18 if self.brief.gripper else 0.03)
         room = min(self.room, float(self.analysis.home.position[2]) - path.lowest)
         most = max(least + 0.02, min(room - 0.015, 0.45))
@@ -346,7 +452,9 @@ class Sampler:
             most = 0.0
         elif self._aim is not None:
             least = most = max(least, self._aim.drop)
-        if head.use == "clamp" and subgoal.deep:  # the hand stays above the container that the fingers reach into
+        if (
+            head.use == "clamp" and subgoal.deep
+        ):  # the hand stays above the container that the fingers reach into
             most = max(least, room - 0.003)
             least = min(most, subgoal.clear_z - path.lowest + _HAND_M)
         return least, most

@@ -49,7 +49,10 @@ class Solid:
         for part in body.collisions or body.visuals:
             pose = body.pose @ part.pose
             points.append(pose.apply(part.shape.to_trimesh().vertices))
-            placed += [(pose @ around, np.maximum(size, 1e-4)) for around, size in _boxes_around(part.shape)]
+            placed += [
+                (pose @ around, np.maximum(size, 1e-4))
+                for around, size in _boxes_around(part.shape)
+            ]
         return cls(np.concatenate(points), Boxes.of(placed), body)
 
 
@@ -59,7 +62,9 @@ def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
     A cylinder gets four, which form an octagon; a mesh gets the smallest one.
     """
     if isinstance(shape, Cylinder):
-        size = np.array([2 * shape.radius, 2 * shape.radius * np.tan(np.pi / 8), shape.length])
+        size = np.array(
+            [2 * shape.radius, 2 * shape.radius * np.tan(np.pi / 8), shape.length]
+        )
         return [(_turned(k * np.pi / 4), size) for k in range(4)]
     vertices = np.asarray(shape.to_trimesh().vertices)
     turns = [Pose()]
@@ -134,7 +139,11 @@ class Subgoal:
     @cached_property
     def others(self) -> Boxes:
         """The boxes of all other bodies."""
-        return Boxes.join(solid.boxes for solid in self.analysis.solids.values() if solid not in self.solids)
+        return Boxes.join(
+            solid.boxes
+            for solid in self.analysis.solids.values()
+            if solid not in self.solids
+        )
 
     @cached_property
     def clear_z(self) -> float:
@@ -142,18 +151,24 @@ class Subgoal:
         lower, upper = self.analysis.boxes.bounds
         low = np.minimum(self.lower, self.lower + self.shift) - _NEAR_M
         high = np.maximum(self.upper, self.upper + self.shift) + _NEAR_M
-        return float(upper[((lower < high) & (upper > low))[:, :2].all(axis=1), 2].max())
+        return float(
+            upper[((lower < high) & (upper > low))[:, :2].all(axis=1), 2].max()
+        )
 
     @cached_property
     def holder(self) -> Solid | None:
         """A loose body that encloses the positions of all bodies."""
-        loose = (solid for solid in self.analysis.around(self.solids) if not solid.body.fixed)
+        loose = (
+            solid for solid in self.analysis.around(self.solids) if not solid.body.fixed
+        )
         return next(loose, None)
 
     @property
     def heading(self) -> float:
         """The level direction of the shift; if there is none, toward the robot: in a turned scene, along an axis."""
-        x, y = self.shift[:2] if self.length > 0.01 else -self.space.from_axis(self.center)
+        x, y = (
+            self.shift[:2] if self.length > 0.01 else -self.space.from_axis(self.center)
+        )
         angle = float(np.arctan2(y, x))
         if self.length <= 0.01 and self.analysis.turned:
             return round(angle / (np.pi / 2)) * np.pi / 2
@@ -163,7 +178,9 @@ class Subgoal:
         ahead, side = axes_of(heading)
         along = self.points[:, :2] @ ahead[:2]
         across = self.points[:, :2] @ axes_of(heading + np.pi / 2)[0][:2]
-        ends = (float(end) for end in (along.min(), along.max(), across.min(), across.max()))
+        ends = (
+            float(end) for end in (along.min(), along.max(), across.min(), across.max())
+        )
         return Extent(heading, ahead, side, *ends)
 
     def rooms(self, heading: float) -> tuple[float, float]:
@@ -174,10 +191,16 @@ class Subgoal:
         y = np.stack([lower[:, 1], upper[:, 1], lower[:, 1], upper[:, 1]])
         along = x * way.ahead[0] + y * way.ahead[1]  # of their corners
         across = x * way.side[0] + y * way.side[1]
-        beside = (along.max(axis=0) >= way.rear - 0.05) & (along.min(axis=0) <= way.rear + self.length)
-        beside &= (upper[:, 2] >= self.lower[2] + _SUPPORT_M) & (lower[:, 2] <= self.upper[2])
+        beside = (along.max(axis=0) >= way.rear - 0.05) & (
+            along.min(axis=0) <= way.rear + self.length
+        )
+        beside &= (upper[:, 2] >= self.lower[2] + _SUPPORT_M) & (
+            lower[:, 2] <= self.upper[2]
+        )
         on_left = across.mean(axis=0) > (way.left + way.right) / 2
-        free_right = (way.right - across.max(axis=0))[beside & ~on_left].min(initial=1.0)
+        free_right = (way.right - across.max(axis=0))[beside & ~on_left].min(
+            initial=1.0
+        )
         free_left = (across.min(axis=0) - way.left)[beside & on_left].min(initial=1.0)
         return max(0.0, float(free_right)), max(0.0, float(free_left))
 
@@ -192,7 +215,9 @@ class Subgoal:
     def headroom(self) -> float:
         """The distance from the bodies' top to the lowest obstacle above them, at most 1 m."""
         lower, upper = self.others.bounds
-        over = (lower[:, :2] < self.upper[:2]).all(axis=1) & (upper[:, :2] > self.lower[:2]).all(axis=1)
+        over = (lower[:, :2] < self.upper[:2]).all(axis=1) & (
+            upper[:, :2] > self.lower[:2]
+        ).all(axis=1)
         over &= lower[:, 2] > self.upper[2] - 0.002
         return float((lower[over, 2] - self.upper[2]).min(initial=1.0))
 
@@ -206,7 +231,13 @@ class Subgoal:
         """Report whether near obstacles are much higher than the bodies, which are then reached from above."""
         return self.clear_z - float(self.upper[2]) > _DEEP_M
 
-    def blocked(self, shift: Array, start: Array | float = 0.0, margin: float = 0.0, step: float = 0.03) -> bool:
+    def blocked(
+        self,
+        shift: Array,
+        start: Array | float = 0.0,
+        margin: float = 0.0,
+        step: float = 0.03,
+    ) -> bool:
         """Report whether an obstacle is within ``margin`` of the bodies' way, which begins at ``start`` (3,)."""
         steps = max(2, int(np.ceil(np.linalg.norm(shift) / step)))
         way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + start + _SUPPORT_M * UP
@@ -220,7 +251,9 @@ class Subgoal:
         steps = [np.zeros(3)]
         for radius in (0.01, 0.02, 0.03, 0.04, 0.06):
             steps += [radius * axes_of(angle)[0] for angle in np.arange(8) * np.pi / 4]
-        free = (aside for aside in steps if not self.blocked(rise, aside + 0.02 * UP, 0.006))
+        free = (
+            aside for aside in steps if not self.blocked(rise, aside + 0.02 * UP, 0.006)
+        )
         return next(free, np.zeros(3))
 
 
@@ -245,17 +278,30 @@ class SceneAnalysis:
         self.home = task.home
         if turn is not None:
             self.home = turn @ self.home
-            scene = replace(scene, bodies=tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies))
+            scene = replace(
+                scene,
+                bodies=tuple(
+                    replace(body, pose=turn @ body.pose) for body in scene.bodies
+                ),
+            )
         groups = dict[int, list[tuple[Goal, str | None]]]()
         for number, goal in enumerate(task.goals):
-            parts = [(part, goal.at) for part in goal.within(scene).spread() if part.bodies]
+            parts = [
+                (part, goal.at) for part in goal.within(scene).spread() if part.bodies
+            ]
             groups.setdefault(0 if task.every else number, []).extend(parts)
         self.groups = [group for group in groups.values() if group]
         if not self.groups:
             if not scene.free:
-                raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
+                raise NothingToMove(
+                    "the task has no goals and no body that can move; give it a Goal"
+                )
             self.groups = [[(Goal((scene.free[0].name,), away=0.2), None)]]
-        self.solids = {body.name: Solid.of(body) for body in scene.bodies if body.collisions or isinstance(body, Soft)}
+        self.solids = {
+            body.name: Solid.of(body)
+            for body in scene.bodies
+            if body.collisions or isinstance(body, Soft)
+        }
         self.boxes = Boxes.join(solid.boxes for solid in self.solids.values())
         self.scene = scene
         self.space = workspace_of(task.robot)
@@ -272,13 +318,19 @@ class SceneAnalysis:
         They are for all bodies, in lanes if these are many; for one of them if it is enough. With ``alone`` each
         scattered body gets its own.
         """
-        group = self.groups[int(rng.integers(len(self.groups)))] if len(self.groups) > 1 else self.groups[0]
+        group = (
+            self.groups[int(rng.integers(len(self.groups)))]
+            if len(self.groups) > 1
+            else self.groups[0]
+        )
         found = []
         for goal, reference in group:
             found += self._subgoals(goal, reference, rng, alone)
         return found
 
-    def _subgoals(self, goal: Goal, reference: str | None, rng: Generator, alone: bool) -> list[Subgoal]:
+    def _subgoals(
+        self, goal: Goal, reference: str | None, rng: Generator, alone: bool
+    ) -> list[Subgoal]:
         solids = [self.solids[name] for name in goal.bodies]
         if goal.any and len(solids) > 1:
             solids = [self._choose_easiest(solids, rng)]
@@ -289,12 +341,21 @@ class SceneAnalysis:
             lanes = [[solids[i]] for i in rng.permutation(len(solids))]
         else:
             lanes = _draw_lanes(solids, goal, rng)
-        shifts = [_draw_shift(Subgoal(lane, np.zeros(3), self), goal, rng) for lane in lanes]
-        return [Subgoal(lane, shift, self, goal, reference, alone) for lane, shift in zip(lanes, shifts, strict=True)]
+        shifts = [
+            _draw_shift(Subgoal(lane, np.zeros(3), self), goal, rng) for lane in lanes
+        ]
+        return [
+            Subgoal(lane, shift, self, goal, reference, alone)
+            for lane, shift in zip(lanes, shifts, strict=True)
+        ]
 
     def _choose_easiest(self, solids: list[Solid], rng: Generator) -> Solid:
         """A body with nothing on top, at random from the highest ones."""
-        free = [solid for solid in solids if Subgoal([solid], np.zeros(3), self).headroom > 0.03] or solids
+        free = [
+            solid
+            for solid in solids
+            if Subgoal([solid], np.zeros(3), self).headroom > 0.03
+        ] or solids
         tops = np.array([solid.points[:, 2].max() for solid in free])
         return free[int(rng.choice(np.flatnonzero(tops > tops.max() - 0.005)))]
 
@@ -303,7 +364,9 @@ class SceneAnalysis:
         inside = np.array([solid.position for solid in solids])
         found = []
         for other in self.solids.values():
-            holds = (inside > other.points.min(axis=0)) & (inside < other.points.max(axis=0))
+            holds = (inside > other.points.min(axis=0)) & (
+                inside < other.points.max(axis=0)
+            )
             if holds.all() and other not in solids:
                 found.append(other)
         return found
@@ -313,7 +376,9 @@ class SceneAnalysis:
         around = self.around(solids)
         if not around:
             return None
-        return min(around, key=lambda solid: float(np.prod(np.ptp(solid.points, axis=0)))).body.name
+        return min(
+            around, key=lambda solid: float(np.prod(np.ptp(solid.points, axis=0)))
+        ).body.name
 
 
 def _draw_shift(subgoal: Subgoal, goal: Goal, rng: Generator) -> Array:
@@ -325,7 +390,9 @@ def _draw_shift(subgoal: Subgoal, goal: Goal, rng: Generator) -> Array:
 
 def wanted(here: Array, goal: Goal) -> Array:
     """The goal's place (3,); along an axis where it has none, it is here."""
-    return np.array([h if w is None else w for h, w in zip(here, goal.place or here, strict=True)])
+    return np.array(
+        [h if w is None else w for h, w in zip(here, goal.place or here, strict=True)]
+    )
 
 
 def turn_between(goal: Goal, body: Body) -> tuple[Array, float]:
@@ -351,12 +418,23 @@ def _draw_lanes(solids: list[Solid], goal: Goal, rng: Generator) -> list[list[So
     if length < 0.05:
         if rng.random() < 0.6:
             return [solids]
-        upper = sorted(solids, key=lambda solid: -solid.position[2])[: max(1, len(solids) // 3)]
+        upper = sorted(solids, key=lambda solid: -solid.position[2])[
+            : max(1, len(solids) // 3)
+        ]
         return [[upper[int(rng.integers(len(upper)))]]]
     across = positions @ np.cross(UP, way / length)
-    edges = np.linspace(across.min(), across.max() + 1e-9, int(rng.integers(1, min(4, len(solids)) + 1)) + 1)
-    slices = [(across >= low) & (across < high + 1e-12) for low, high in itertools.pairwise(edges)]
-    lanes = [list(itertools.compress(solids, inside)) for inside in slices if inside.any()]
+    edges = np.linspace(
+        across.min(),
+        across.max() + 1e-9,
+        int(rng.integers(1, min(4, len(solids)) + 1)) + 1,
+    )
+    slices = [
+        (across >= low) & (across < high + 1e-12)
+        for low, high in itertools.pairwise(edges)
+    ]
+    lanes = [
+        list(itertools.compress(solids, inside)) for inside in slices if inside.any()
+    ]
     return [lanes[i] for i in rng.permutation(len(lanes))]
 
 
@@ -364,7 +442,9 @@ def _draw_escape(subgoal: Subgoal, away: float, rng: Generator) -> Array:
     """A shift of at least ``away``, at random from unblocked directions, most likely toward the robot."""
     way = subgoal.space.from_axis(subgoal.center)
     toward = np.append(-way / max(np.hypot(*way), 1e-6), 0.0)
-    options = np.array([toward, (-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), -toward, UP])
+    options = np.array(
+        [toward, (-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), -toward, UP]
+    )
     weights = np.array([2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5])
     shifts = away * rng.uniform(1.02, 1.4) * options
     weights[[subgoal.blocked(shift) for shift in shifts]] *= 0.02

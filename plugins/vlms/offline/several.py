@@ -26,9 +26,16 @@ from plugins.vlms.offline.tools import part_for, suffix
 
 _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
-_WAYS = (0, 90, -90, 180)  # degrees about the mount's axis, one after the other for the tasks
+_WAYS = (
+    0,
+    90,
+    -90,
+    180,
+)  # degrees about the mount's axis, one after the other for the tasks
 _ABOVE_M = 0.02  # clearance of all parts above the highest body below home
-_PART = re.compile(r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)")
+_PART = re.compile(
+    r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)"
+)
 
 
 class PartSeed(NamedTuple):
@@ -48,13 +55,18 @@ class PartSeed(NamedTuple):
         return Sampler(replace(brief, seed=self.seed), Layout(brief), aim=aim).invent()
 
 
-def task_plans(sampler: Sampler, tool: Tool, elites: Sequence[Elite]) -> tuple[list[SampledPlan], list[str]] | None:
+def task_plans(
+    sampler: Sampler, tool: Tool, elites: Sequence[Elite]
+) -> tuple[list[SampledPlan], list[str]] | None:
     """Make plans for a tool with parts for several tasks, and name their parents; None: it is no such tool.
 
     Raises:
         DesignError: no part is for this task, and none seems to do.
     """
-    parts = {task: PartSeed(task, *map(int, numbers)) for task, *numbers in _PART.findall(tool.description)}
+    parts = {
+        task: PartSeed(task, *map(int, numbers))
+        for task, *numbers in _PART.findall(tool.description)
+    }
     if not parts:
         return None
     brief = sampler.brief
@@ -64,7 +76,13 @@ def task_plans(sampler: Sampler, tool: Tool, elites: Sequence[Elite]) -> tuple[l
         return offspring_plans(elite, tool, brief.n_action, sampler), [elite.id]
     if name in parts:
         _, head, pose, use = parts[name].invent(brief)
-        return [use, *(sampler.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))], []
+        return [
+            use,
+            *(
+                sampler.use(tool, lambda _: (head, pose))
+                for _ in range(brief.n_action - 1)
+            ),
+        ], []
     if sampler.fault(tool) > 0.0:
         raise DesignError(f"the tool has no part for {brief.task.name}")
     return [sampler.use_any(tool) for _ in range(brief.n_action)], []
@@ -88,7 +106,10 @@ def tools_answer(brief: Brief) -> dict[str, Any]:
         raise NothingToMove("; ".join(reasons))
     maker = _ToolMaker(brief, samplers, np.random.default_rng(brief.seed))
     strategies = [maker.strategy(number) for number in range(brief.n_tool)]
-    return {"scene_analysis": f"{len(samplers)} tasks for one tool.", "strategies": strategies}
+    return {
+        "scene_analysis": f"{len(samplers)} tasks for one tool.",
+        "strategies": strategies,
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +134,15 @@ class _ToolMaker:
 
     def _tool(self, number: int) -> tuple[Tool, str, list[str]]:
         """Join the best parts first; then change the part for a task that is not done, or make a fresh one."""
-        elites = [e for e in self.brief.elites if e.candidate.tool and e.candidate.tool.gripper == self.brief.gripper]
-        best = {task: max(elites, key=lambda e: e.figures.get(task, 0.0), default=None) for task in self.samplers}
+        elites = [
+            e
+            for e in self.brief.elites
+            if e.candidate.tool and e.candidate.tool.gripper == self.brief.gripper
+        ]
+        best = {
+            task: max(elites, key=lambda e: e.figures.get(task, 0.0), default=None)
+            for task in self.samplers
+        }
         names = list(best)
         earned = [e.figures.get(task, 0.0) if e else 0.0 for task, e in best.items()]
         if not elites or not any(earned):
@@ -125,7 +153,9 @@ class _ToolMaker:
             for part in others:
                 tool = self._with(tool, replace(part, components=()), part) or tool
             return tool, "a part for each", []
-        joined, parents = self._joined({task: e for task, e in best.items() if e is not None})
+        joined, parents = self._joined(
+            {task: e for task, e in best.items() if e is not None}
+        )
         if number == 0:
             return joined, "the parts that do most", parents
         weights = 1.02 - np.clip(earned, 0.0, 1.0)
@@ -136,7 +166,10 @@ class _ToolMaker:
         for attempt in range(_TRIES):
             part = part_for(joined, self._task(weak))
             changed, what = mutate(part, 1 / (1 + attempt / 3), self.rng)
-            if changed.components != part.components and (new := self._with(joined, part, changed)) is not None:
+            if (
+                changed.components != part.components
+                and (new := self._with(joined, part, changed)) is not None
+            ):
                 return new, f"{weak}: {what}", parents
         return self._fresh(weak), f"a part for {weak}", []
 
@@ -157,8 +190,15 @@ class _ToolMaker:
             if self._accepts(tool):
                 break
         names = {c.name: f"{c.name}_{suffix(task)}" for c in tool.components}
-        named = [replace(c, name=names[c.name], parent=names.get(c.parent, c.parent)) for c in tool.components]
-        return replace(tool, components=tuple(named), description=f"{tool.description}; {seed.text()}")
+        named = [
+            replace(c, name=names[c.name], parent=names.get(c.parent, c.parent))
+            for c in tool.components
+        ]
+        return replace(
+            tool,
+            components=tuple(named),
+            description=f"{tool.description}; {seed.text()}",
+        )
 
     def _joined(self, best: Mapping[str, Evaluation]) -> tuple[Tool, list[str]]:
         """The tool that does most, with the parts of others for the tasks that they do better, where they fit."""
@@ -169,7 +209,9 @@ class _ToolMaker:
             if other.figures.get(name, 0.0) > base.figures.get(name, 0.0):
                 task = self._task(name)
                 part = part_for(_tool_of(other.candidate), task)
-                if (new := self._with(tool, part_for(tool, task, strict=True), part)) is not None:
+                if (
+                    new := self._with(tool, part_for(tool, task, strict=True), part)
+                ) is not None:
                     tool = new
                     parents.append(other.candidate.id)
         return tool, list(dict.fromkeys(parents))
@@ -179,9 +221,17 @@ class _ToolMaker:
         gone = {c.name for c in old.components}
         kept = [c for c in tool.components if c.name not in gone]
         added = [c for c in part.components if c not in kept]
-        said = (tool.description, *(d for d in part.description.split("; ") if d not in tool.description))
+        said = (
+            tool.description,
+            *(d for d in part.description.split("; ") if d not in tool.description),
+        )
         new = replace(tool, components=(*kept, *added), description="; ".join(said))
-        return None if {c.name for c in kept} & {c.name for c in added} or not self._accepts(new) else new
+        return (
+            None
+            if {c.name for c in kept} & {c.name for c in added}
+            or not self._accepts(new)
+            else new
+        )
 
 
 def _tool_of(candidate: Candidate) -> Tool:

@@ -45,8 +45,12 @@ class Workspace:
         """Measure how far points (N, 3) of the end-effector are outside at most, metres."""
         ground = np.hypot(*self.from_axis(points).T)
         stretch = np.linalg.norm(points - self.shoulder, axis=1)
-        strain = np.maximum(0.0, ground - self.outer) + np.maximum(0.0, self.inner - ground)
-        strain += np.maximum(0.0, _LOWEST_M - points[:, 2]) + np.maximum(0.0, stretch - self.stretch)
+        strain = np.maximum(0.0, ground - self.outer) + np.maximum(
+            0.0, self.inner - ground
+        )
+        strain += np.maximum(0.0, _LOWEST_M - points[:, 2]) + np.maximum(
+            0.0, stretch - self.stretch
+        )
         return float(strain.max())
 
 
@@ -58,8 +62,13 @@ def workspace_of(robot: Robot) -> Workspace:
     arm = arm_of(stand)
     base = robot.base.position
     height = float(joint_frames(model, np.array([robot.home]))[1][2, 0, 2])
-    heights = sorted(np.round(np.arange(0.0, 1.05, 0.1), 3).tolist(), key=lambda z: abs(z - height))
-    span = next((span for z in heights if (span := span_at(arm, z, 0.0)) is not None), Span(0.0, model.reach))
+    heights = sorted(
+        np.round(np.arange(0.0, 1.05, 0.1), 3).tolist(), key=lambda z: abs(z - height)
+    )
+    span = next(
+        (span for z in heights if (span := span_at(arm, z, 0.0)) is not None),
+        Span(0.0, model.reach),
+    )
     # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
     inner = round(span.least + 0.06, 2)
     outer = round(0.85 * span.most, 2)

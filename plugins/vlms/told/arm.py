@@ -28,7 +28,10 @@ _EACH_M = 0.6  # up to here each height is shown, above it every other
 _AT_WILL_RAD = 2.8  # nearly half a turn to both sides
 _SAMPLES = 400
 _LEVEL_M = 0.001
-_SIDES = ("to the front", "to the left", "up"), ("to the back", "to the right", "down")  # along x, y, z, and reversed
+_SIDES = (
+    ("to the front", "to the left", "up"),
+    ("to the back", "to the right", "down"),
+)  # along x, y, z, and reversed
 PITCHES = (-0.8, -0.5, 0.0, 0.5, 0.8)
 _RISE_M = 0.1  # between two heights
 _STEP_M = 0.02
@@ -71,12 +74,16 @@ class ArmSheet(NamedTuple):
     fingers: tuple[FingerSheet, ...]
 
 
-def told(brief: Brief, mounted: Tool, rollout: RolloutSettings, engine: str) -> ArmSheet:
+def told(
+    brief: Brief, mounted: Tool, rollout: RolloutSettings, engine: str
+) -> ArmSheet:
     """Describe the arm for templates: their ``arm``."""
     return describe_arm(brief.task, rollout, engine, brief.gripper)
 
 
-def describe_arm(task: Task, rollout: RolloutSettings, engine: str, gripper: bool) -> ArmSheet:
+def describe_arm(
+    task: Task, rollout: RolloutSettings, engine: str, gripper: bool
+) -> ArmSheet:
     """Describe the arm at the task's home, in the engine of this name, with its gripper or without.
 
     Raises:
@@ -86,15 +93,24 @@ def describe_arm(task: Task, rollout: RolloutSettings, engine: str, gripper: boo
 
 
 @lru_cache(maxsize=16)
-def _sheet(robot: Robot, home: Pose, rollout: RolloutSettings, engine: str, gripper: bool) -> ArmSheet:
+def _sheet(
+    robot: Robot, home: Pose, rollout: RolloutSettings, engine: str, gripper: bool
+) -> ArmSheet:
     arm = arm_of(robot)
     yaw = robot.base.rpy[2]
-    reach = {z: row for z, row in compute_reach(arm).items() if z <= _EACH_M or round(10 * z) % 2 == 0}
+    reach = {
+        z: row
+        for z, row in compute_reach(arm).items()
+        if z <= _EACH_M or round(10 * z) % 2 == 0
+    }
     turns = zip(("roll", "pitch", "yaw"), turns_at(arm, home), strict=True)
     turn = ", ".join(f"{name} {_turn(*ends)}" for name, ends in turns)
     around = extents_at_home(robot, gripper, home)
     bare = extents_at_home(robot, False, home)
-    rows = [(name, *(_range(*ends) for ends in zip(*extent, strict=True))) for name, extent in around.items()]
+    rows = [
+        (name, *(_range(*ends) for ends in zip(*extent, strict=True)))
+        for name, extent in around.items()
+    ]
     return ArmSheet(
         at=short_numbers(robot.base.position, 4, ", ") if robot.base != Pose() else "",
         yaw=short_number(yaw, 4) if yaw else "",
@@ -113,7 +129,9 @@ def _sheet(robot: Robot, home: Pose, rollout: RolloutSettings, engine: str, grip
 def _describe_finger(finger: Finger) -> FingerSheet:
     origin = short_numbers(finger.pose.position, 4, ", ")
     axes = tuple(_side(axis) for axis in finger.pose.rotation.as_matrix().T)
-    return FingerSheet(finger.name, origin, axes, short_number(-finger.place(finger.tip)[2], 3))
+    return FingerSheet(
+        finger.name, origin, axes, short_number(-finger.place(finger.tip)[2], 3)
+    )
 
 
 def _range(low: float, high: float) -> str:
@@ -124,11 +142,17 @@ def _side(way: Array) -> str:
     """Say where an axis (3,) points in the frame of the tool mount."""
     axis = int(np.abs(way).argmax())
     aligned = abs(way[axis]) > 1 - 1e-4  # within a degree
-    return _SIDES[int(way[axis] < 0)][axis] if aligned else f"along ({short_numbers(way, 3, ', ')})"
+    return (
+        _SIDES[int(way[axis] < 0)][axis]
+        if aligned
+        else f"along ({short_numbers(way, 3, ', ')})"
+    )
 
 
 def _turn(least: float, most: float) -> str:
-    return "at will" if min(-least, most) > _AT_WILL_RAD else f"{least:.1f} to {most:.1f}"
+    return (
+        "at will" if min(-least, most) > _AT_WILL_RAD else f"{least:.1f} to {most:.1f}"
+    )
 
 
 def segments(arm: Arm, home: Pose, rollout: RolloutSettings) -> list[Segment]:
@@ -136,12 +160,23 @@ def segments(arm: Arm, home: Pose, rollout: RolloutSettings) -> list[Segment]:
     found = []
     for axis, way in zip(np.eye(3), WAYS, strict=True):
         for length in LENGTHS_M:
-            ends = [[*(home.position + side * length / 2 * axis), *home.rpy] for side in (-1, 1)]
-            motion = plan_motion(np.array(ends), home, arm, segment_s=rollout.segment_s, speed=rollout.speed)
+            ends = [
+                [*(home.position + side * length / 2 * axis), *home.rpy]
+                for side in (-1, 1)
+            ]
+            motion = plan_motion(
+                np.array(ends),
+                home,
+                arm,
+                segment_s=rollout.segment_s,
+                speed=rollout.speed,
+            )
             first, last = motion.arrivals.tolist()
             joints, _ = motion.trajectory.sample(np.linspace(first, last, _SAMPLES))
             steps = np.linalg.norm(np.diff(arm.positions(joints), axis=0), axis=1)
-            found.append(Segment(way, length, last - first, float(steps.max() / steps.mean())))
+            found.append(
+                Segment(way, length, last - first, float(steps.max() / steps.mean()))
+            )
     return found
 
 
@@ -164,12 +199,22 @@ def short(figure: float) -> str:
     return f"{figure:.2g}" if abs(figure) < 99.5 else f"{figure:.0f}"
 
 
-def describe_exactness(measured: Mapping[str, Mapping[str, float | None]], engine: str) -> str:
+def describe_exactness(
+    measured: Mapping[str, Mapping[str, float | None]], engine: str
+) -> str:
     """Say how exact the arm is in this engine; empty where it was not measured."""
     if engine not in measured:
         return ""
-    said = {name: short(figure) for name, figure in measured[engine].items() if figure is not None}
-    force = f"{said['push_n_per_mm']} N per mm" if "push_n_per_mm" in said else "full force at once"
+    said = {
+        name: short(figure)
+        for name, figure in measured[engine].items()
+        if figure is not None
+    }
+    force = (
+        f"{said['push_n_per_mm']} N per mm"
+        if "push_n_per_mm" in said
+        else "full force at once"
+    )
     turn = measured[engine]["turn_nm_per_rad"]
     torque = "full torque at once" if turn is None else f"{turn:.0f} N m per rad"
     return (
@@ -216,9 +261,15 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     x, y, _ = arm.robot.base.position
     base = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, arm.robot.base.rpy[2]))
     farthest = int(robot_model(arm.robot, Tool()).reach / _STEP_M)
-    home = round(float(np.hypot(*base.inverse().apply(arm.forward(arm.home).position)[:2])) / _STEP_M)
+    home = round(
+        float(np.hypot(*base.inverse().apply(arm.forward(arm.home).position)[:2]))
+        / _STEP_M
+    )
     turn = Rotation.from_euler("y", pitch)
-    poses = [base @ Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
+    poses = [
+        base @ Pose.from_rotation((step * _STEP_M, 0.0, height), turn)
+        for step in range(farthest)
+    ]
     for first in sorted(range(farthest), key=lambda step: abs(step - home)):
         start = arm.inverse(poses[first], arm.home)
         if _is_near(start) and not _clear(arm, [start.joints] * 2):
@@ -235,11 +286,18 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
 
 def turns_at(arm: Arm, home: Pose) -> tuple[tuple[float, float], ...]:
     """Find how far the end-effector turns from ``home`` about the world's x, y or z alone: least and most, radians."""
-    start, angles = arm.home_for(home), np.arange(1, int(np.pi / _STEP_RAD) + 1) * _STEP_RAD
+    start, angles = (
+        arm.home_for(home),
+        np.arange(1, int(np.pi / _STEP_RAD) + 1) * _STEP_RAD,
+    )
 
     def most(axis: Array) -> float:
-        turned = [Rotation.from_rotvec(axis * angle) * home.rotation for angle in angles]
-        way = _march(arm, [Pose.from_rotation(home.position, turn) for turn in turned], start)
+        turned = [
+            Rotation.from_rotvec(axis * angle) * home.rotation for angle in angles
+        ]
+        way = _march(
+            arm, [Pose.from_rotation(home.position, turn) for turn in turned], start
+        )
         return float(((_clear(arm, way) or len(way)) - 1) * _STEP_RAD)
 
     return tuple((-most(-axis), most(axis)) for axis in np.eye(3))
@@ -262,7 +320,9 @@ def _is_near(solution: Solution) -> bool:
 
 def _clear(arm: Arm, way: list[Array]) -> int:
     """Count the joints before the arm meets itself on the way, at least 1; 0 if it does not."""
-    still = JointTrajectory(np.arange(float(len(way))), np.array(way), np.zeros(len(way)))
+    still = JointTrajectory(
+        np.arange(float(len(way))), np.array(way), np.zeros(len(way))
+    )
     met = find_self_collision(arm.robot, Tool(), still)
     return 0 if met is None else max(1, int(np.ceil(met.time_s)))
 

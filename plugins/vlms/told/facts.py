@@ -28,12 +28,27 @@ class FactsConfig:
 def sheet(robot: Robot) -> str:
     """Write all facts about the arm as Markdown: reach, speed, and what was measured in each engine."""
     arm = arm_of(robot)
-    limits = np.column_stack([arm.home, arm.lower, arm.upper, arm.velocity_limits, arm.acceleration_limits])
+    limits = np.column_stack(
+        [arm.home, arm.lower, arm.upper, arm.velocity_limits, arm.acceleration_limits]
+    )
     joints = list(zip(robot.arm_joints, limits.tolist(), strict=True))
-    given = {"reach": as_table(compute_reach(arm)), "speed": segments(arm, arm.forward(arm.home), RolloutSettings())}
-    return fill("plugins.vlms.told", "facts", robot=robot, joints=joints, measured=robot.measured, short=short, **given)
+    given = {
+        "reach": as_table(compute_reach(arm)),
+        "speed": segments(arm, arm.forward(arm.home), RolloutSettings()),
+    }
+    return fill(
+        "plugins.vlms.told",
+        "facts",
+        robot=robot,
+        joints=joints,
+        measured=robot.measured,
+        short=short,
+        **given,
+    )
 
 
 def main(words: list[str]) -> None:
-    robot = robot_part(load("facts", arguments(USAGE, words), FactsConfig).robot).create()
+    robot = robot_part(
+        load("facts", arguments(USAGE, words), FactsConfig).robot
+    ).create()
     say(*sheet(robot).splitlines())

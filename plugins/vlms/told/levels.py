@@ -12,7 +12,13 @@ from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.sight import Hidden
-from plugins.vlms.told.source import BODY, class_source, helpers, layout_table, task_source
+from plugins.vlms.told.source import (
+    BODY,
+    class_source,
+    helpers,
+    layout_table,
+    task_source,
+)
 from plugins.vlms.told.views import calibrated_pictures
 
 
@@ -23,7 +29,12 @@ class Told(Level):
         several = [part for part in task.parts if part is not task]
         if not several:
             return self.of_one(task, seed)
-        return {"several": [{"task": part, **NOTHING_TOLD, **self.of_one(part, seed)} for part in several]}
+        return {
+            "several": [
+                {"task": part, **NOTHING_TOLD, **self.of_one(part, seed)}
+                for part in several
+            ]
+        }
 
     @abstractmethod
     def of_one(self, task: Task, seed: int) -> dict[str, Any]:
@@ -50,7 +61,10 @@ class Words(Told):
     """A description, and a table of places and sizes; masses and friction in words."""
 
     def of_one(self, task: Task, seed: int) -> dict[str, Any]:
-        return {"description": task.in_words, "layout": layout_table(task, seed, worded=True)}
+        return {
+            "description": task.in_words,
+            "layout": layout_table(task, seed, worded=True),
+        }
 
 
 class Pictures(Told):
@@ -64,5 +78,7 @@ class Pictures(Told):
     def sight(self, task: Task, seed: int) -> Sight:
         return Hidden.of(task, seed)
 
-    def draw(self, task: Task, seed: int, render: Callable[..., Image]) -> tuple[Picture, ...]:
+    def draw(
+        self, task: Task, seed: int, render: Callable[..., Image]
+    ) -> tuple[Picture, ...]:
         return calibrated_pictures(task, seed, render)

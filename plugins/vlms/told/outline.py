@@ -15,10 +15,24 @@ from core.support.text import short_numbers, table
 from core.values.descriptions import RobotJoint
 
 GRIPPER = "gripper"
-HEAD = ("link on its parent", "joint", "xyz", "rpy", "range", "speed", "box around the link")
-_MOTIONS = {"revolute": "turns about", "continuous": "turns about", "prismatic": "slides along"}
+HEAD = (
+    "link on its parent",
+    "joint",
+    "xyz",
+    "rpy",
+    "range",
+    "speed",
+    "box around the link",
+)
+_MOTIONS = {
+    "revolute": "turns about",
+    "continuous": "turns about",
+    "prismatic": "slides along",
+}
 _AXES = tuple(zip("xyz", np.eye(3), strict=True))
-_NEAR_M = 0.3  # from the mount's origin; tools that bend around the arm are seldom larger
+_NEAR_M = (
+    0.3  # from the mount's origin; tools that bend around the arm are seldom larger
+)
 
 
 def told(brief: Brief, mounted: Tool, rollout: RolloutSettings, engine: str) -> str:
@@ -39,13 +53,22 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
     bare = robot_model(robot, Tool()).links
     found = extents_of(
         (
-            solid.name if solid.name in bare or solid.name in GRIPPER_MOUNTS else GRIPPER,
+            solid.name
+            if solid.name in bare or solid.name in GRIPPER_MOUNTS
+            else GRIPPER,
             (mount @ poses[solid.name] @ solid.pose).apply(corners(solid.geometry)),
         )
         for solid in robot_solids(robot, gripper)
     )
-    off = {name: np.maximum(np.maximum(low, -high), 0.0) for name, (low, high) in found.items()}
-    return {name: extent for name, extent in found.items() if np.linalg.norm(off[name]) < _NEAR_M}
+    off = {
+        name: np.maximum(np.maximum(low, -high), 0.0)
+        for name, (low, high) in found.items()
+    }
+    return {
+        name: extent
+        for name, extent in found.items()
+        if np.linalg.norm(off[name]) < _NEAR_M
+    }
 
 
 def outline(robot: Robot, tool: Tool) -> str:
@@ -55,14 +78,26 @@ def outline(robot: Robot, tool: Tool) -> str:
     is the smallest one along the link's axes around all of its collision shapes, from its lowest to its highest corner.
     """
     arm = assembled(robot, tool)
-    extents = {name: (low.round(3), high.round(3)) for name, (low, high) in link_extents(robot, tool.gripper).items()}
+    extents = {
+        name: (low.round(3), high.round(3))
+        for name, (low, high) in link_extents(robot, tool.gripper).items()
+    }
     for component in tool.components:
         middle, size = component.shape.bounds
         extents[component.name] = middle - size / 2, middle + size / 2
-    boxes = {name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}" for name, (low, high) in extents.items()}
+    boxes = {
+        name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}"
+        for name, (low, high) in extents.items()
+    }
     bears = {RIGID_MOUNT, *boxes, *(joint.parent for joint in arm.joints.values())}
     names = [name for name in arm.links if name in bears]
-    return table(HEAD, [(*_joint_cells(arm.joints.get(name), name), boxes.get(name, "-")) for name in names])
+    return table(
+        HEAD,
+        [
+            (*_joint_cells(arm.joints.get(name), name), boxes.get(name, "-"))
+            for name in names
+        ],
+    )
 
 
 def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
@@ -71,7 +106,11 @@ def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
     way = _MOTIONS.get(joint.kind)
     motion = joint.kind if way is None else f"{way} {_axis_name(np.array(joint.axis))}"
     limited = joint.kind != "fixed" and any(limit is not None for limit in joint.limits)
-    span = "{:g} to {:g}".format(*joint.range) if limited and joint.kind != "continuous" else "-"
+    span = (
+        "{:g} to {:g}".format(*joint.range)
+        if limited and joint.kind != "continuous"
+        else "-"
+    )
     speed = f"{joint.limits.velocity or 0.0:g}" if limited else "-"
     xyz, rpy = short_numbers(joint.origin.xyz, 4), short_numbers(joint.origin.rpy, 4)
     return f"{link} on {joint.parent}", motion, xyz, rpy, span, speed
@@ -79,5 +118,9 @@ def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
 
 def _axis_name(axis: Array) -> str:
     """Name an axis, such as ``-y``; the numbers of one that is askew."""
-    names = {tuple(sign * row): f"{'-' if sign < 0 else ''}{name}" for sign in (1, -1) for name, row in _AXES}
+    names = {
+        tuple(sign * row): f"{'-' if sign < 0 else ''}{name}"
+        for sign in (1, -1)
+        for name, row in _AXES
+    }
     return names.get(tuple(axis), short_numbers(axis, 4))

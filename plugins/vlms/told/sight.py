@@ -42,11 +42,20 @@ class Hidden(Sight):
     def way(self, moved: Moved) -> str:
         """Describe a body's way as shares of the picture's width and height."""
         end = np.array(moved.to)
-        (x, y), (to_x, to_y) = self.camera.project(np.stack([end - moved.by, end]), *_SIZE)
-        ways = ((to_x - x) / _SIZE[0], ("right", "left"), "width"), ((y - to_y) / _SIZE[1], ("up", "down"), "height")
+        (x, y), (to_x, to_y) = self.camera.project(
+            np.stack([end - moved.by, end]), *_SIZE
+        )
+        ways = (
+            ((to_x - x) / _SIZE[0], ("right", "left"), "width"),
+            ((y - to_y) / _SIZE[1], ("up", "down"), "height"),
+        )
         seen = [
             f"{names[int(share < 0)]} by {100 * abs(share):.0f} % of its {side}"
             for share, names, side in ways
             if abs(share) >= _SHARE
         ]
-        return f"in the picture {' and '.join(seen)}" if seen else "not seen in the picture"
+        return (
+            f"in the picture {' and '.join(seen)}"
+            if seen
+            else "not seen in the picture"
+        )

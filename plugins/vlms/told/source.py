@@ -44,7 +44,11 @@ def class_source(part: type, *members: str) -> str:
     assert isinstance(node, ast.ClassDef)
     kept = lines[: node.body[0].end_lineno]
     for child in node.body[1:]:
-        if isinstance(child, ast.AnnAssign) and isinstance(child.target, ast.Name) and child.target.id in members:
+        if (
+            isinstance(child, ast.AnnAssign)
+            and isinstance(child.target, ast.Name)
+            and child.target.id in members
+        ):
             kept += lines[child.lineno - 1 : child.end_lineno]
     return "\n".join(kept)
 
@@ -57,15 +61,31 @@ def task_source(task: Task) -> str:
     """
     text = task.source()
     if task.language != "python":
-        return re.sub(r"^(in_words|variations):.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
+        return re.sub(
+            r"^(in_words|variations):.*?(?=^[^\s#]|\Z)",
+            "",
+            text,
+            flags=re.MULTILINE | re.DOTALL,
+        )
     lines = text.splitlines(keepends=True)
-    members = [m for part in ast.parse(text).body if isinstance(part, ast.ClassDef) for m in part.body]
-    rewards = [ast.unparse(m) for m in members if isinstance(m, ast.FunctionDef) and m.name == "reward"]
+    members = [
+        m
+        for part in ast.parse(text).body
+        if isinstance(part, ast.ClassDef)
+        for m in part.body
+    ]
+    rewards = [
+        ast.unparse(m)
+        for m in members
+        if isinstance(m, ast.FunctionDef) and m.name == "reward"
+    ]
     unread = () if not rewards or "goals" in rewards[0] else ("goals", "every")
     left_out = {"in_words", "variations", *unread}
     for member in reversed(members):
         targets = member.targets if isinstance(member, ast.Assign) else []
-        if any(isinstance(target, ast.Name) and target.id in left_out for target in targets):
+        if any(
+            isinstance(target, ast.Name) and target.id in left_out for target in targets
+        ):
             del lines[member.lineno - 1 : member.end_lineno]
     return "".join(lines)
 
@@ -77,7 +97,9 @@ def helpers(task: Task) -> str:
     """
     module = sys.modules[type(task).__module__]
     package = module.__name__.partition(".")[0]
-    functions = [inspect.unwrap(value) for value in vars(module).values() if callable(value)]
+    functions = [
+        inspect.unwrap(value) for value in vars(module).values() if callable(value)
+    ]
     taken = [
         _head(function)
         for function in functions
@@ -94,11 +116,15 @@ def _head(function: Callable[..., Any]) -> str:
     (node,) = ast.parse(text).body
     assert isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     documented = ast.get_docstring(node) is not None
-    return "\n".join(text.splitlines()[: node.body[0].end_lineno if documented else None])
+    return "\n".join(
+        text.splitlines()[: node.body[0].end_lineno if documented else None]
+    )
 
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
-_HOLLOW = 3  # parts of a hollow body, and sides on which they bound its middle, at least
+_HOLLOW = (
+    3  # parts of a hollow body, and sides on which they bound its middle, at least
+)
 _STEP_M = 0.0005
 _PLURAL = {"box": "boxes"}
 _HEAD = ("body", "position", "shape", "x", "y", "z", "mass", "friction")
@@ -113,18 +139,28 @@ def layout_table(task: Task, seed: int, *, worded: bool = False) -> str:
     rows = []
     for _, alike in groupby(task.scene(seed).bodies, _description):
         bodies = list(alike)
-        rows += [_row(bodies, worded)] if len(bodies) >= _ALIKE else [_row([body], worded) for body in bodies]
+        rows += (
+            [_row(bodies, worded)]
+            if len(bodies) >= _ALIKE
+            else [_row([body], worded) for body in bodies]
+        )
     return table(_HEAD, rows)
 
 
 def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     first = bodies[0]
     alone = len(bodies) == 1
-    name = first.name if alone else f"{len(bodies)} alike: {first.name} ... {bodies[-1].name}"
+    name = (
+        first.name
+        if alone
+        else f"{len(bodies)} alike: {first.name} ... {bodies[-1].name}"
+    )
     place = "; ".join(_placed(body.pose) for body in bodies)
     lows, highs = zip(*(bounds(body, body.pose) for body in bodies), strict=True)
     ends = zip(np.min(lows, axis=0), np.max(highs, axis=0), strict=True)
-    extents = (f"{short_number(low, 3)} to {short_number(high, 3)}" for low, high in ends)
+    extents = (
+        f"{short_number(low, 3)} to {short_number(high, 3)}" for low, high in ends
+    )
     mass = "fixed"
     if first.mass:
         mass = weight(first) if worded else f"{first.mass:.3g} kg"
@@ -134,14 +170,28 @@ def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
 
 def _description(body: Body) -> tuple[object, ...]:
     """The properties that bodies of one row share."""
-    parts = tuple((describe_shape(part.shape), part.pose) for part in body.collisions or body.visuals)
+    parts = tuple(
+        (describe_shape(part.shape), part.pose)
+        for part in body.collisions or body.visuals
+    )
     made = body.elastic if isinstance(body, Soft) else bool(body.collisions)
-    return made, parts, body.mass, body.friction, body.rolling_friction, body.restitution
+    return (
+        made,
+        parts,
+        body.mass,
+        body.friction,
+        body.rolling_friction,
+        body.restitution,
+    )
 
 
 def _placed(pose: Pose) -> str:
     roll, pitch, yaw = pose.rpy.round(3) + 0.0
-    turn = f" rpy {short_numbers((roll, pitch, yaw), 3)}" if roll or pitch else f" yaw {short_number(yaw, 3)}"
+    turn = (
+        f" rpy {short_numbers((roll, pitch, yaw), 3)}"
+        if roll or pitch
+        else f" yaw {short_number(yaw, 3)}"
+    )
     return short_numbers(pose.position, 3) + (turn if roll or pitch or yaw else "")
 
 
@@ -155,8 +205,14 @@ def _shape(body: Body, *, alone: bool) -> str:
     parts = body.collisions
     if len(parts) == 1 and not isinstance(parts[0].shape, Mesh):
         return describe_shape(parts[0].shape)
-    counts = Counter(type(part.shape).__name__.lower().replace("mesh", "convex part") for part in parts)
-    text = " + ".join(f"{n} {kind}" if n == 1 else f"{n} {_PLURAL.get(kind, f'{kind}s')}" for kind, n in counts.items())
+    counts = Counter(
+        type(part.shape).__name__.lower().replace("mesh", "convex part")
+        for part in parts
+    )
+    text = " + ".join(
+        f"{n} {kind}" if n == 1 else f"{n} {_PLURAL.get(kind, f'{kind}s')}"
+        for kind, n in counts.items()
+    )
     low, high = bounds(body, Pose())
     if not _upright(body) or not alone:
         text += f", {short_numbers(high - low, 3)} along its own axes"
@@ -170,7 +226,9 @@ def _upright(body: Body) -> bool:
 def _inside(body: Body, low: Array, high: Array) -> str:
     """Describe the free space through the middle of a hollow body."""
     middle = (low + high) / 2
-    solids = [Solid("", solid_geometry(part.shape), part.pose) for part in body.collisions]
+    solids = [
+        Solid("", solid_geometry(part.shape), part.pose) for part in body.collisions
+    ]
     if len(solids) < _HOLLOW or _distance(solids, middle) <= 0:
         return ""
     shift = body.pose.position if _upright(body) else np.zeros(3)
@@ -179,7 +237,10 @@ def _inside(body: Body, low: Array, high: Array) -> str:
         ends = []
         for sign in (-1, 1):
             end = middle.copy()
-            while low[axis] < end[axis] < high[axis] and (gap := _distance(solids, end)) > _STEP_M:
+            while (
+                low[axis] < end[axis] < high[axis]
+                and (gap := _distance(solids, end)) > _STEP_M
+            ):
                 end[axis] += sign * gap
             closed = low[axis] < end[axis] < high[axis]
             ends.append(short_number((end + shift)[axis], 3) if closed else "open")

@@ -27,7 +27,10 @@ _ALL = 14  # of so many bodies alike each has a label, of more the first and the
 _STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # metres, between lines
 _LINES = 18  # along a side, at most
 _MARGIN = 46  # pixels of a scale
-_OPAQUE, _DARK = 150, 100  # of 255: the opacity of drawn edges, and the brightness below which they are pale
+_OPAQUE, _DARK = (
+    150,
+    100,
+)  # of 255: the opacity of drawn edges, and the brightness below which they are pale
 _EDGE_M = 0.002  # a bend or a step that is drawn as an edge
 _INK, _PALE, _RED, _GREEN = (20, 20, 20), (255, 255, 255), (210, 30, 30), (20, 150, 40)
 # By name: from the scene to the camera, the axis to the right and the axis up in the picture.
@@ -38,7 +41,9 @@ _PARALLEL = {
 }
 
 
-def calibrated_pictures(task: Task, seed: int, render: Callable[..., Image]) -> tuple[Picture, ...]:
+def calibrated_pictures(
+    task: Task, seed: int, render: Callable[..., Image]
+) -> tuple[Picture, ...]:
     """Draw the scene at the start: from the task's camera, closer, and in parallel views with axes and grid in metres.
 
     For ``render`` see `core.task.Level.draw`.
@@ -95,7 +100,11 @@ def _closer(camera: Camera, low: Array, high: Array) -> Camera:
     middle = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
     away = float(np.linalg.norm(np.asarray(camera.position) - middle))
     half = max(float(np.linalg.norm(high - low)) / 2, 0.08) + _ROUND_M / 2
-    return replace(camera, target=tuple(middle.tolist()), fov_deg=float(np.degrees(2 * np.arctan(half / away))) * 1.15)
+    return replace(
+        camera,
+        target=tuple(middle.tolist()),
+        fov_deg=float(np.degrees(2 * np.arctan(half / away))) * 1.15,
+    )
 
 
 def _draw_grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> str:
@@ -103,16 +112,27 @@ def _draw_grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> st
     assert camera.height_m is not None
     pen = ImageDraw.Draw(picture, "RGBA")
     per_m = SIZE[1] / camera.height_m
-    step = next((step for step in _STEPS if SIZE[0] / per_m / step <= _LINES), _STEPS[-1])
+    step = next(
+        (step for step in _STEPS if SIZE[0] / per_m / step <= _LINES), _STEPS[-1]
+    )
     signs = float(np.sign(camera.axes[0][right])), -1.0
     for side, axis in enumerate((right, up)):
         middle = camera.target[axis]
         half = SIZE[side] / 2 / per_m
-        for k in range(math.ceil((middle - half) / step), math.floor((middle + half) / step) + 1):
+        for k in range(
+            math.ceil((middle - half) / step), math.floor((middle + half) / step) + 1
+        ):
             at = SIZE[side] / 2 + signs[side] * (k * step - middle) * per_m
             vertical = side == 0
-            pen.line([(at, 0), (at, SIZE[1])] if vertical else [(0, at), (SIZE[0], at)], fill=(*_INK, 100))
-            _write(pen, (at + 2, SIZE[1] - 15) if vertical else (2, at - 14), f"{k * step + 0.0:.2f}")
+            pen.line(
+                [(at, 0), (at, SIZE[1])] if vertical else [(0, at), (SIZE[0], at)],
+                fill=(*_INK, 100),
+            )
+            _write(
+                pen,
+                (at + 2, SIZE[1] - 15) if vertical else (2, at - 14),
+                f"{k * step + 0.0:.2f}",
+            )
     _write(pen, (SIZE[0] - 60, SIZE[1] - 32), f"{'xyz'[right]} (m)")
     _write(pen, (40, 4), f"{'xyz'[up]} (m)")
     return (
@@ -129,7 +149,11 @@ def _write(pen: ImageDraw.ImageDraw, place: tuple[float, float], text: str) -> N
 
 def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> None:
     """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden."""
-    ink = picture.convert("L").point(lambda light: _PALE[0] if light < _DARK else _INK[0]).convert("RGB")
+    ink = (
+        picture.convert("L")
+        .point(lambda light: _PALE[0] if light < _DARK else _INK[0])
+        .convert("RGB")
+    )
     near = nearness(bodies, camera, *SIZE)
     edges = np.zeros(SIZE[::-1], dtype=bool)
     edges[1:-1] |= np.abs(np.diff(near, 2, axis=0)) > _EDGE_M
@@ -139,7 +163,12 @@ def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> No
         pen = ImageDraw.Draw(outline)
         for part in body.visuals:
             mesh = part.shape.to_trimesh()
-            pixels = camera.project((body.pose @ part.pose).apply(np.asarray(mesh.vertices, dtype=np.float64)), *SIZE)
+            pixels = camera.project(
+                (body.pose @ part.pose).apply(
+                    np.asarray(mesh.vertices, dtype=np.float64)
+                ),
+                *SIZE,
+            )
             for corners in pixels[np.asarray(mesh.faces)]:
                 pen.polygon([(x, y) for x, y in corners.tolist()], fill=1)
         filled = np.asarray(outline)
@@ -158,7 +187,9 @@ def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> None:
         if not (0 <= x < SIZE[0] and 0 <= y < SIZE[1]):
             continue
         for axis, color in ((0, _RED), (1, _GREEN)):
-            end = camera.project((body.pose @ Pose(_AXIS_M * np.eye(3)[axis])).position, *SIZE)
+            end = camera.project(
+                (body.pose @ Pose(_AXIS_M * np.eye(3)[axis])).position, *SIZE
+            )
             pen.line([(x, y), (float(end[0]), float(end[1]))], fill=color, width=2)
         pen.ellipse([(x - 3, y - 3), (x + 3, y + 3)], outline=_INK)
         kind = body.name.rstrip("0123456789")
@@ -180,6 +211,8 @@ def _free_place(
         left = min(x + 14 + 4 * turn, SIZE[0] - wide - 1)
         top = min(max(y + 4 + (-1) ** turn * 9 * turn, 1.0), SIZE[1] - 17.0)
         box = (left, top, left + wide, top + 16)
-        if all(box[2] < a or box[0] > c or box[3] < b or box[1] > d for a, b, c, d in taken):
+        if all(
+            box[2] < a or box[0] > c or box[3] < b or box[1] > d for a, b, c, d in taken
+        ):
             break
     return box

@@ -15,12 +15,24 @@ pytestmark = pytest.mark.slow
     ("words", "reason"),
     [
         (["+arm=ur5"], "no key 'arm' in the configuration"),
-        (["+nonsense.key=1"], "no key 'nonsense' in the configuration; possible: action, budget, evolution, "),
+        (
+            ["+nonsense.key=1"],
+            "no key 'nonsense' in the configuration; possible: action, budget, evolution, ",
+        ),
         (["++nonsense.key=1"], "no key 'nonsense' in the configuration"),
-        (["task.file=scene.yaml"], "task.file is a setting of task=file; add task=file"),
+        (
+            ["task.file=scene.yaml"],
+            "task.file is a setting of task=file; add task=file",
+        ),
         (["nonsense.key=1"], "no key 'nonsense' in the configuration"),
-        (["+budget.n_agnet=1"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),
-        (["+task.paper.n_agnet=1"], "no key 'n_agnet' in task.paper (did you mean 'n_agent'?); possible: "),
+        (
+            ["+budget.n_agnet=1"],
+            "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: ",
+        ),
+        (
+            ["+task.paper.n_agnet=1"],
+            "no key 'n_agnet' in task.paper (did you mean 'n_agent'?); possible: ",
+        ),
     ],
 )
 def test_a_plus_adds_no_unknown_key(words, reason):
@@ -31,7 +43,9 @@ def test_a_plus_adds_no_unknown_key(words, reason):
 
 @pytest.mark.parametrize("word", ["+vlm.model=x", "vlm=gemini"])
 def test_no_key_that_belongs_to_another_command_is_taken(word):
-    with pytest.raises(UsageError, match=r"no key 'vlm' in the configuration; possible: .*designs, "):
+    with pytest.raises(
+        UsageError, match=r"no key 'vlm' in the configuration; possible: .*designs, "
+    ):
         load("evaluate", [word])
 
 
@@ -41,10 +55,15 @@ def test_a_plus_before_a_key_that_is_there_changes_nothing():
 
 
 def test_a_plus_adds_a_setting_that_the_factory_checks():
-    cfg = load("config", ["+sim.walls=3", "+listener.shout={mark: no}", "++task.tool_kinds=[gripper]"])
+    cfg = load(
+        "config",
+        ["+sim.walls=3", "+listener.shout={mark: no}", "++task.tool_kinds=[gripper]"],
+    )
     assert cfg.listener.shout == {"mark": "no"}
     assert cfg.task.tool_kinds == ["gripper"]
-    with pytest.raises(UsageError, match="no setting 'walls' in sim=pybullet; possible: "):
+    with pytest.raises(
+        UsageError, match="no setting 'walls' in sim=pybullet; possible: "
+    ):
         part("sim", cfg.sim).create()
 
 
@@ -53,7 +72,9 @@ def test_an_unknown_key_beside_a_sweep():
         load("config", ["budget.n_agnet=2"])
     error = caught.value.__cause__
     line = "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "
-    assert str(explain(error, "config", ["seed=1,2", "budget.n_agnet=2"])).startswith(line)
+    assert str(explain(error, "config", ["seed=1,2", "budget.n_agnet=2"])).startswith(
+        line
+    )
 
 
 def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
@@ -62,7 +83,10 @@ def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("core.run._failures", [])
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")  # set by main, and restored here
     monkeypatch.setattr(sys, "argv", ["core.run"])  # set by main, and restored here
-    with pytest.raises(UsageError, match=r"executor\.address has no value; give one with executor\.address=VALUE"):
+    with pytest.raises(
+        UsageError,
+        match=r"executor\.address has no value; give one with executor\.address=VALUE",
+    ):
         main(["executor=remote", f"hydra.run.dir={tmp_path / 'run'}"])
     assert capsys.readouterr() == ("", "")
 
@@ -72,7 +96,8 @@ def test_a_setting_that_refers_to_another_key():
     config = load("evaluate", ["sim=mujoco", "+sim.time_step=${seed}"])
     assert dict(part("sim", config.sim).settings)["time_step"] == 0
     with pytest.raises(
-        UserError, match=r"^sim: its configuration can't be used here: Interpolation key 'film' not found$"
+        UserError,
+        match=r"^sim: its configuration can't be used here: Interpolation key 'film' not found$",
     ):
         part("sim", OmegaConf.create({"name": "mujoco", "time_step": "${film}"}))
 
@@ -80,13 +105,32 @@ def test_a_setting_that_refers_to_another_key():
 @pytest.mark.parametrize("command", ["config", "evaluate", "prompt"])
 def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
     free = load(command, [])
-    assert (free.protocol.name, free.material.most_g, free.task.variation) == ("none", None, "none")
-    config = load(command, ["material.most_g=5", "protocol=varied", "task=OneBook", "action=waypoints"])
-    assert (config.task.name, config.task.variation, config.action.name) == ("OneBook", "wide", "waypoints")
-    assert (config.material.name, config.material.most_g, config.material.infill) == ("pla", 5, 0.2)
+    assert (free.protocol.name, free.material.most_g, free.task.variation) == (
+        "none",
+        None,
+        "none",
+    )
+    config = load(
+        command,
+        ["material.most_g=5", "protocol=varied", "task=OneBook", "action=waypoints"],
+    )
+    assert (config.task.name, config.task.variation, config.action.name) == (
+        "OneBook",
+        "wide",
+        "waypoints",
+    )
+    assert (config.material.name, config.material.most_g, config.material.infill) == (
+        "pla",
+        5,
+        0.2,
+    )
     assert config.rollout.perception == {"position": 0.002, "yaw": 0.01, "height": 0.0}
     for key in config.protocol.fixed:
         assert OmegaConf.select(config, key) is not None, key
-    tracks = {offer.entry_point for (kind, _), offer in installed().offers.items() if kind == "task"}
+    tracks = {
+        offer.entry_point
+        for (kind, _), offer in installed().offers.items()
+        if kind == "task"
+    }
     assert len(config.protocol.tracks) == 2
     assert "robotoolbench" in tracks

@@ -8,7 +8,13 @@ import pytest
 from core.config.compose import load
 from core.config.sources import new_folder, task_folder
 
-WORDS = ["task=BringCube", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
+WORDS = [
+    "task=BringCube",
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=1",
+    "budget.n_iteration=0",
+]
 WORDS += ["film=false", "listener=[]", "executor.workers=1", "seed=5"]
 
 
@@ -27,7 +33,9 @@ def test_where_none_can_be_made_the_name_is_kept(tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("sweep", [False, pytest.param(True, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "sweep", [False, pytest.param(True, marks=pytest.mark.thorough)]
+)
 def test_runs_begun_in_one_second_have_a_folder_each(sweep, tmp_path):
     """The clock stands still for all of them."""
     program = (

@@ -18,7 +18,13 @@ def began():
 
 
 def test_what_has_no_effect_on_the_past_may_change(began):
-    words = ["executor.workers=3", "listener=[progress]", "budget.n_iteration=4", "film=false", "vlm.samples=3"]
+    words = [
+        "executor.workers=3",
+        "listener=[progress]",
+        "budget.n_iteration=4",
+        "film=false",
+        "vlm.samples=3",
+    ]
     cfg = changed(began, words)
     assert (cfg.executor.workers, cfg.budget.n_iteration, cfg.film) == (3, 4, False)
     assert set(cfg.listener) == {"progress"}
@@ -29,7 +35,10 @@ def test_what_has_no_effect_on_the_past_may_change(began):
 @pytest.mark.parametrize(
     ("word", "reason"),
     [
-        ("seed=6", "seed=6: a run goes on as it began; what may change: executor, listener, vlm"),
+        (
+            "seed=6",
+            "seed=6: a run goes on as it began; what may change: executor, listener, vlm",
+        ),
         ("vlm.name=replay", "a run goes on as it began"),
         ("vlm=offline", "a run goes on as it began"),
         ("budget.k_top=9", "a run goes on as it began"),
@@ -50,7 +59,10 @@ def test_refinement_is_added_once_and_stays_last(began):
     refined = OmegaConf.to_container(changed(began, ["evolution.refine=24"]))
     assert refined["evolution"]["refine"] == 24
     assert changed(refined, ["evolution.refine=48"]).evolution.refine == 48
-    with pytest.raises(UsageError, match=r"evolution\.refine of a run that goes on can only be raised; it is 24"):
+    with pytest.raises(
+        UsageError,
+        match=r"evolution\.refine of a run that goes on can only be raised; it is 24",
+    ):
         changed(refined, ["evolution.refine=12"])
     with pytest.raises(UsageError, match="refinement comes last"):
         changed(refined, ["budget.n_iteration=3"])
@@ -67,7 +79,9 @@ def test_a_folder_without_a_run(tmp_path):
 def test_a_configuration_that_lacks_a_setting(began, group, key):
     config = copy.deepcopy(began)
     del (config[group] if group else config)[key]
-    with pytest.raises(UserError, match=f"can't be used: it lacks {group + '.' if group else ''}{key}$"):
+    with pytest.raises(
+        UserError, match=f"can't be used: it lacks {group + '.' if group else ''}{key}$"
+    ):
         changed(config, [])
 
 
@@ -91,14 +105,31 @@ def test_stored_addresses_and_models_are_used_only_when_repeated(change):
 
 
 def test_all_that_is_to_be_repeated_is_said_at_once_and_the_usual_is_not():
-    with pytest.raises(UserError, match=r"repeat it: vlm\.model=openai/mine vlm\.api_base=http://evil\.example$"):
-        refuse_stored_receivers({"vlm": {"model": "openai/mine", "api_base": "http://evil.example"}}, [])
-    refuse_stored_receivers({"vlm": {"name": "gemini", "api_base": None, "model": "gemini/gemini-2.5-pro"}}, [])
+    with pytest.raises(
+        UserError,
+        match=r"repeat it: vlm\.model=openai/mine vlm\.api_base=http://evil\.example$",
+    ):
+        refuse_stored_receivers(
+            {"vlm": {"model": "openai/mine", "api_base": "http://evil.example"}}, []
+        )
+    refuse_stored_receivers(
+        {"vlm": {"name": "gemini", "api_base": None, "model": "gemini/gemini-2.5-pro"}},
+        [],
+    )
 
 
-@pytest.mark.parametrize(("key", "value"), [("api_base", "http://evil.example"), ("model", "zai/glm-4.6")])
+@pytest.mark.parametrize(
+    ("key", "value"), [("api_base", "http://evil.example"), ("model", "zai/glm-4.6")]
+)
 def test_receivers_in_a_list_are_used_only_when_it_is_repeated(key, value):
-    config = {"vlm": {"name": "ensemble", "members": ["gemini", {"name": "openai", key: value}]}}
-    with pytest.raises(UserError, match=rf"leads to {value}.*repeat it: vlm\.members\.{key}={value}"):
+    config = {
+        "vlm": {
+            "name": "ensemble",
+            "members": ["gemini", {"name": "openai", key: value}],
+        }
+    }
+    with pytest.raises(
+        UserError, match=rf"leads to {value}.*repeat it: vlm\.members\.{key}={value}"
+    ):
         refuse_stored_receivers(config, ["vlm.max_cost_usd=5"])
     refuse_stored_receivers(config, ["vlm.members=[gemini,openai]"])

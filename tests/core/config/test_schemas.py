@@ -14,7 +14,12 @@ def test_a_command_has_the_keys_of_its_schema(command):
 
 
 @pytest.mark.parametrize(
-    ("words", "key"), [(["seed=many"], "seed"), (["budget.n_agent=1.5"], "n_agent"), (["film=perhaps"], "film")]
+    ("words", "key"),
+    [
+        (["seed=many"], "seed"),
+        (["budget.n_agent=1.5"], "n_agent"),
+        (["film=perhaps"], "film"),
+    ],
 )
 def test_a_value_of_another_type_is_refused(words, key):
     with pytest.raises(UsageError, match=key):

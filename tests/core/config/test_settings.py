@@ -10,10 +10,22 @@ from plugins.fitness.robustness import PerturbationRange
 @pytest.mark.parametrize(
     ("setting", "value", "message"),
     [
-        ("position", -0.001, "perturbation.position must be 0 or greater, and finite, got -0.001"),
+        (
+            "position",
+            -0.001,
+            "perturbation.position must be 0 or greater, and finite, got -0.001",
+        ),
         ("yaw", math.inf, "perturbation.yaw must be 0 or greater, and finite, got inf"),
-        ("mass", 1.0, "perturbation.mass must be 0 or greater and less than 1, got 1.0"),
-        ("friction", math.nan, "perturbation.friction must be 0 or greater and less than 1, got nan"),
+        (
+            "mass",
+            1.0,
+            "perturbation.mass must be 0 or greater and less than 1, got 1.0",
+        ),
+        (
+            "friction",
+            math.nan,
+            "perturbation.friction must be 0 or greater and less than 1, got nan",
+        ),
     ],
 )
 def test_ranges_that_are_refused(setting, value, message):

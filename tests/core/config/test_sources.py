@@ -17,16 +17,22 @@ from tests.core.plugins.offering import Engine, Offering
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
-BUILT_IN = sorted(part for part in installed().offers if part[0] in KINDS.keys() - {"command"})  # it has no settings
+BUILT_IN = sorted(
+    part for part in installed().offers if part[0] in KINDS.keys() - {"command"}
+)  # it has no settings
 
 
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
-def test_a_config_has_the_defaults_of_the_signature_and_its_file_only_what_differs(kind, name):
+def test_a_config_has_the_defaults_of_the_signature_and_its_file_only_what_differs(
+    kind, name
+):
     known = sources.defaults(kind, name)
     file = ROOT / "conf" / kind / f"{name}.yaml"
     document = yaml.safe_load(file.read_text()) if file.exists() else {"name": name}
     assert document.pop("name") == name
-    assert {key for key, value in document.items() if known.get(key, MISSING) == value} == set()
+    assert {
+        key for key, value in document.items() if known.get(key, MISSING) == value
+    } == set()
     word = f"{kind}=[{name}]" if kind == "listener" else f"{kind}={name}"
     composed = OmegaConf.to_container(load("config", [word])[kind])
     if kind == "listener":  # several at once: the name is the key
@@ -58,16 +64,41 @@ def test_a_part_without_a_config_file_has_its_signature(extended):
     def listener(color: str = "red", where: Path = ROOT) -> object:
         raise NotImplementedError
 
-    extended.register(Offering(simulators={"grid": Engine}, listeners={"shout": listener}), "mine", "my-package")
-    extended.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
-    cfg = load(
-        "config", ["sim=grid", "sim.walls=[a]", "listener=[shout]", "listener.shout.color=blue", "executor=gone"]
+    extended.register(
+        Offering(simulators={"grid": Engine}, listeners={"shout": listener}),
+        "mine",
+        "my-package",
     )
-    assert dict(OmegaConf.to_container(cfg.sim)) == {"name": "grid", "grid": "???", "time_step": 0.01, "walls": ["a"]}
-    assert cfg.listener == {"shout": {"color": "blue"}}  # what YAML can't say is left out
+    extended.register(
+        Offering(executors={"gone": "no_such_module:Executor"}),
+        "other",
+        "other-package",
+    )
+    cfg = load(
+        "config",
+        [
+            "sim=grid",
+            "sim.walls=[a]",
+            "listener=[shout]",
+            "listener.shout.color=blue",
+            "executor=gone",
+        ],
+    )
+    assert dict(OmegaConf.to_container(cfg.sim)) == {
+        "name": "grid",
+        "grid": "???",
+        "time_step": 0.01,
+        "walls": ["a"],
+    }
+    assert cfg.listener == {
+        "shout": {"color": "blue"}
+    }  # what YAML can't say is left out
     assert cfg.executor == {"name": "gone"}
     assert load("config", ["sim=grid", "sim.grid=4"]).sim.grid == 4
-    with pytest.raises(UsageError, match=r"no sim 'gird' \(did you mean 'grid'\?\); possible: grid, .*pybullet"):
+    with pytest.raises(
+        UsageError,
+        match=r"no sim 'gird' \(did you mean 'grid'\?\); possible: grid, .*pybullet",
+    ):
         load("config", ["sim=gird"])
 
 
@@ -99,26 +130,45 @@ def brought(extended, monkeypatch, tmp_path):
 def test_settings_that_a_config_file_does_not_list(brought):
     whole = OmegaConf.to_container(load("evaluate", ["task=Hinted"]).task)
     assert whole.pop("paper") == PAPER_BUDGET
-    assert whole == {"name": "Hinted", "tool_kinds": ["gripper"], "size": "???", "hint": "none"}
+    assert whole == {
+        "name": "Hinted",
+        "tool_kinds": ["gripper"],
+        "size": "???",
+        "hint": "none",
+    }
     for word in ("task.hint=away", "+task.hint=away", "++task.hint=away"):
         cfg = load("evaluate", ["task=Hinted", word])
         assert part("task", cfg.task).settings == (("hint", "away"),)
         assert cfg.task.tool_kinds == ["gripper"]
-    assert part("task", load("evaluate", ["task=Hinted", "task.size=3"]).task).settings == (
+    assert part(
+        "task", load("evaluate", ["task=Hinted", "task.size=3"]).task
+    ).settings == (
         ("size", 3),
         ("hint", "none"),
     )
-    with pytest.raises(UsageError, match=r"no key 'hnt' in task \(did you mean 'hint'\?\); possible: hint, name, "):
+    with pytest.raises(
+        UsageError,
+        match=r"no key 'hnt' in task \(did you mean 'hint'\?\); possible: hint, name, ",
+    ):
         load("evaluate", ["task=Hinted", "task.hnt=away"])
-    with pytest.raises(UsageError, match="no key 'hint' in task; possible: name, paper, tool_kinds"):
+    with pytest.raises(
+        UsageError, match="no key 'hint' in task; possible: name, paper, tool_kinds"
+    ):
         load("evaluate", ["task.hint=away"])
 
 
 def test_a_config_file_over_another_one_keeps_what_that_says(brought):
     whole = OmegaConf.to_container(load("evaluate", ["task=Far"]).task)
     assert whole.pop("paper") == PAPER_BUDGET
-    assert whole == {"name": "Hinted", "tool_kinds": ["gripper"], "size": "???", "hint": "far"}
-    assert dict(part("task", load("evaluate", ["task=Far", "task.size=3"]).task).settings) == {"size": 3, "hint": "far"}
+    assert whole == {
+        "name": "Hinted",
+        "tool_kinds": ["gripper"],
+        "size": "???",
+        "hint": "far",
+    }
+    assert dict(
+        part("task", load("evaluate", ["task=Far", "task.size=3"]).task).settings
+    ) == {"size": 3, "hint": "far"}
 
 
 def test_a_config_group_of_a_plugin_can_be_added(brought):
@@ -133,8 +183,11 @@ def test_settings_of_a_listener(extended):
         raise NotImplementedError
 
     extended.register(Offering(listeners={"shout": shout}), "mine", "my-package")
-    assert load("config", ["listener=[shout]", "listener.shout.color=blue"]).listener == {
-        "shout": {"top": 3, "color": "blue"}
-    }
-    with pytest.raises(UsageError, match=r"no key 'colour' in listener.shout \(did you mean 'color'\?\)"):
+    assert load(
+        "config", ["listener=[shout]", "listener.shout.color=blue"]
+    ).listener == {"shout": {"top": 3, "color": "blue"}}
+    with pytest.raises(
+        UsageError,
+        match=r"no key 'colour' in listener.shout \(did you mean 'color'\?\)",
+    ):
         load("config", ["listener=[shout]", "listener.shout.colour=blue"])

@@ -51,14 +51,23 @@ def command(folder, *words):
 @pytest.mark.parametrize("word", WORDS)
 def test_a_key_on_the_command_line_is_refused_and_not_repeated(word):
     for call in (lambda: refuse_key_words([word]), lambda: load("config", [word])):
-        with pytest.raises(UsageError, match="it would be stored with the run; set the provider's environ") as error:
+        with pytest.raises(
+            UsageError,
+            match="it would be stored with the run; set the provider's environ",
+        ) as error:
             call()
         assert "anything" not in str(error.value).partition(" is a key")[2]
 
 
 @pytest.mark.usefixtures("planted")
 @pytest.mark.parametrize(
-    "word", ["vlm.max_tokens_total=5", "vlm.api_base=http://h:80/v1", "prompt.file=a:b.txt", "task.k={a: 1}"]
+    "word",
+    [
+        "vlm.max_tokens_total=5",
+        "vlm.api_base=http://h:80/v1",
+        "prompt.file=a:b.txt",
+        "task.k={a: 1}",
+    ],
 )
 def test_other_words_are_not_refused(word):
     refuse_key_words([word])
@@ -66,13 +75,26 @@ def test_other_words_are_not_refused(word):
 
 @pytest.mark.usefixtures("planted")
 def test_a_key_in_a_configuration_is_refused():
-    for config in ({"vlm": {"api_key": "x"}}, {"a": [{"b": f"x{KEY}"}]}, {"vlm": {"headers": {"a": "b"}}}):
-        with pytest.raises(UserError, match="of the configuration is a key or holds one"):
+    for config in (
+        {"vlm": {"api_key": "x"}},
+        {"a": [{"b": f"x{KEY}"}]},
+        {"vlm": {"headers": {"a": "b"}}},
+    ):
+        with pytest.raises(
+            UserError, match="of the configuration is a key or holds one"
+        ):
             refuse_keys(OmegaConf.create(config))
-    refuse_keys(OmegaConf.create({"vlm": {"api_key": None, "token": "???", "n": 5}, "hydra": {"token": "x"}}))
+    refuse_keys(
+        OmegaConf.create(
+            {"vlm": {"api_key": None, "token": "???", "n": 5}, "hydra": {"token": "x"}}
+        )
+    )
 
 
-@pytest.mark.parametrize("words", [["+vlm.api_key=anything"], ["-m", "+vlm.api_key=anything,other", "seed=1,2"]])
+@pytest.mark.parametrize(
+    "words",
+    [["+vlm.api_key=anything"], ["-m", "+vlm.api_key=anything,other", "seed=1,2"]],
+)
 def test_nothing_is_written_when_a_key_is_on_the_command_line(words, tmp_path):
     done = command(tmp_path, "core.run", *words)
     assert (done.returncode, done.stdout) == (2, "")
@@ -83,16 +105,24 @@ def test_nothing_is_written_when_a_key_is_on_the_command_line(words, tmp_path):
 @pytest.mark.parametrize("many", [[], ["-m", "seed=1,2"]])
 def test_nothing_is_written_when_a_key_is_in_a_persons_own_config(many, tmp_path):
     (tmp_path / "mine" / "vlm").mkdir(parents=True)
-    (tmp_path / "mine" / "vlm" / "own.yaml").write_text("name: openai\napi_key: anything\n")
+    (tmp_path / "mine" / "vlm" / "own.yaml").write_text(
+        "name: openai\napi_key: anything\n"
+    )
     done = command(tmp_path, "core.run", *many, "vlm=own", "--config-dir", "mine")
-    assert done.stderr.startswith("error: vlm.api_key of the configuration is a key or holds one: ")
+    assert done.stderr.startswith(
+        "error: vlm.api_key of the configuration is a key or holds one: "
+    )
     assert "anything" not in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 # --- a run of another person ------------------------------------------------------------------------------------
 
-CONFIG = {"budget": {"name": "quick"}, "task": {"name": "BringCube"}, "vlm": {"name": "offline"}}
+CONFIG = {
+    "budget": {"name": "quick"},
+    "task": {"name": "BringCube"},
+    "vlm": {"name": "offline"},
+}
 
 
 def stored(folder, **changes):
@@ -106,7 +136,12 @@ def stored(folder, **changes):
 
 @pytest.mark.usefixtures("planted")
 @pytest.mark.parametrize(
-    "config", [{"task": {"name": "${oc.env:OPENAI_API_KEY}"}}, {"a": [{"b": {"${x}": 1}}]}, {"a": "\\${oc.env:HOME}"}]
+    "config",
+    [
+        {"task": {"name": "${oc.env:OPENAI_API_KEY}"}},
+        {"a": [{"b": {"${x}": 1}}]},
+        {"a": "\\${oc.env:HOME}"},
+    ],
 )
 def test_a_stored_configuration_is_not_resolved(config, tmp_path):
     folder = stored(tmp_path / "run", **config)
@@ -124,7 +159,10 @@ def test_hydras_file_of_a_run_is_read_within_limits(tmp_path):
     (tmp_path / ".hydra").mkdir()
     file = tmp_path / ".hydra" / "config.yaml"
     laughs = "a: &a [x,x,x,x,x,x,x,x,x]\n"
-    laughs += "".join(f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n" for a, b in itertools.pairwise("abcdefghi"))
+    laughs += "".join(
+        f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n"
+        for a, b in itertools.pairwise("abcdefghi")
+    )
     for text in (laughs, "a: 1\n" * 50_000, "[" * 5000, "- 1", "a: ${", "\x00", "a: {"):
         file.write_text(text)
         with pytest.raises(UserError, match=r"can't be used|are read"):
@@ -161,7 +199,10 @@ def test_no_link_in_a_run_folder_is_followed(name, tmp_path):
     link.parent.mkdir(exist_ok=True)
     link.symlink_to(target / "mine" if "." in name.lstrip(".") else target)
     for use in (refuse_links, Database):
-        with pytest.raises(UserError, match="is a link or a device, and a run writes only within its folder"):
+        with pytest.raises(
+            UserError,
+            match="is a link or a device, and a run writes only within its folder",
+        ):
             use(folder)
     assert (target / "mine").read_text() == "mine"
     assert [path.name for path in target.iterdir()] == ["mine"]

@@ -25,7 +25,17 @@ from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose
-from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
+from core.interfaces import (
+    Brief,
+    Message,
+    Picture,
+    Reply,
+    Request,
+    Robot,
+    Task,
+    Text,
+    ToolRepresentation,
+)
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, floor, table
 from core.trial import Evaluation, Score, Trial, Where, tried_once
@@ -46,7 +56,13 @@ class PushCube(Task):
     home = Pose(np.array([0.4, -0.2, 0.2]))
 
     def scene(self, seed: int) -> Scene:
-        cube = Body.of("cube", Box((0.05, 0.05, 0.05)), (1.2, 0.0, 0.025), mass=0.1, color=(1, 0, 0, 1))
+        cube = Body.of(
+            "cube",
+            Box((0.05, 0.05, 0.05)),
+            (1.2, 0.0, 0.025),
+            mass=0.1,
+            color=(1, 0, 0, 1),
+        )
         return Scene((floor(), table(), cube))
 
     def reward(self, start: State, end: State) -> Array:
@@ -71,16 +87,33 @@ class Bar(ToolRepresentation):
 
 
 def make_brief(**changes: Any) -> Brief:
-    counts = {"gripper": False, "n_tool": 3, "n_action": 4, "generation": 0, "agent": 0, "seed": 0}
+    counts = {
+        "gripper": False,
+        "n_tool": 3,
+        "n_action": 4,
+        "generation": 0,
+        "agent": 0,
+        "seed": 0,
+    }
     brief = Brief(on_panda(PushCube()), 7, Bar(), **counts, actions=WaypointActions())
     return replace(brief, **changes)
 
 
 def make_elite(strategy: int, reward: float, *, gripper: bool = False) -> Evaluation:
     mount = GRIPPER_MOUNTS[0] if gripper else RIGID_MOUNT
-    bar = Component(f"bar{strategy}", mount, Pose(np.array([0.0, 0.0, -0.1])), Box((0.01, 0.01, 0.2)))
+    bar = Component(
+        f"bar{strategy}",
+        mount,
+        Pose(np.array([0.0, 0.0, -0.1])),
+        Box((0.01, 0.01, 0.2)),
+    )
     tool = Tool((bar,), gripper, name=f"Bar {strategy}", description="A long bar.")
-    candidate = Candidate(tool, np.zeros((1, 7 if gripper else 6)), strategy=strategy, strategy_name=f"Push {strategy}")
+    candidate = Candidate(
+        tool,
+        np.zeros((1, 7 if gripper else 6)),
+        strategy=strategy,
+        strategy_name=f"Push {strategy}",
+    )
     return tried_once(candidate, "ok", reward=reward)
 
 
@@ -93,7 +126,12 @@ SOURCE = Path(__file__).read_text(encoding="utf-8").rstrip().replace(GOALS, "", 
 
 def words(messages: tuple[Message, ...]) -> str:
     """All text except the task's source, which is this file, and would match every test."""
-    text = "".join(part.text for message in messages for part in message.parts if isinstance(part, Text))
+    text = "".join(
+        part.text
+        for message in messages
+        for part in message.parts
+        if isinstance(part, Text)
+    )
     assert text.count(SOURCE) == 1  # verbatim
     return text.replace(SOURCE, "SOURCE")
 
@@ -111,7 +149,9 @@ def elites_in(text: str) -> tuple[str, str, list[dict[str, Any]]]:
 
 
 def headings(text: str) -> list[str]:
-    return re.findall(r"^# (.+)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)
+    return re.findall(
+        r"^# (.+)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE
+    )
 
 
 BRIEFS = [
@@ -120,7 +160,9 @@ BRIEFS = [
     pytest.param(make_brief(elites=ELITES), id="evolution rigid"),
     pytest.param(make_brief(elites=ELITES, gripper=True), id="evolution gripper"),
     pytest.param(make_brief(n_tool=1, n_action=1), id="one tool, one plan"),
-    pytest.param(make_brief(n_tool=1, n_action=1, elites=ELITES[:1]), id="one of everything"),
+    pytest.param(
+        make_brief(n_tool=1, n_action=1, elites=ELITES[:1]), id="one of everything"
+    ),
 ]
 
 
@@ -132,21 +174,44 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
     system, user = PromptComposer().compose(brief, [PICTURE])
     assert (system.role, user.role) == ("system", "user")
     assert user.parts[-1] == PICTURE
-    assert all(isinstance(part, Text) and part.text.endswith("\n\n") for part in user.parts[:-1])
+    assert all(
+        isinstance(part, Text) and part.text.endswith("\n\n")
+        for part in user.parts[:-1]
+    )
     text = words((system, user))
     assert "```python\nSOURCE\n```" in text
     assert brief.task.description in text
     assert brief.representation.instructions(brief) in text
     assert "(0.4, -0.2, 0.2)" in text
-    for source in ("class Body:", "def plan_motion(", "| cube | 1.2 0 0.025 | box 0.05 0.05 0.05 |"):
+    for source in (
+        "class Body:",
+        "def plan_motion(",
+        "| cube | 1.2 0 0.025 | box 0.05 0.05 0.05 |",
+    ):
         assert source in text
-    for noise in ("<inertial>", "<dynamics", "<safety_controller", "def inertia(", "class Goal", "class Task("):
+    for noise in (
+        "<inertial>",
+        "<dynamics",
+        "<safety_controller",
+        "def inertia(",
+        "class Goal",
+        "class Task(",
+    ):
         assert noise not in text
-    for folder in (FOLDER.parent, Path.home(), Path(sys.prefix), Path(pin.__file__).parents[1], "package://", ".stl"):
+    for folder in (
+        FOLDER.parent,
+        Path.home(),
+        Path(sys.prefix),
+        Path(pin.__file__).parents[1],
+        "package://",
+        ".stl",
+    ):
         assert str(folder) not in text
     schema = json.dumps(answer_schema(brief), separators=(",", ":"))
     assert schema in text
-    assert schema not in words(PromptComposer().compose(brief, [PICTURE], schema=False))  # the model gets it otherwise
+    assert schema not in words(
+        PromptComposer().compose(brief, [PICTURE], schema=False)
+    )  # the model gets it otherwise
 
 
 def test_elites_are_shown() -> None:
@@ -173,27 +238,51 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     plain = prompt(elites=ELITES)
     assert "judged by" not in plain
     assert "`details`" not in plain
-    trials = (Trial(Where("Task", "one", 0, 1), reward=0.5), Trial(Where("Task", "one", 0, 2), reward=0.524690))
+    trials = (
+        Trial(Where("Task", "one", 0, 1), reward=0.5),
+        Trial(Where("Task", "one", 0, 2), reward=0.524690),
+    )
     score = Score(ELITES[0].reward, {"cost": float("nan")})
     elites = (replace(ELITES[0], trials=trials, score=score), ELITES[1])
-    text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites)))
+    text = words(
+        PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(
+            make_brief(elites=elites)
+        )
+    )
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
     _, _, (first, second) = elites_in(text)
     engine = {"mean": 0.5123, "std": 0.0123, "rewards": [0.5, 0.5247]}
     lines = ["0.500 in one layout 0 change 1", "0.525 in one layout 0 change 2"]
-    assert first["details"] == {"trials": lines, "engines": {"one": engine}, "cost": None}
+    assert first["details"] == {
+        "trials": lines,
+        "engines": {"one": engine},
+        "cost": None,
+    }
     assert "details" not in second
     assert "`details` holds what a reward was combined from" in text
 
 
-def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_change_a_little() -> None:
+def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_change_a_little() -> (
+    None
+):
     for reward in (0.5, 0.999):
         elites = (make_elite(0, reward), make_elite(1, 0.4))
-        text = " ".join(words(PromptComposer(judged="In two layouts.").compose(make_brief(elites=elites))).split())
-        assert "count as equal: of them, where no further trials decide, the pair with the shortest way" in text
+        text = " ".join(
+            words(
+                PromptComposer(judged="In two layouts.").compose(
+                    make_brief(elites=elites)
+                )
+            ).split()
+        )
+        assert (
+            "count as equal: of them, where no further trials decide, the pair with the shortest way"
+            in text
+        )
         assert ("what is left to gain is room to spare" in text) == (reward > 0.99)
         assert ("leaves the elites little room to spare" in text) == (reward > 0.99)
-        assert ("change some numbers a little, of one component or of several" in text) == (reward > 0.99)
+        assert (
+            "change some numbers a little, of one component or of several" in text
+        ) == (reward > 0.99)
         assert "only distance" not in text
     assert "further trials" not in prompt(elites=ELITES)
 
@@ -213,10 +302,18 @@ FIGURES = {
 @pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
 def test_feedback(feedback: str) -> None:
     plan = np.array([[0.5, 0.0, 0.123456, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]])
-    elite = tried_once(replace(ELITES[0].candidate, plan=plan), "ok", ELITES[0].reward, **FIGURES)
-    pictures = {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")} if feedback == "full" else {}
+    elite = tried_once(
+        replace(ELITES[0].candidate, plan=plan), "ok", ELITES[0].reward, **FIGURES
+    )
+    pictures = (
+        {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")}
+        if feedback == "full"
+        else {}
+    )
     prompts = PromptComposer(PromptSettings(feedback=feedback))
-    messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), [PICTURE], pictures)
+    messages = prompts.compose(
+        make_brief(elites=(elite, ELITES[1])), [PICTURE], pictures
+    )
     text = words(messages)
     _, listed, (first, second) = elites_in(text)
     shown = {
@@ -228,29 +325,42 @@ def test_feedback(feedback: str) -> None:
         "lag_rad": 0.02,
         "warnings": ["it fell"],
     }
-    assert {key: first.get(key) for key in shown} == (shown if feedback != "paper" else dict.fromkeys(shown))
+    assert {key: first.get(key) for key in shown} == (
+        shown if feedback != "paper" else dict.fromkeys(shown)
+    )
     assert second.get("distance_m") is None  # nan
-    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in listed) == (feedback != "paper")  # one line per waypoint
+    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in listed) == (
+        feedback != "paper"
+    )  # one line per waypoint
     assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
     for name in shown:
         assert (f"`{name}`" in text) == (feedback != "paper")
     assert ("A film strip follows" in text) == (feedback == "full")
     *_, last = messages[-1].parts
     if feedback == "full":
-        label = Text("Film strip of an elite, g0-a0-s0-p0: six instants of its motion, in reading order:\n\n")
+        label = Text(
+            "Film strip of an elite, g0-a0-s0-p0: six instants of its motion, in reading order:\n\n"
+        )
         assert messages[-1].parts[-3:] == (PICTURE, label, pictures["g0-a0-s0-p0"])
     else:
         assert last == PICTURE
 
 
 def test_unknown_feedback_is_an_error() -> None:
-    with pytest.raises(UsageError, match=r"no feedback 'ful' in prompt.feedback \(did you mean 'full'\?\)"):
+    with pytest.raises(
+        UsageError,
+        match=r"no feedback 'ful' in prompt.feedback \(did you mean 'full'\?\)",
+    ):
         PromptComposer(PromptSettings(feedback="ful"))
 
 
 class GivenBar(Bar):
     def given(self, task: Task) -> Tool:
-        return Tool((Component("bar", RIGID_MOUNT, Pose(), Box((0.01, 0.01, 0.2))),), name="bar", description="it is")
+        return Tool(
+            (Component("bar", RIGID_MOUNT, Pose(), Box((0.01, 0.01, 0.2))),),
+            name="bar",
+            description="it is",
+        )
 
     def schema(self) -> dict[str, Any]:
         return {}
@@ -267,7 +377,10 @@ def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
     assert "## The best plans so far" in later
     assert '"action_plan"' in later
     assert "`parents`" in later
-    assert "parents" in answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
+    assert (
+        "parents"
+        in answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
+    )
 
 
 # --- a person's idea --------------------------------------------------------------------------------------------
@@ -281,10 +394,17 @@ def idea(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "brief", [make_brief(), make_brief(elites=ELITES), make_brief(representation=GivenBar(), n_tool=1)]
+    "brief",
+    [
+        make_brief(),
+        make_brief(elites=ELITES),
+        make_brief(representation=GivenBar(), n_tool=1),
+    ],
 )
 def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
-    text = words(PromptComposer(settings_of("human", f"prompt.file={idea}")).compose(brief))
+    text = words(
+        PromptComposer(settings_of("human", f"prompt.file={idea}")).compose(brief)
+    )
     assert text.count("```text\nTake a broom {{ brief }}.\n```") == 1
     assert "# The colleague's instructions" in text
     assert "wide range" not in text
@@ -304,8 +424,12 @@ def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
         (b"x" * 60_000, "has 60000 characters; at most 50000"),
     ],
 )
-def test_files_that_hold_no_idea(tmp_path: Path, content: bytes | None, reason: str) -> None:
-    file = tmp_path / "idea.md" if reason != "can't be read: Is a directory" else tmp_path
+def test_files_that_hold_no_idea(
+    tmp_path: Path, content: bytes | None, reason: str
+) -> None:
+    file = (
+        tmp_path / "idea.md" if reason != "can't be read: Is a directory" else tmp_path
+    )
     if content is not None:
         file.write_bytes(content)
     with pytest.raises(UserError, match=reason) as error:
@@ -317,7 +441,9 @@ def test_files_that_hold_no_idea(tmp_path: Path, content: bytes | None, reason: 
 def test_evolution_alone_needs_elites() -> None:
     prompts = PromptComposer(settings_of("evolve"))
     assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES)))
-    with pytest.raises(UserError, match="this prompt evolves elites, and there are none"):
+    with pytest.raises(
+        UserError, match="this prompt evolves elites, and there are none"
+    ):
         prompts.compose(make_brief())
 
 
@@ -327,7 +453,9 @@ def test_evolution_alone_needs_elites() -> None:
 def test_a_repair_shows_the_reply_and_its_problem() -> None:
     brief = make_brief()
     first = Request("g0-a0", brief, PromptComposer().compose(brief, [PICTURE]), {}, 1.0)
-    messages = PromptComposer().repair(first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}")
+    messages = PromptComposer().repair(
+        first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}"
+    )
     assert messages[:2] == first.messages
     assert [m.role for m in messages[2:]] == ["assistant", "user"]
     assert messages[2].parts == (Text("I {{ think }}"),)
@@ -341,9 +469,15 @@ def test_a_repair_shows_the_reply_and_its_problem() -> None:
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
-    same = words(PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),))))
+    same = words(
+        PromptComposer().compose(
+            make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),))
+        )
+    )
     other = words(
-        PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=not gripper),)))
+        PromptComposer().compose(
+            make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=not gripper),))
+        )
     )
     assert "of the other kind" not in same
     assert f"`gripper` is {json.dumps(not gripper)}, it is of the other kind" in other
@@ -376,11 +510,19 @@ def settings_of(name: str, *overrides: str) -> PromptSettings:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(FOLDER, tmp_path / "mine", ignore=shutil.ignore_patterns("*.py", "__pycache__")))
+    return Path(
+        shutil.copytree(
+            FOLDER,
+            tmp_path / "mine",
+            ignore=shutil.ignore_patterns("*.py", "__pycache__"),
+        )
+    )
 
 
 def test_another_folder(folder: Path) -> None:
-    (folder / "units.md.j2").write_text("# Units\nInches, for {{ task.name }}.\n", encoding="utf-8")
+    (folder / "units.md.j2").write_text(
+        "# Units\nInches, for {{ task.name }}.\n", encoding="utf-8"
+    )
     assert "Inches, for PushCube." in words(from_folder(folder).compose(make_brief()))
 
 
@@ -388,11 +530,16 @@ def test_another_folder(folder: Path) -> None:
     ("text", "said"),
     [
         ("# Units\n{% if %}", r"units\.md\.j2, line 2: "),
-        ("{{ brif.n_tool }}", r"units\.md\.j2: 'brif' is undefined; a template may use: action_rules, arm, bare, "),
+        (
+            "{{ brif.n_tool }}",
+            r"units\.md\.j2: 'brif' is undefined; a template may use: action_rules, arm, bare, ",
+        ),
         ("{{ brief.__class__.__mro__ }}", r"units\.md\.j2: .*unsafe"),
     ],
 )
-def test_a_template_that_cannot_be_used_is_an_error(folder: Path, text: str, said: str) -> None:
+def test_a_template_that_cannot_be_used_is_an_error(
+    folder: Path, text: str, said: str
+) -> None:
     (folder / "units.md.j2").write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=said) as error:
         from_folder(folder).compose(make_brief())
@@ -401,10 +548,15 @@ def test_a_template_that_cannot_be_used_is_an_error(folder: Path, text: str, sai
 
 def test_what_is_missing_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").rename(folder / "unit.md.j2")
-    with pytest.raises(UserError, match=r"no prompt template 'units\.md\.j2' .*did you mean 'unit\.md\.j2'") as error:
+    with pytest.raises(
+        UserError,
+        match=r"no prompt template 'units\.md\.j2' .*did you mean 'unit\.md\.j2'",
+    ) as error:
         from_folder(folder)
     assert "\n" not in str(error.value)
-    with pytest.raises(UserError, match=r"no prompt folder .*nowhere; name a folder of templates"):
+    with pytest.raises(
+        UserError, match=r"no prompt folder .*nowhere; name a folder of templates"
+    ):
         from_folder(folder / "nowhere")
 
 
@@ -431,7 +583,12 @@ def test_schema_counts(gripper: bool, numbers: int) -> None:
     plan = plans["items"]
     assert plan["minItems"] == 1
     assert "maxItems" not in plan
-    assert plan["items"] == {"type": "array", "items": {"type": "number"}, "minItems": numbers, "maxItems": numbers}
+    assert plan["items"] == {
+        "type": "array",
+        "items": {"type": "number"},
+        "minItems": numbers,
+        "maxItems": numbers,
+    }
     assert fields["gripper"] == {"type": "boolean", "enum": [gripper]}
     assert fields["xml"] == {"type": "string", "description": "the bar"}
     assert "parents" not in fields
@@ -450,9 +607,16 @@ def test_schema_is_closed_and_complete(elites: tuple[Evaluation, ...]) -> None:
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_offspring_name_their_parents(count: int) -> None:
-    strategy = answer_schema(make_brief(elites=ELITES[:count]))["properties"]["strategies"]["items"]
+    strategy = answer_schema(make_brief(elites=ELITES[:count]))["properties"][
+        "strategies"
+    ]["items"]
     ids = ["g0-a0-s0-p0", "g0-a0-s1-p0"][:count]
-    parents = {"type": "array", "items": {"type": "string", "enum": ids}, "minItems": 1, "maxItems": count}
+    parents = {
+        "type": "array",
+        "items": {"type": "string", "enum": ids},
+        "minItems": 1,
+        "maxItems": count,
+    }
     assert strategy["properties"]["parents"] == parents
 
 
@@ -474,14 +638,26 @@ def for_robot(robot: Robot, **changes: Any) -> Brief:
     return make_brief(task=task, **changes)
 
 
-@pytest.mark.parametrize("robot", [PANDA, replace(UR5, flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))])
+@pytest.mark.parametrize(
+    "robot",
+    [PANDA, replace(UR5, flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))],
+)
 @pytest.mark.parametrize("gripper", [False, True])
 def test_the_example_of_a_tool_can_be_used(robot: Robot, gripper: bool) -> None:
     if gripper and robot.gripper is None:
         return
-    brief = for_robot(robot, gripper=gripper, representation=installed().create("tool", "urdf", robot=robot))
-    example = brief.representation.instructions(brief).partition("Example of one link and its joint:\n")[2]
+    brief = for_robot(
+        robot,
+        gripper=gripper,
+        representation=installed().create("tool", "urdf", robot=robot),
+    )
+    example = brief.representation.instructions(brief).partition(
+        "Example of one link and its joint:\n"
+    )[2]
     tool = brief.representation.parse({"tool_urdf": example}, gripper=gripper)
     check_tool(tool, robot)
     SpawnRules(brief.task, 0).check(tool)
-    assert "mm diameter and 4 mm thickness" in brief.representation.instructions(brief) or robot is PANDA
+    assert (
+        "mm diameter and 4 mm thickness" in brief.representation.instructions(brief)
+        or robot is PANDA
+    )

@@ -14,14 +14,29 @@ from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import MAX_COMPONENTS
 from core.plugins import installed
 from tests.conftest import FUZZ_CASES
-from tests.hostile import REPLIES, ROD, TOOLS, boxes, bring_cube, frames, reply, reply_of, sound, tool_reply
+from tests.hostile import (
+    REPLIES,
+    ROD,
+    TOOLS,
+    boxes,
+    bring_cube,
+    frames,
+    reply,
+    reply_of,
+    sound,
+    tool_reply,
+)
 from tests.soundness import check_candidate
 
 pytestmark = pytest.mark.slow
 
 URDF = installed().create("tool", "urdf")
 LIMITS = {"workers": 1, "timeout_s": 60.0, "memory_mb": 1024}
-HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them is dropped, what is left is sound
+HARMLESS = {
+    "texture",
+    "stylesheet",
+    "million plans",
+}  # what is hostile in them is dropped, what is left is sound
 
 
 def reading(text):
@@ -52,7 +67,9 @@ def pool(tmp_path_factory):
         assert list(Path.cwd().iterdir()) == []
 
 
-@pytest.mark.parametrize("name", [*(f"tool: {key}" for key in TOOLS), *(f"reply: {key}" for key in REPLIES)])
+@pytest.mark.parametrize(
+    "name", [*(f"tool: {key}" for key in TOOLS), *(f"reply: {key}" for key in REPLIES)]
+)
 def test_is_refused_with_a_reason(pool, name):
     ((_, found),) = pool.map(problems, [[name]])
     assert not isinstance(found, Exception), found
@@ -81,7 +98,9 @@ def test_the_worst_tools_are_read_in_two_seconds(text):
     reading(reply_of(sound()))
     began = time.process_time()
     reading(reply_of(sound(tool_urdf=text)))
-    assert time.process_time() - began < 3 * 2.0  # on a machine three times as slow as any of this decade
+    assert (
+        time.process_time() - began < 3 * 2.0
+    )  # on a machine three times as slow as any of this decade
 
 
 @pytest.mark.thorough
@@ -117,7 +136,9 @@ def test_references_are_dropped(name):
 def test_names_reach_no_path():
     """Valid names of links hold no path separator."""
     for name in ("..", ".", "-rf", "a" * 64):
-        tool = URDF.parse(sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False)
+        tool = URDF.parse(
+            sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False
+        )
         assert tool.components[0].name == name
     with pytest.raises(DesignError):
         URDF.parse(sound(tool_urdf=ROD.replace('"rod"', '"a/b"')), gripper=False)
@@ -125,7 +146,9 @@ def test_names_reach_no_path():
 
 # --- random ones ------------------------------------------------------------------------------------------------
 
-fuzz = settings(max_examples=FUZZ_CASES, suppress_health_check=list(HealthCheck), print_blob=True)
+fuzz = settings(
+    max_examples=FUZZ_CASES, suppress_health_check=list(HealthCheck), print_blob=True
+)
 
 WORDS = (
     "rod|b|panda_virtual|panda_link7||fixed|0.02 0.02 0.1|0 0 -0.055|nan|1e9|-1|../x|0 0 0|0.1|1e-9 1 1|\x1b[2J|&amp;|"
@@ -137,7 +160,11 @@ TAGS = (
 )
 words, tags = st.sampled_from(WORDS.split("|")), st.sampled_from(TAGS.split())
 attributes = st.dictionaries(
-    st.sampled_from(["name", "type", "link", "size", "xyz", "rpy", "value", "rgba", "filename"]), words, max_size=3
+    st.sampled_from(
+        ["name", "type", "link", "size", "xyz", "rpy", "value", "rgba", "filename"]
+    ),
+    words,
+    max_size=3,
 )
 
 
@@ -149,7 +176,9 @@ def element(children):
     return st.builds(written, tags, attributes, st.lists(children, max_size=4))
 
 
-xml = st.recursive(st.one_of(words, st.builds("<{}/>".format, tags)), element, max_leaves=12)
+xml = st.recursive(
+    st.one_of(words, st.builds("<{}/>".format, tags)), element, max_leaves=12
+)
 
 
 @st.composite
@@ -160,8 +189,25 @@ def urdf(draw):
     for _ in range(draw(st.sampled_from([0, 0, 1, 2, 4]))):
         at = draw(st.integers(0, len(text)))
         end = draw(st.integers(at, min(len(text), at + 30)))
-        text = text[:at] + draw(st.one_of(words, xml, st.text(max_size=5), st.just(text[at:end] * 2))) + text[end:]
-    old = draw(st.sampled_from(["0.02 0.02 0.1", "rod", "panda_virtual", "0 0 -0.055", 'value="0.02"', "fixed"]))
+        text = (
+            text[:at]
+            + draw(
+                st.one_of(words, xml, st.text(max_size=5), st.just(text[at:end] * 2))
+            )
+            + text[end:]
+        )
+    old = draw(
+        st.sampled_from(
+            [
+                "0.02 0.02 0.1",
+                "rod",
+                "panda_virtual",
+                "0 0 -0.055",
+                'value="0.02"',
+                "fixed",
+            ]
+        )
+    )
     return text.replace(old, draw(words)) if draw(st.booleans()) else text
 
 
@@ -183,21 +229,33 @@ def test_any_tool_is_sound_or_refused():
     assert sound_ones >= FUZZ_CASES // 50  # one in ten is
 
 
-numbers = st.one_of(st.floats(), st.integers(), st.floats(-1, 1), st.sampled_from(["0.5", "NaN", "1e999", None, True]))
+numbers = st.one_of(
+    st.floats(),
+    st.integers(),
+    st.floats(-1, 1),
+    st.sampled_from(["0.5", "NaN", "1e999", None, True]),
+)
 waypoints = st.lists(st.one_of(numbers, st.floats(0.3, 0.6)), min_size=5, max_size=8)
 anything = st.recursive(
     st.one_of(st.none(), st.booleans(), numbers, st.text(max_size=20)),
-    lambda inside: st.one_of(st.lists(inside, max_size=4), st.dictionaries(st.text(max_size=9), inside, max_size=4)),
+    lambda inside: st.one_of(
+        st.lists(inside, max_size=4),
+        st.dictionaries(st.text(max_size=9), inside, max_size=4),
+    ),
     max_leaves=8,
 )
 strategies = st.builds(
-    lambda changes, dropped: {k: v for k, v in sound(**changes).items() if k not in dropped},
+    lambda changes, dropped: {
+        k: v for k, v in sound(**changes).items() if k not in dropped
+    },
     st.fixed_dictionaries(
         {},
         optional={
             "gripper": st.one_of(st.booleans(), anything),
             "tool_urdf": st.one_of(st.just(ROD), urdf(), anything),
-            "action_sets": st.one_of(st.lists(st.lists(waypoints, max_size=3), max_size=3), anything),
+            "action_sets": st.one_of(
+                st.lists(st.lists(waypoints, max_size=3), max_size=3), anything
+            ),
             "strategy_name": st.one_of(st.text(), anything),
             "tool_description": st.one_of(st.text(), anything),
             "parents": anything,
@@ -218,10 +276,18 @@ def replies(draw):
         end = draw(st.integers(at, min(len(text), at + 20)))
         text = (
             text[:at]
-            + draw(st.sampled_from(["", "{", "}", "[", "]", '"', ",", "//", "/*", "\\", "\ud800"]))
+            + draw(
+                st.sampled_from(
+                    ["", "{", "}", "[", "]", '"', ",", "//", "/*", "\\", "\ud800"]
+                )
+            )
             + text[end:]
         )
-    return text[: draw(st.integers(0, len(text)))] if draw(st.sampled_from([False, False, True])) else text
+    return (
+        text[: draw(st.integers(0, len(text)))]
+        if draw(st.sampled_from([False, False, True]))
+        else text
+    )
 
 
 def test_any_reply_gives_sound_candidates_or_a_reason():

@@ -40,23 +40,37 @@ def test_all_bodies_and_marks_are_seen_where_they_are():
 def test_noise_is_as_large_as_asked_and_repeats():
     draws = []
     for seed in range(300):
-        seen, exact = (look(TASK, seed, noise).poses["cube"] for noise in (Perception(0.005, 0.05), Perception()))
+        seen, exact = (
+            look(TASK, seed, noise).poses["cube"]
+            for noise in (Perception(0.005, 0.05), Perception())
+        )
         yaw = (exact.rotation.inv() * seen.rotation).as_rotvec()[2]
         draws.append([*(seen.position - exact.position), yaw])
     spread = np.std(draws, axis=0)
     np.testing.assert_allclose(spread, [0.005, 0.005, 0.0, 0.05], rtol=0.15)
     again = look(TASK, 7, Perception(0.005, 0.05)).poses["cube"]
-    np.testing.assert_array_equal(again.position, look(TASK, 7, Perception(0.005, 0.05)).poses["cube"].position)
+    np.testing.assert_array_equal(
+        again.position, look(TASK, 7, Perception(0.005, 0.05)).poses["cube"].position
+    )
 
 
-@pytest.mark.parametrize("wrong", [{"position": -0.1}, {"yaw": 2.0}, {"position": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong", [{"position": -0.1}, {"yaw": 2.0}, {"position": float("nan")}]
+)
 def test_noise_that_cannot_be(wrong):
-    with pytest.raises(UsageError, match=f"rollout.perception.{next(iter(wrong))} must be between 0 and 1"):
+    with pytest.raises(
+        UsageError,
+        match=f"rollout.perception.{next(iter(wrong))} must be between 0 and 1",
+    ):
         Perception(**wrong)
 
 
 def test_a_plan_is_resolved_against_what_is_seen():
-    plan = Plan(lambda seen: Waypoints(POSES + np.array([*seen.poses["cube"].position, 0, 0, 0]) * 0.1))
+    plan = Plan(
+        lambda seen: Waypoints(
+            POSES + np.array([*seen.poses["cube"].position, 0, 0, 0]) * 0.1
+        )
+    )
     assert resolve(plan, TASK, 0, RolloutSettings()).poses[0, 0] > 0.5
     literal = Waypoints(POSES)
     assert resolve(literal, TASK, 0, RolloutSettings()) is literal
@@ -79,18 +93,33 @@ def test_a_plan_that_means_nothing_here_is_a_design_error(meant, problem):
 
 
 def paced(**given):
-    tempo = {"seconds": np.full(2, np.nan), "speeds": np.full(2, np.nan), "waits": np.zeros(2)}
-    return Waypoints(np.vstack([POSES, POSES]), Tempo(through=np.zeros(2, bool), **tempo | given))
+    tempo = {
+        "seconds": np.full(2, np.nan),
+        "speeds": np.full(2, np.nan),
+        "waits": np.zeros(2),
+    }
+    return Waypoints(
+        np.vstack([POSES, POSES]), Tempo(through=np.zeros(2, bool), **tempo | given)
+    )
 
 
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        ({"speeds": np.array([np.nan, 1e-6])}, "waypoint 2: a speed of 1e-06 is too small; give 0.001 or more"),
-        ({"seconds": np.array([5e-324, np.nan])}, "waypoint 1: a time of .*e-324 is too small"),
+        (
+            {"speeds": np.array([np.nan, 1e-6])},
+            "waypoint 2: a speed of 1e-06 is too small; give 0.001 or more",
+        ),
+        (
+            {"seconds": np.array([5e-324, np.nan])},
+            "waypoint 1: a time of .*e-324 is too small",
+        ),
         ({"seconds": np.array([60.0, 61.0])}, "the plan asks for 121 s; at most 120 s"),
         ({"waits": np.array([60.0, 61.0])}, "the plan asks for 121 s"),
-        ({"speeds": np.array([0.001, np.nan]), "waits": np.array([21.0, 0.0])}, "the plan asks for 121 s"),
+        (
+            {"speeds": np.array([0.001, np.nan]), "waits": np.array([21.0, 0.0])},
+            "the plan asks for 121 s",
+        ),
     ],
 )
 def test_a_tempo_that_costs_too_much_is_refused_before_it_is_planned(given, problem):

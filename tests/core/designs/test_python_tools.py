@@ -17,7 +17,17 @@ from tests.panda import on_panda
 
 
 def rod(z=-0.1, mass=0.005, length=0.2):
-    return Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, z)), Box((0.02, 0.02, length)), mass),))
+    return Tool(
+        (
+            Component(
+                "rod",
+                "tool_mount",
+                Pose.xyz_rpy((0, 0, z)),
+                Box((0.02, 0.02, length)),
+                mass,
+            ),
+        )
+    )
 
 
 class Given(GivenTools):
@@ -42,10 +52,14 @@ def play(tmp_path, monkeypatch):
     """Run with toys and with one part of a package."""
 
     def play(kind, part, *words):
-        offers = toys.offered() | {(kind, "mine"): Offer(kind, "mine", "shoddy", "shoddy-parts", part)}
+        offers = toys.offered() | {
+            (kind, "mine"): Offer(kind, "mine", "shoddy", "shoddy-parts", part)
+        }
         for key, offer in offers.items():
             monkeypatch.setitem(installed().offers, key, offer)
-        return run(toys.config(tmp_path / "notes", f"{kind}=mine", *words), tmp_path / "run")
+        return run(
+            toys.config(tmp_path / "notes", f"{kind}=mine", *words), tmp_path / "run"
+        )
 
     return play
 
@@ -53,7 +67,10 @@ def play(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("tool", "reason"),
     [
-        (rod(z=-0.4), "component 'rod' is 295.0 mm away from its mount 'tool_mount'; move or lengthen it"),
+        (
+            rod(z=-0.4),
+            "component 'rod' is 295.0 mm away from its mount 'tool_mount'; move or lengthen it",
+        ),
         (rod(mass=50.0), "component 'rod' weighs 50 kg"),
         ("a rod", "given returned \"'a rod'\"; expected a Tool or None"),
     ],
@@ -63,22 +80,33 @@ def test_a_given_tool_that_breaks_a_rule_ends_the_command(play, tmp_path, tool, 
     with pytest.raises(UserError) as error:
         play("tool", part)
     line = str(error.value)
-    assert line.startswith("tool 'mine' of shoddy-parts (hook 'tool_representations'): ")
+    assert line.startswith(
+        "tool 'mine' of shoddy-parts (hook 'tool_representations'): "
+    )
     assert reason in line
     assert "\n" not in line
     assert not (tmp_path / "run").exists()
     with pytest.raises(UserError, match=r"expected a Tool|breaks a rule"):
-        read_designs({"strategies": [{"action_sets": [[]]}]}, part(), on_panda(BringCube()))
+        read_designs(
+            {"strategies": [{"action_sets": [[]]}]}, part(), on_panda(BringCube())
+        )
 
 
 def test_a_given_tool_that_starts_inside_something_is_rejected_where_it_is_tried(play):
     part = type("Mine", (Given,), {"tool": rod(z=-0.35, length=0.7)})
     result = play("tool", part)
-    tried = [e for generation in result.generations for e in generation.evaluations if e.trials]
+    tried = [
+        e
+        for generation in result.generations
+        for e in generation.evaluations
+        if e.trials
+    ]
     assert len(tried) > 5
     assert {(e.status, e.reward) for e in tried} == {("rejected", 0.0)}
     assert {e.reason for e in tried} == {tried[0].reason}
-    assert tried[0].reason.startswith("component 'rod' starts 200.0 mm inside 'table' of the scene")
+    assert tried[0].reason.startswith(
+        "component 'rod' starts 200.0 mm inside 'table' of the scene"
+    )
 
 
 def test_given_tools_that_keep_the_rules_are_given():

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import strategies as st
 
 from core.design import Component, DesignError, Tool
-from core.designs.reading import MAX_SAVED, dump_design, load_designs, load_tool, parse_reply, read_designs
+from core.designs.reading import (
+    MAX_SAVED,
+    dump_design,
+    load_designs,
+    load_tool,
+    parse_reply,
+    read_designs,
+)
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import ToolRepresentation
@@ -36,15 +43,27 @@ class Rod(ToolRepresentation):
     def parse(self, data, *, gripper):
         self.parsed += 1
         length = data.get("length")
-        if isinstance(length, bool) or not isinstance(length, int | float) or not 0 < length < 10:
+        if (
+            isinstance(length, bool)
+            or not isinstance(length, int | float)
+            or not 0 < length < 10
+        ):
             raise DesignError("length must be a number between 0 and 10")
         if gripper:
             rods = ("left_finger", 1), ("right_finger", -1)
-            return Tool(tuple(self._rod(m, length, (0, y * 0.0075, 0.05 + length / 2)) for m, y in rods), gripper=True)
+            return Tool(
+                tuple(
+                    self._rod(m, length, (0, y * 0.0075, 0.05 + length / 2))
+                    for m, y in rods
+                ),
+                gripper=True,
+            )
         return Tool((self._rod("tool_mount", length, (0, 0, -length / 2)),))
 
     def _rod(self, mount, length, at):
-        return Component(f"rod_{mount[0]}", mount, Pose.xyz_rpy(at), Box((0.01, 0.01, length)))
+        return Component(
+            f"rod_{mount[0]}", mount, Pose.xyz_rpy(at), Box((0.01, 0.01, length))
+        )
 
     def dump(self, tool):
         return {"length": tool.components[0].shape.size[2]}
@@ -75,7 +94,9 @@ def without(field):
 def test_parents_are_kept_if_they_are_elites():
     named = ["g0-a0-s0-p1", "g9-a9-s9-p9", 7, {"id": "g0-a1-s0-p0"}]
     first, second = read(
-        {**STRATEGY, "parents": named}, {**STRATEGY, "parents": "g0-a0-s0-p1"}, elites=("g0-a1-s0-p0", "g0-a0-s0-p1")
+        {**STRATEGY, "parents": named},
+        {**STRATEGY, "parents": "g0-a0-s0-p1"},
+        elites=("g0-a1-s0-p0", "g0-a0-s0-p1"),
     )[::2]
     assert first.parents == ("g0-a0-s0-p1",)
     assert second.parents == ()
@@ -83,15 +104,27 @@ def test_parents_are_kept_if_they_are_elites():
 
 def test_one_candidate_per_action_plan():
     rods = Rod()
-    document = {"scene_analysis": "ignored", "strategies": [STRATEGY, {**STRATEGY, "extra": 1}]}
+    document = {
+        "scene_analysis": "ignored",
+        "strategies": [STRATEGY, {**STRATEGY, "extra": 1}],
+    }
     candidates = read_designs(document, rods, TASK, generation=2, agent=3)
-    assert [c.id for c in candidates] == ["g2-a3-s0-p0", "g2-a3-s0-p1", "g2-a3-s1-p0", "g2-a3-s1-p1"]
+    assert [c.id for c in candidates] == [
+        "g2-a3-s0-p0",
+        "g2-a3-s0-p1",
+        "g2-a3-s1-p0",
+        "g2-a3-s1-p1",
+    ]
     assert all(c.problem is None and c.parents == () for c in candidates)
     assert rods.parsed == 2
     first, second, third, _ = candidates
     assert first.tool is second.tool is not third.tool
     assert (first.tool.name, first.tool.description) == ("rod", "A rod.")
-    described = first.strategy_name, first.strategy_description, first.action_description
+    described = (
+        first.strategy_name,
+        first.strategy_description,
+        first.action_description,
+    )
     assert described == ("poke", "Poke it.", "Forward.")
     np.testing.assert_array_equal(first.plan.poses, PLAN)
     assert second.plan.poses.shape == (1, 6)
@@ -104,7 +137,9 @@ def test_only_the_tool_and_the_plans_are_required():
 
 
 def test_gripper_designs():
-    (candidate,) = read({**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]})
+    (candidate,) = read(
+        {**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]}
+    )
     assert candidate.problem is None
     assert candidate.tool.gripper
     assert candidate.plan.poses.shape == (2, 7)
@@ -140,9 +175,14 @@ def test_whether_a_tool_starts_clear_is_asked_where_it_is_tried():
 
 
 def test_a_fault_of_a_plan_is_its_own():
-    good, bad, other = read({**STRATEGY, "action_sets": [PLAN, [PLAN[0], OPEN[0]], PLAN]})
+    good, bad, other = read(
+        {**STRATEGY, "action_sets": [PLAN, [PLAN[0], OPEN[0]], PLAN]}
+    )
     assert good.problem is other.problem is None
-    assert bad.problem == "action plan 2: waypoint 2 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw"
+    assert (
+        bad.problem
+        == "action plan 2: waypoint 2 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw"
+    )
     assert bad.plan.poses.shape == (0, 6)
     assert bad.tool is good.tool
 
@@ -193,10 +233,14 @@ def test_a_document_without_strategies(document, reason):
 
 
 def test_texts_are_cleaned():
-    (candidate,) = read({**STRATEGY, "tool_name": "a\x1b[31m\nb\u202e\ud800", "action_sets": [PLAN]})
+    (candidate,) = read(
+        {**STRATEGY, "tool_name": "a\x1b[31m\nb\u202e\ud800", "action_sets": [PLAN]}
+    )
     assert candidate.tool.name == "a[31m b"
     assert clean("x" * 300, 200) == "x" * 197 + "..."
-    (candidate,) = read({**STRATEGY, "strategy_description": "y" * 10_000, "action_sets": [PLAN]})
+    (candidate,) = read(
+        {**STRATEGY, "strategy_description": "y" * 10_000, "action_sets": [PLAN]}
+    )
     assert len(candidate.strategy_description) == 5000
 
 
@@ -209,16 +253,23 @@ json_values = st.recursive(
     | st.just(PLAN[0])
     | st.just(10**400),
     lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from([*STRATEGY, "gripper"]), inner, max_size=5)
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.sampled_from([*STRATEGY, "gripper"]), inner, max_size=5)
     ),
     max_leaves=20,
 )
-strategies = st.fixed_dictionaries({}, optional={name: json_values | st.just(v) for name, v in STRATEGY.items()})
+strategies = st.fixed_dictionaries(
+    {}, optional={name: json_values | st.just(v) for name, v in STRATEGY.items()}
+)
 
 
 # --- replies ----------------------------------------------------------------------------------------------------
 
-DOCUMENT = {"strategies": [{"tool_urdf": "<link name='{a}'>\n```json {\"</link>", "action_sets": [PLAN]}]}
+DOCUMENT = {
+    "strategies": [
+        {"tool_urdf": "<link name='{a}'>\n```json {\"</link>", "action_sets": [PLAN]}
+    ]
+}
 TEXT = json.dumps(DOCUMENT)
 
 
@@ -255,14 +306,23 @@ def test_malformed_json_is_located_at_its_outermost_object():
 
 
 def test_complete_strategies_of_a_reply_that_is_cut_off_are_kept():
-    whole = json.dumps({"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1)
-    candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), TASK)
+    whole = json.dumps(
+        {"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1
+    )
+    candidates = read_designs(
+        parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), TASK
+    )
     assert [c.problem is None for c in candidates] == [True] * 4 + [False]
-    assert re.search(r"cut off or malformed \(it begins at line \d+ of the reply\)", candidates[-1].problem)
+    assert re.search(
+        r"cut off or malformed \(it begins at line \d+ of the reply\)",
+        candidates[-1].problem,
+    )
 
 
 def test_strategies_after_a_malformed_one_are_kept():
-    first, *_ = whole = [json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)]
+    first, *_ = whole = [
+        json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)
+    ]
     broken = whole[1].replace("[[", "[[;", 1)
     text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
     candidates = read_designs(parse_reply(text), Rod(), TASK)
@@ -288,7 +348,9 @@ def test_comments_and_extra_commas_are_ignored(loose):
     assert parse_reply(tricky)["strategies"] == [
         {
             **DOCUMENT["strategies"][0],
-            "tool_urdf": DOCUMENT["strategies"][0]["tool_urdf"].replace("{a}", "{a},] /* // */"),
+            "tool_urdf": DOCUMENT["strategies"][0]["tool_urdf"].replace(
+                "{a}", "{a},] /* // */"
+            ),
         }
     ]
 
@@ -301,17 +363,26 @@ def test_numbers_may_be_strings():
     ]
     good, bad, far = read({**STRATEGY, "action_sets": plans})
     np.testing.assert_array_equal(good.plan.poses, [[0.5, 0, 0.4, -0.1, 0.5, 1.0]])
-    assert bad.problem == "action plan 2: waypoint 1: roll must be a number, not the text 'pi/2'"
+    assert (
+        bad.problem
+        == "action plan 2: waypoint 1: roll must be a number, not the text 'pi/2'"
+    )
     assert "a finite number is needed" in far.problem
 
 
 def test_no_more_designs_are_read_than_requested():
     rods = Rod()
     document = {
-        "strategies": [{**STRATEGY, "action_sets": [PLAN] * 5}, {**STRATEGY, "gripper": 1, "action_sets": [1] * 5}] * 3
+        "strategies": [
+            {**STRATEGY, "action_sets": [PLAN] * 5},
+            {**STRATEGY, "gripper": 1, "action_sets": [1] * 5},
+        ]
+        * 3
     }
     candidates = read_designs(document, rods, TASK, most=(2, 3))
-    assert [c.key[2:] for c in candidates] == [(s, p) for s in range(2) for p in range(3)]
+    assert [c.key[2:] for c in candidates] == [
+        (s, p) for s in range(2) for p in range(3)
+    ]
     assert rods.parsed == 1
 
 
@@ -322,7 +393,11 @@ HUGE = 20_000_000
     "endless",
     [
         *("x", "{", "[", '"', "9", "/*", ", ", '{"', '\\"', '{"a":'),
-        *('{"strategies": [', '{"strategies": [],', '{"strategies": [{"strategy_name": 1, '),
+        *(
+            '{"strategies": [',
+            '{"strategies": [],',
+            '{"strategies": [{"strategy_name": 1, ',
+        ),
     ],
 )
 @pytest.mark.parametrize("before", ["", '{"strategies": ['])
@@ -336,7 +411,11 @@ def test_twenty_megabytes_of_anything_are_read_or_refused(before, endless):
 
 
 @pytest.mark.parametrize(
-    ("inside", "reason"), [("9" * 5000, "too many digits"), ("[" * 100_000 + "]" * 100_000, "nested too deep")]
+    ("inside", "reason"),
+    [
+        ("9" * 5000, "too many digits"),
+        ("[" * 100_000 + "]" * 100_000, "nested too deep"),
+    ],
 )
 def test_json_that_breaks_parsers(inside, reason, tmp_path):
     text = f'{{"strategies": [{inside}]}}'
@@ -358,12 +437,17 @@ def test_designs_files_are_read(tmp_path):
 
 def test_a_tool_is_read_alone_whatever_rules_it_breaks(tmp_path):
     path = tmp_path / "designs.json"
-    path.write_text(json.dumps({"strategies": [{"length": 9.0}, {"length": 99.0}, "none"]}))
+    path.write_text(
+        json.dumps({"strategies": [{"length": 9.0}, {"length": 99.0}, "none"]})
+    )
     task = on_panda(CubeOnTable())
     assert load_tool(path, 0, Rod(), task).components[0].shape.size[2] == 9.0
     for number, reason in (
         (1, "the tool of strategy 1 can't be read: length must be"),
-        (2, "the tool of strategy 2 can't be read: it is the text 'none', not an object"),
+        (
+            2,
+            "the tool of strategy 2 can't be read: it is the text 'none', not an object",
+        ),
         (3, "has 3 strategies; there is no strategy=3"),
         (-1, "has 3 strategies; there is no strategy=-1"),
     ):
@@ -393,13 +477,18 @@ def test_files_that_hold_no_designs(tmp_path, content, reason):
 
 
 def test_files_that_are_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"designs file .*missing.json: there is no such file"):
+    with pytest.raises(
+        UserError, match=r"designs file .*missing.json: there is no such file"
+    ):
         load_designs(tmp_path / "missing.json")
     with pytest.raises(UserError, match="can't be read: Is a directory"):
         load_designs(tmp_path)
 
 
-@pytest.mark.parametrize("strategy", [STRATEGY, {**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]}])
+@pytest.mark.parametrize(
+    "strategy",
+    [STRATEGY, {**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]}],
+)
 def test_a_design_is_written_as_it_is_read(strategy):
     candidate = read(strategy)[0]
     written = json.loads(json.dumps(dump_design(candidate, Rod())))
@@ -407,7 +496,11 @@ def test_a_design_is_written_as_it_is_read(strategy):
     assert again.problem is None
     assert again.tool == candidate.tool
     np.testing.assert_array_equal(again.plan.poses, candidate.plan.poses)
-    assert written == {"gripper": False, **strategy, "action_sets": [strategy["action_sets"][0]]}
+    assert written == {
+        "gripper": False,
+        **strategy,
+        "action_sets": [strategy["action_sets"][0]],
+    }
 
 
 def test_a_design_without_a_tool_is_not_written():

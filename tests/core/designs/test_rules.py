@@ -23,7 +23,9 @@ class CubeOnTable(Task):
     goals = ()
 
     def __init__(self, *bodies):
-        cube = Body.of("cube", Box((0.07, 0.07, 0.07)), (0.8, 0, 0.035), mass=1, color=(1, 0, 0, 1))
+        cube = Body.of(
+            "cube", Box((0.07, 0.07, 0.07)), (0.8, 0, 0.035), mass=1, color=(1, 0, 0, 1)
+        )
         self._bodies = (table(), cube, *bodies)
 
     def scene(self, seed):
@@ -33,7 +35,15 @@ class CubeOnTable(Task):
         return np.zeros(start.positions.shape[:-2])
 
 
-def box(name="a", at=(0, 0, -0.05), size=(0.02, 0.02, 0.1), *, parent="tool_mount", mass=0.005, rpy=(0, 0, 0)):
+def box(
+    name="a",
+    at=(0, 0, -0.05),
+    size=(0.02, 0.02, 0.1),
+    *,
+    parent="tool_mount",
+    mass=0.005,
+    rpy=(0, 0, 0),
+):
     return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size), mass)
 
 
@@ -55,7 +65,9 @@ def test_names_that_a_prompt_could_not_hold_as_they_are(name):
 
 
 def test_a_sound_tool_passes():
-    check_tool(rigid(box(), box("b", (0.1, 0, -0.05), (0.2, 0.02, 0.02), parent="a")), PANDA)
+    check_tool(
+        rigid(box(), box("b", (0.1, 0, -0.05), (0.2, 0.02, 0.02), parent="a")), PANDA
+    )
 
 
 def test_number_of_components():
@@ -65,7 +77,9 @@ def test_number_of_components():
 
 
 def test_a_tool_has_components():
-    with pytest.raises(DesignError, match="no components; hang at least one from tool_mount"):
+    with pytest.raises(
+        DesignError, match="no components; hang at least one from tool_mount"
+    ):
         check_tool(Tool(), PANDA)
     with pytest.raises(DesignError, match="from left_finger or right_finger"):
         check_tool(Tool(gripper=True), PANDA)
@@ -73,24 +87,44 @@ def test_a_tool_has_components():
 
 @pytest.mark.parametrize(
     ("size", "reason"),
-    [((0.0004, 1, 1), "0.0004 m long in x"), ((1, 2.01, 1), "2.01 m long in y"), ((1, 1, 1e9), "1e.09 m long in z")],
+    [
+        ((0.0004, 1, 1), "0.0004 m long in x"),
+        ((1, 2.01, 1), "2.01 m long in y"),
+        ((1, 1, 1e9), "1e.09 m long in z"),
+    ],
 )
 def test_sides(size, reason):
-    with pytest.raises(DesignError, match=f"component 'a' is {reason}; each side must be between 0.0005 and 2 m"):
+    with pytest.raises(
+        DesignError,
+        match=f"component 'a' is {reason}; each side must be between 0.0005 and 2 m",
+    ):
         check_tool(rigid(box(size=size)), PANDA)
 
 
-@pytest.mark.parametrize("mass", [0.0, -0.1, 1.001, math.nan, math.inf, 5e-324, 1e-30, 1e-12, 9e-7])
+@pytest.mark.parametrize(
+    "mass", [0.0, -0.1, 1.001, math.nan, math.inf, 5e-324, 1e-30, 1e-12, 9e-7]
+)
 def test_masses(mass):
-    with pytest.raises(DesignError, match=r"component 'a' weighs .* kg; it must be between 1e-06 and 1 kg"):
+    with pytest.raises(
+        DesignError,
+        match=r"component 'a' weighs .* kg; it must be between 1e-06 and 1 kg",
+    ):
         check_tool(rigid(box(mass=mass)), PANDA)
 
 
 @pytest.mark.parametrize(
     ("size", "mass", "reason"),
     [
-        ((0.2, 0.2, 0.2), 0.005, "'a' is lighter than air: 0.005 kg in 0.008 m.3 is a density of 0.625 kg/m.3"),
-        ((0.01, 0.01, 0.01), 0.03, "'a' is denser than gold: 0.03 kg in 1e-06 m.3 is a density of 3e.04 kg/m.3"),
+        (
+            (0.2, 0.2, 0.2),
+            0.005,
+            "'a' is lighter than air: 0.005 kg in 0.008 m.3 is a density of 0.625 kg/m.3",
+        ),
+        (
+            (0.01, 0.01, 0.01),
+            0.03,
+            "'a' is denser than gold: 0.03 kg in 1e-06 m.3 is a density of 3e.04 kg/m.3",
+        ),
     ],
 )
 def test_density(size, mass, reason):
@@ -106,7 +140,10 @@ def test_extent():
         )
 
     check_tool(pole(1.99), PANDA)
-    with pytest.raises(DesignError, match=r"component 'b' reaches 2.01 m from tool_mount; a tool must end within"):
+    with pytest.raises(
+        DesignError,
+        match=r"component 'b' reaches 2.01 m from tool_mount; a tool must end within",
+    ):
         check_tool(pole(2.01), PANDA)
 
 
@@ -114,19 +151,36 @@ def bar(length, thickness, pieces=1, slope=0.0):
     """A bar that hangs from the flange, in one piece or many; each is turned against the one before, to and fro."""
     part, components = length / pieces, []
     for i in range(pieces):
-        turn = Pose.xyz_rpy((0, 0, 0), (slope * (i > 0) * (-1) ** i * (1 if i == 1 else 2), 0, 0))
-        pose = (Pose(np.array([0, 0, -part / 2])) if i else Pose()) @ turn @ Pose(np.array([0, 0, -part / 2]))
+        turn = Pose.xyz_rpy(
+            (0, 0, 0), (slope * (i > 0) * (-1) ** i * (1 if i == 1 else 2), 0, 0)
+        )
+        pose = (
+            (Pose(np.array([0, 0, -part / 2])) if i else Pose())
+            @ turn
+            @ Pose(np.array([0, 0, -part / 2]))
+        )
         size = Box((thickness, thickness, part))
-        components.append(Component(f"c{i}", f"c{i - 1}" if i else "tool_mount", pose, size, 0.05 / pieces))
+        components.append(
+            Component(
+                f"c{i}", f"c{i - 1}" if i else "tool_mount", pose, size, 0.05 / pieces
+            )
+        )
     return Tool(tuple(components))
 
 
-@pytest.mark.parametrize(("thickness", "longest"), [(0.005, 0.67), (0.003, 0.34), (0.01, 1.7)])
+@pytest.mark.parametrize(
+    ("thickness", "longest"), [(0.005, 0.67), (0.003, 0.34), (0.01, 1.7)]
+)
 @pytest.mark.parametrize("pieces", [1, 3, 20])
-def test_a_bar_of_any_number_of_pieces_is_as_stiff_as_beam_theory_says(thickness, longest, pieces):
+def test_a_bar_of_any_number_of_pieces_is_as_stiff_as_beam_theory_says(
+    thickness, longest, pieces
+):
     """4 L^3 / (E t^4) per newton for a square bar."""
     check_tool(bar(longest, thickness, pieces), PANDA)
-    with pytest.raises(DesignError, match=f"component 'c{pieces - 1}' is not rigid: even of steel, 1 N would"):
+    with pytest.raises(
+        DesignError,
+        match=f"component 'c{pieces - 1}' is not rigid: even of steel, 1 N would",
+    ):
         check_tool(bar(1.04 * longest, thickness, pieces), PANDA)
 
 
@@ -136,14 +190,20 @@ def test_a_gap_to_the_parent(rpy):
         return rigid(box(), box("b", (0, 0, -0.1 - gap), parent="a", rpy=rpy))
 
     check_tool(tool(0.0009), PANDA)
-    with pytest.raises(DesignError, match=r"component 'b' is 12.0 mm away from its parent 'a'"):
+    with pytest.raises(
+        DesignError, match=r"component 'b' is 12.0 mm away from its parent 'a'"
+    ):
         check_tool(tool(0.012), PANDA)
 
 
-@pytest.mark.parametrize(("mount", "outward"), [("left_finger", 1), ("right_finger", -1)])
+@pytest.mark.parametrize(
+    ("mount", "outward"), [("left_finger", 1), ("right_finger", -1)]
+)
 def test_a_gap_to_a_finger(mount, outward):
     def tool(z, y=0.0075):
-        return gripper(box(at=(0, outward * y, z), size=(0.02, 0.015, 0.04), parent=mount))
+        return gripper(
+            box(at=(0, outward * y, z), size=(0.02, 0.015, 0.04), parent=mount)
+        )
 
     check_tool(tool(0.0745), PANDA)
     with pytest.raises(DesignError, match=f"5.5 mm away from its mount '{mount}'"):
@@ -172,19 +232,34 @@ def test_plans_become_arrays():
         (3, "not a number"),
         ([], "has 0 waypoints; between 1 and 200"),
         ([WAYPOINT] * 201, "has 201 waypoints"),
-        ([[2.9 * (-1) ** i, 0, 0.5, 0, 0, 0] for i in range(200)], "is 1154 m and 0 rad long; at most 40 m or 200 rad"),
-        ([[*WAYPOINT[:3], 0, 0, 3.0 * (i % 2)] for i in range(199)], "is 0 m and 594 rad long"),
+        (
+            [[2.9 * (-1) ** i, 0, 0.5, 0, 0, 0] for i in range(200)],
+            "is 1154 m and 0 rad long; at most 40 m or 200 rad",
+        ),
+        (
+            [[*WAYPOINT[:3], 0, 0, 3.0 * (i % 2)] for i in range(199)],
+            "is 0 m and 594 rad long",
+        ),
         ([WAYPOINT, 5], "waypoint 2 must be a list of 6 numbers, not a number"),
-        ([WAYPOINT, WAYPOINT, [*WAYPOINT, 1]], "waypoint 3 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw$"),
+        (
+            [WAYPOINT, WAYPOINT, [*WAYPOINT, 1]],
+            "waypoint 3 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw$",
+        ),
         ([[]], "waypoint 1 has 0 numbers"),
         ([[True, *WAYPOINT[1:]]], "waypoint 1: x must be a number, not a boolean"),
-        ([[*WAYPOINT[:5], "0.1"]], "waypoint 1: yaw must be a number, not the text '0.1'"),
+        (
+            [[*WAYPOINT[:5], "0.1"]],
+            "waypoint 1: yaw must be a number, not the text '0.1'",
+        ),
         ([[*WAYPOINT[:5], [0]]], "yaw must be a number, not a list"),
         ([[*WAYPOINT[:3], math.nan, 0, 0]], "waypoint 1: roll is nan, a finite number"),
         ([[-math.inf, *WAYPOINT[1:]]], "x is -inf"),
         ([[10**400, *WAYPOINT[1:]]], "x is beyond 3 metres"),
         ([[*WAYPOINT[:4], -(10**400), 0]], "pitch is beyond 100 radians"),
-        ([[2, 2, 2, 0, 0, 0]], "waypoint 1 is 3.46 m from the world's origin; at most 3 m"),
+        (
+            [[2, 2, 2, 0, 0, 0]],
+            "waypoint 1 is 3.46 m from the world's origin; at most 3 m",
+        ),
         (np.zeros((2, 3)), "waypoint 1 has 3 numbers"),
         (np.zeros(6), "waypoint 1 must be a list"),
         (np.zeros((1, 6), dtype=complex), "x must be a number"),
@@ -197,7 +272,9 @@ def test_unusable_plans_get_a_reason(plan, reason):
 
 @pytest.mark.parametrize("value", [-0.01, 1.01, 10**400])
 def test_gripper_values(value):
-    with pytest.raises(DesignError, match="waypoint 1: the gripper value must be between 0"):
+    with pytest.raises(
+        DesignError, match="waypoint 1: the gripper value must be between 0"
+    ):
         check_plan([[*WAYPOINT, value]], gripper=True)
 
 
@@ -212,20 +289,35 @@ def spawn():
 def test_tools_that_start_clear_pass(spawn):
     spawn.check(Tool())
     spawn.check(rigid(box(), box("b", (0.3, 0, -0.1), (0.6, 0.02, 0.02), parent="a")))
-    spawn.check(gripper(box(at=(0, 0.0075, 0.07), size=(0.02, 0.015, 0.04), parent="left_finger")))
+    spawn.check(
+        gripper(
+            box(at=(0, 0.0075, 0.07), size=(0.02, 0.015, 0.04), parent="left_finger")
+        )
+    )
 
 
 def test_a_tool_in_the_arm(spawn):
-    spawn.check(rigid(box(at=(0, 0, 0.01), size=(0.02, 0.02, 0.02))))  # inside the link that carries it
-    with pytest.raises(DesignError, match=r"component 'a' starts [0-9.]+ mm inside the arm \(panda_link6\); move it"):
+    spawn.check(
+        rigid(box(at=(0, 0, 0.01), size=(0.02, 0.02, 0.02)))
+    )  # inside the link that carries it
+    with pytest.raises(
+        DesignError,
+        match=r"component 'a' starts [0-9.]+ mm inside the arm \(panda_link6\); move it",
+    ):
         spawn.check(rigid(box(at=(0.05, 0, 0.11), size=(0.2, 0.02, 0.02))))
-    with pytest.raises(DesignError, match=r"component 'b' starts [0-9.]+ mm inside the arm"):
+    with pytest.raises(
+        DesignError, match=r"component 'b' starts [0-9.]+ mm inside the arm"
+    ):
         spawn.check(rigid(box(), box("b", (-0.5, 0, 0.1), (0.2, 0.2, 0.3), parent="a")))
 
 
 @pytest.mark.parametrize(
     ("bottom", "reason"),
-    [(0.002, None), (0.0, "touching 'table' of the scene"), (-0.005, "5.0 mm inside 'table' of the scene; shorten")],
+    [
+        (0.002, None),
+        (0.0, "touching 'table' of the scene"),
+        (-0.005, "5.0 mm inside 'table' of the scene; shorten"),
+    ],
 )
 def test_a_tool_at_the_table(spawn, bottom, reason):
     length = 0.5 - bottom
@@ -238,14 +330,24 @@ def test_a_tool_at_the_table(spawn, bottom, reason):
 
 
 def test_a_tool_in_a_body(spawn):
-    with pytest.raises(DesignError, match=r"component 'a' starts 20.0 mm inside 'cube'"):
+    with pytest.raises(
+        DesignError, match=r"component 'a' starts 20.0 mm inside 'cube'"
+    ):
         spawn.check(rigid(box(at=(0.3, 0, -0.225), size=(0.02, 0.02, 0.45))))
 
 
 _wedge = trimesh.convex.convex_hull([[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]])
 
 
-@pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), Mesh.from_trimesh(_wedge), Box((0.1, 0.1, 0.1))])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Sphere(0.05),
+        Cylinder(0.05, 0.1),
+        Mesh.from_trimesh(_wedge),
+        Box((0.1, 0.1, 0.1)),
+    ],
+)
 def test_every_shape_of_a_scene_collides(shape):
     part = (Geom(shape),)
     thing = Body("thing", Pose.xyz_rpy((0.5, 0, 0.2)), 1.0, part, part)
@@ -259,14 +361,25 @@ def test_every_shape_of_a_scene_collides(shape):
 
 
 def test_an_attachment_may_be_in_its_own_finger_only(spawn):
-    spawn.check(gripper(box(at=(0, 0.01, 0.045), size=(0.02, 0.01, 0.02), parent="left_finger")))
+    spawn.check(
+        gripper(box(at=(0, 0.01, 0.045), size=(0.02, 0.01, 0.02), parent="left_finger"))
+    )
     # The fingers are open: their inner faces are 0.08 m apart, and left's -y is toward the right one.
-    across = gripper(box(at=(0, -0.04, 0.045), size=(0.02, 0.1, 0.01), parent="left_finger"))
+    across = gripper(
+        box(at=(0, -0.04, 0.045), size=(0.02, 0.1, 0.01), parent="left_finger")
+    )
     with pytest.raises(DesignError, match=r"10\.\d mm inside the arm \(right_finger\)"):
         spawn.check(across)
     wide = ("l", "left_finger", -0.03), ("r", "right_finger", 0.03)
     with pytest.raises(DesignError, match="on different fingers"):
-        spawn.check(gripper(*(box(name, (0, y, 0.06), (0.02, 0.06, 0.02), parent=mount) for name, mount, y in wide)))
+        spawn.check(
+            gripper(
+                *(
+                    box(name, (0, y, 0.06), (0.02, 0.06, 0.02), parent=mount)
+                    for name, mount, y in wide
+                )
+            )
+        )
 
 
 def test_a_home_out_of_reach_is_an_error():

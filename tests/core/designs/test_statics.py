@@ -24,7 +24,9 @@ SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
 
 
 def bar(length, thickness=0.005, mass=0.005):
-    return rigid(box(at=(0, 0, -length / 2), size=(thickness, thickness, length), mass=mass))
+    return rigid(
+        box(at=(0, 0, -length / 2), size=(thickness, thickness, length), mass=mass)
+    )
 
 
 def test_the_wrist_of_every_arm_has_a_limit():
@@ -36,16 +38,25 @@ def test_the_wrist_of_every_arm_has_a_limit():
 
 
 def test_the_moment_is_that_of_the_centre_of_mass_in_the_worst_orientation():
-    tool = rigid(box(at=(0, 0, -0.1), mass=1.0), box("b", (0.6, 0, 0), mass=1.0, parent="a"))
+    tool = rigid(
+        box(at=(0, 0, -0.1), mass=1.0), box("b", (0.6, 0, 0), mass=1.0, parent="a")
+    )
     assert flange_moment(tool, PANDA) == pytest.approx(2 * 9.81 * np.hypot(0.3, 0.1))
-    assert flange_moment(rigid(box(at=(-0.3, 0, 0)), box("b", (0.6, 0, 0), parent="a")), PANDA) == pytest.approx(0)
+    assert flange_moment(
+        rigid(box(at=(-0.3, 0, 0)), box("b", (0.6, 0, 0), parent="a")), PANDA
+    ) == pytest.approx(0)
 
 
 def test_attachments_to_the_fingers_are_weighed_where_the_open_fingers_are():
     shape = Box((0.02, 0.02, 0.02))
-    pads = (Component(f"{side}_pad", f"{side}_finger", Pose(), shape, 0.5) for side in ("left", "right"))
+    pads = (
+        Component(f"{side}_pad", f"{side}_finger", Pose(), shape, 0.5)
+        for side in ("left", "right")
+    )
     moment = flange_moment(Tool(tuple(pads), gripper=True), PANDA)
-    assert moment == pytest.approx(9.81 * 0.0584, rel=1e-3)  # the fingers' frames lie 58.4 mm below the mount
+    assert moment == pytest.approx(
+        9.81 * 0.0584, rel=1e-3
+    )  # the fingers' frames lie 58.4 mm below the mount
 
 
 def test_what_is_too_heavy_is_refused_with_the_figures():
@@ -62,11 +73,18 @@ def test_what_is_too_heavy_is_refused_with_the_figures():
 def test_a_budget_of_material_is_a_limit_too_and_the_prompt_names_it(material):
     tool = rigid(box(at=(0, 0, -0.05), size=(0.05, 0.05, 0.1), mass=0.31))
     check_tool(tool, PANDA, replace(material, most_g=310))
-    with pytest.raises(DesignError, match=r"the tool weighs 0.31 kg; the budget of material is 0.3 kg"):
+    with pytest.raises(
+        DesignError, match=r"the tool weighs 0.31 kg; the budget of material is 0.3 kg"
+    ):
         check_tool(tool, PANDA, replace(material, most_g=300))
-    words = [f"material={'paper' if material is PAPER else 'pla'}", "material.most_g=300"]
+    words = [
+        f"material={'paper' if material is PAPER else 'pla'}",
+        "material.most_g=300",
+    ]
     for name in ("urdf", "boxes", "solids"):
-        prompt = compose(load("prompt", [f"tool={name}", "prompt.picture=false", *words])).messages[-1]
+        prompt = compose(
+            load("prompt", [f"tool={name}", "prompt.picture=false", *words])
+        ).messages[-1]
         assert re.search(r"0\.3\s+kg(,| for the tool)", as_markdown(prompt))
 
 
@@ -99,7 +117,10 @@ def test_a_bar_bends_by_the_stiffness_of_its_material(young_pa, longest):
     """4 L^3 / (E t^4) per newton for a square bar."""
     made_of = replace(SOLID, young_pa=young_pa, strength_pa=None)
     check_tool(bar(longest), PANDA, made_of)
-    with pytest.raises(DesignError, match=r"component 'a' is not rigid: of solid, 1 N would bend it by 1\d"):
+    with pytest.raises(
+        DesignError,
+        match=r"component 'a' is not rigid: of solid, 1 N would bend it by 1\d",
+    ):
         check_tool(bar(1.06 * longest), PANDA, made_of)
 
 
@@ -108,7 +129,9 @@ def test_a_bar_breaks_by_the_strength_of_its_material():
     check_tool(bar(0.053), PANDA, SOLID)
     with pytest.raises(DesignError) as error:
         check_tool(bar(0.06), PANDA, SOLID)
-    assert str(error.value).startswith("component 'a' would break: of solid, 10 N at its end mean a stress of 27.7 MPa")
+    assert str(error.value).startswith(
+        "component 'a' would break: of solid, 10 N at its end mean a stress of 27.7 MPa"
+    )
     assert "at most 26 MPa are allowed" in str(error.value)
     check_tool(bar(0.06), PANDA)
 
@@ -117,10 +140,14 @@ def test_what_is_hollow_bends_and_breaks_as_its_walls_do():
     """A section of 20 mm with walls of 2 mm, filled to a fifth."""
     joints = {"a": np.zeros(3)}
     materials = SOLID, replace(SOLID, infill=0.2, wall_mm=2.0)
-    solid, hollow = (Beams(bar(0.2, 0.02), joints, made_of).bending()["a"] for made_of in materials)
+    solid, hollow = (
+        Beams(bar(0.2, 0.02), joints, made_of).bending()["a"] for made_of in materials
+    )
     share = 1 - 0.8 * (16 / 20) ** 4
     assert hollow == pytest.approx(np.array(solid) / share)
-    assert solid == pytest.approx((4 * 0.2**3 / (2.5e9 * 0.02**4), 6 * 0.2 / 0.02**3), rel=0.02)
+    assert solid == pytest.approx(
+        (4 * 0.2**3 / (2.5e9 * 0.02**4), 6 * 0.2 / 0.02**3), rel=0.02
+    )
 
 
 def test_a_joint_in_one_point_with_the_parents_is_no_beam():
@@ -128,11 +155,17 @@ def test_a_joint_in_one_point_with_the_parents_is_no_beam():
     plate = box("plate", (0, 0, 0), (0.05, 0.05, 0.001))
     rod = box("rod", (0, 0, -0.05), (0.02, 0.02, 0.1), parent="plate")
     joints = {"plate": np.zeros(3), "rod": np.zeros(3)}
-    alone = Beams(rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID).bending()["rod"]
-    assert Beams(rigid(plate, rod), joints, SOLID).bending()["rod"] == pytest.approx(alone)
+    alone = Beams(
+        rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID
+    ).bending()["rod"]
+    assert Beams(rigid(plate, rod), joints, SOLID).bending()["rod"] == pytest.approx(
+        alone
+    )
 
 
 def test_the_prompt_says_what_tools_weigh_and_may():
-    text = " ".join(describe_weight(replace(SOLID, infill=0.2, wall_mm=1.2), PANDA).split())
+    text = " ".join(
+        describe_weight(replace(SOLID, infill=0.2, wall_mm=1.2), PANDA).split()
+    )
     assert "solid, 1240 kg/m^3, walls of 1.2 mm, filled to 20% inside" in text
     assert "The tool may weigh 3 kg, and turn the wrist with 12 N m" in text

@@ -19,7 +19,13 @@ from tests.tongs import tongs
 def hinge(**given):
     """A hinge at the upper end of a rod of 0.2 m."""
     ends = given.pop("lower", -1), given.pop("upper", 1)
-    return ToolJoint("hinge", given.pop("axis", (1, 0, 0)), *ends, given.pop("origin", (0, 0, 0.1)), **given)
+    return ToolJoint(
+        "hinge",
+        given.pop("axis", (1, 0, 0)),
+        *ends,
+        given.pop("origin", (0, 0, 0.1)),
+        **given,
+    )
 
 
 @pytest.mark.parametrize(
@@ -51,8 +57,14 @@ def test_joints_that_make_no_sense(given, fault):
             hinge(stiffness=100),
             r"too stiff a spring: .* swing at \d+ Hz, and at most 20 .* a stiffness of 21 would do",
         ),
-        (hinge(damping=0.15, axis=(0, 0, 1)), "too much damping: 0.15 for an inertia of"),
-        (hinge(lower=0, upper=1e-300), "from 0 to 1e-300 rad; give it a range of 0.01 or more"),
+        (
+            hinge(damping=0.15, axis=(0, 0, 1)),
+            "too much damping: 0.15 for an inertia of",
+        ),
+        (
+            hinge(lower=0, upper=1e-300),
+            "from 0 to 1e-300 rad; give it a range of 0.01 or more",
+        ),
         (ToolJoint("slider", (1, 0, 0), 0, 1e-4), "a range of 0.0005 or more"),
     ],
 )
@@ -64,8 +76,21 @@ def test_joints_that_engines_can_not_follow(joint, fault):
 
 def heavy(joint):
     """A block of 1 kg that swings on a post, or slides along it."""
-    post = Component("post", "tool_mount", Pose(np.array([0.0, 0.0, -0.15])), Box((0.03, 0.03, 0.3)), 0.05)
-    block = Component("block", "post", Pose(np.array([0.05, 0.0, 0.0])), Box((0.07, 0.2, 0.2)), 1.0, joint=joint)
+    post = Component(
+        "post",
+        "tool_mount",
+        Pose(np.array([0.0, 0.0, -0.15])),
+        Box((0.03, 0.03, 0.3)),
+        0.05,
+    )
+    block = Component(
+        "block",
+        "post",
+        Pose(np.array([0.05, 0.0, 0.0])),
+        Box((0.07, 0.2, 0.2)),
+        1.0,
+        joint=joint,
+    )
     return Tool((post, block))
 
 
@@ -76,16 +101,38 @@ PLA = Material("pla", 1240, young_pa=2.5e9, strength_pa=26e6)
     ("joint", "fault", "material"),
     [
         # lifts a stone of 38 kg, the damper slows it, and the arm need not move
-        (hinge(stiffness=60, damping=0.3, lower=-0.1, rest=1), "exerts 66 N m where it is 1.1 rad .* at most 3", PAPER),
-        (hinge(stiffness=1.6, lower=-0.1, upper=0.1, rest=1.7), "springs hold 2.59 J .* at most 2 J are", PAPER),
-        (hinge(stiffness=0.6, lower=-0.1, upper=0.1, rest=1), r"exerts 0.66 N m .* at most 0.45 N m", PLA),
-        (ToolJoint("slider", (0, 0, 1), -0.1, 0.1, stiffness=300, rest=0.1), "exerts 60 N .* at most 50 N", PAPER),
+        (
+            hinge(stiffness=60, damping=0.3, lower=-0.1, rest=1),
+            "exerts 66 N m where it is 1.1 rad .* at most 3",
+            PAPER,
+        ),
+        (
+            hinge(stiffness=1.6, lower=-0.1, upper=0.1, rest=1.7),
+            "springs hold 2.59 J .* at most 2 J are",
+            PAPER,
+        ),
+        (
+            hinge(stiffness=0.6, lower=-0.1, upper=0.1, rest=1),
+            r"exerts 0.66 N m .* at most 0.45 N m",
+            PLA,
+        ),
+        (
+            ToolJoint("slider", (0, 0, 1), -0.1, 0.1, stiffness=300, rest=0.1),
+            "exerts 60 N .* at most 50 N",
+            PAPER,
+        ),
         (hinge(damping=0.3), "a damping of 0.3 N m s/rad; at most 0.2", PAPER),
-        (ToolJoint("slider", (0, 0, 1), -0.1, 0.1, damping=30), "a damping of 30 N s/m; at most 20", PAPER),
+        (
+            ToolJoint("slider", (0, 0, 1), -0.1, 0.1, damping=30),
+            "a damping of 30 N s/m; at most 20",
+            PAPER,
+        ),
         (hinge(friction=4.0), "a dry friction of 4 N m; at most 3", PAPER),
     ],
 )
-def test_springs_and_dampers_are_as_strong_as_those_that_one_can_buy_or_print(joint, fault, material):
+def test_springs_and_dampers_are_as_strong_as_those_that_one_can_buy_or_print(
+    joint, fault, material
+):
     rules = {name: list(solids) for name, solids in mount_solids(Tool(), PANDA).items()}
     with pytest.raises(DesignError, match=fault):
         check_joints(heavy(joint), material, rules)
@@ -94,8 +141,12 @@ def test_springs_and_dampers_are_as_strong_as_those_that_one_can_buy_or_print(jo
 def test_all_springs_of_a_tool_share_an_energy():
     one = heavy(hinge(stiffness=1.4, lower=-0.1, upper=0.1, rest=1.4))
     check_joints(one, PAPER, mount_solids(one, PANDA))
-    again = replace(one.components[1], name="other", pose=Pose(np.array([-0.05, 0.0, 0.0])))
-    with pytest.raises(DesignError, match=r"springs hold 3.15 J .* give 'block' a smaller range"):
+    again = replace(
+        one.components[1], name="other", pose=Pose(np.array([-0.05, 0.0, 0.0]))
+    )
+    with pytest.raises(
+        DesignError, match=r"springs hold 3.15 J .* give 'block' a smaller range"
+    ):
         check_joints(Tool((*one.components, again)), PAPER, mount_solids(one, PANDA))
 
 
@@ -107,7 +158,10 @@ def test_all_springs_of_a_tool_share_an_energy():
     ],
 )
 def test_what_moves_goes_on_touching_what_bears_it(joint, where):
-    with pytest.raises(DesignError, match=f"'block' leaves what bears it, 'tool_mount', where its joint is {where}"):
+    with pytest.raises(
+        DesignError,
+        match=f"'block' leaves what bears it, 'tool_mount', where its joint is {where}",
+    ):
         check_tool(heavy(joint), PANDA)
     near = heavy(ToolJoint("slider", (0, 0, 1), -0.1, 0.1))
     check_tool(near, PANDA)
@@ -117,7 +171,10 @@ def test_what_moves_goes_on_touching_what_bears_it(joint, where):
     ("placed", "fault"),
     [
         ({"origin": (0, 0, 0.3)}, "passes 'block' at 200 mm"),
-        ({"origin": (0.03, 0, 0), "axis": (0, 1, 0)}, "passes 'tool_mount' at 65 mm; at most 10 mm"),
+        (
+            {"origin": (0.03, 0, 0), "axis": (0, 1, 0)},
+            "passes 'tool_mount' at 65 mm; at most 10 mm",
+        ),
     ],
 )
 def test_the_axis_of_a_hinge_is_a_pin_through_both_of_its_sides(placed, fault):
@@ -130,7 +187,9 @@ def test_the_stiffness_that_is_proposed_is_taken():
     with pytest.raises(DesignError) as refused:
         check_tool(hinged(0.2, hinge(stiffness=1000, lower=-0.1, upper=0.1)), PANDA)
     proposed = float(str(refused.value).split("a stiffness of ")[1].split()[0])
-    check_tool(hinged(0.2, hinge(stiffness=0.95 * proposed, lower=-0.1, upper=0.1)), PANDA)
+    check_tool(
+        hinged(0.2, hinge(stiffness=0.95 * proposed, lower=-0.1, upper=0.1)), PANDA
+    )
 
 
 def test_a_joint_moves_something():
@@ -165,7 +224,9 @@ def test_what_a_joint_moves():
     mass, inertia = moved(tool, tool.bearers[0])
     assert mass == pytest.approx(0.1)
     assert inertia == pytest.approx(0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2)
-    more = Component("tip", "rod", Pose(np.array([0.0, 0.0, -0.11])), Box((0.02, 0.02, 0.02)), 0.05)
+    more = Component(
+        "tip", "rod", Pose(np.array([0.0, 0.0, -0.11])), Box((0.02, 0.02, 0.02)), 0.05
+    )
     mass, inertia = moved(Tool((*tool.components, more)), tool.bearers[0])
     assert mass == pytest.approx(0.15)
     own = 0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2
@@ -187,4 +248,6 @@ def test_frames_of_bearers():
     for component in tool.components:
         bearer, pose = tool.borne[component.name]
         link = next((b.pose for b in tool.bearers if b.name == bearer), Pose())
-        np.testing.assert_allclose((link @ pose).matrix, tool.placed()[component.name][1].matrix, atol=1e-12)
+        np.testing.assert_allclose(
+            (link @ pose).matrix, tool.placed()[component.name][1].matrix, atol=1e-12
+        )

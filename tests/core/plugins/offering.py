@@ -5,7 +5,9 @@ from core.interfaces import Simulator
 class Engine(Simulator):
     """A part with settings."""
 
-    def __init__(self, grid: int, time_step: float = 0.01, walls: list[str] | None = None) -> None:
+    def __init__(
+        self, grid: int, time_step: float = 0.01, walls: list[str] | None = None
+    ) -> None:
         self.grid, self.time_step, self.walls = grid, time_step, walls
 
     def rollout(self, task, jobs):

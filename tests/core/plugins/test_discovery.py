@@ -17,9 +17,15 @@ ROOT = Path(__file__).parents[3]
 
 def test_the_projects_own_parts_come_by_entry_points():
     assert not installed().failures
-    entries = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"][PROJECT]
+    entries = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "entry-points"
+    ][PROJECT]
     offers = installed().offers
-    own = {offer.entry_point for offer in offers.values() if offer.distribution == "vlmgineer"}
+    own = {
+        offer.entry_point
+        for offer in offers.values()
+        if offer.distribution == "vlmgineer"
+    }
     assert own == set(entries)
     expected = {
         ("task", "BringCube"),
@@ -45,20 +51,30 @@ def test_an_import_that_fails_is_remembered_and_hurts_nobody(monkeypatch):
         entry("good", "tasks"),
     ]
     asked = []
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **how: asked.append(how) or entries)
+    monkeypatch.setattr(
+        importlib.metadata, "entry_points", lambda **how: asked.append(how) or entries
+    )
     found = Plugins()
     assert asked == [{"group": PROJECT}]
     assert "BringCube" in found.names("task")
     assert [failure.entry_point for failure in found.failures] == ["broken", "worse"]
-    assert "ModuleNotFoundError: No module named 'no_such_module_anywhere'" in found.failures[0].reason
+    assert (
+        "ModuleNotFoundError: No module named 'no_such_module_anywhere'"
+        in found.failures[0].reason
+    )
     assert "no_such_attribute" in found.failures[1].reason
-    with pytest.raises(UserError, match=r"no sim 'pybullet'; possible: none; plugin 'broken' failed: import failed"):
+    with pytest.raises(
+        UserError,
+        match=r"no sim 'pybullet'; possible: none; plugin 'broken' failed: import failed",
+    ):
         found.factory("sim", "pybullet")
 
 
 def test_no_other_package_replaces_a_built_in_part(monkeypatch):
     own = list(importlib.metadata.entry_points(group=PROJECT))
-    other = importlib.metadata.EntryPoint("other", "tasks", PROJECT)  # as if listed first, it offers BringCube too
+    other = importlib.metadata.EntryPoint(
+        "other", "tasks", PROJECT
+    )  # as if listed first, it offers BringCube too
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda **how: [other, *own])
     found = Plugins()
     assert found.offers["task", "BringCube"].distribution == PROJECT
@@ -79,7 +95,9 @@ def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path, error):
 
 def test_a_name_that_is_taken_stays_with_the_first(found):
     found.register(Offering(simulators={"grid": Engine}), "first", "one")
-    found.register(Offering(simulators={"grid": Task, "other": Engine}), "second", "two")
+    found.register(
+        Offering(simulators={"grid": Task, "other": Engine}), "second", "two"
+    )
     assert found.factory("sim", "grid") is Engine
     assert found.names("sim") == ["grid", "other"]
     (failure,) = found.failures
@@ -99,11 +117,17 @@ def test_a_name_that_is_taken_stays_with_the_first(found):
 )
 def test_a_hook_that_fails_takes_only_itself_along(found, offered, reason):
     path = offered if isinstance(offered, BaseException) else None
-    found.register(Offering(simulators=offered, executors={"grid": Engine}, config_path=path), "mine", "my-package")
+    found.register(
+        Offering(simulators=offered, executors={"grid": Engine}, config_path=path),
+        "mine",
+        "my-package",
+    )
     failure, *others = found.failures
     assert failure.reason.startswith("hook 'simulators' failed: ")
     assert reason in failure.reason
-    assert [other.reason for other in others] == ([f"hook 'config_path' failed: {reason}"] if path is not None else [])
+    assert [other.reason for other in others] == (
+        [f"hook 'config_path' failed: {reason}"] if path is not None else []
+    )
     assert found.names("sim") == []
     assert found.names("executor") == ["grid"]
 
@@ -114,11 +138,18 @@ def test_a_plugin_without_hooks_is_a_failure_that_names_its_file(monkeypatch, tm
     entry = importlib.metadata.EntryPoint("mine", "unhooked", PROJECT)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
     (failure,) = Plugins().failures
-    assert f"{tmp_path / 'unhooked.py'}'> implements no hook; possible: tasks, robots, " in failure.reason
+    assert (
+        f"{tmp_path / 'unhooked.py'}'> implements no hook; possible: tasks, robots, "
+        in failure.reason
+    )
 
 
 def test_a_hook_that_there_is_not_is_a_failure(found):
-    found.register(Offering(simulators={"grid": Engine}, simulator={"grid": Engine}), "mine", "my-package")
+    found.register(
+        Offering(simulators={"grid": Engine}, simulator={"grid": Engine}),
+        "mine",
+        "my-package",
+    )
     (failure,) = found.failures
     assert failure.reason.startswith("unknown hook 'simulator' in plugin ")
 
@@ -139,8 +170,14 @@ def test_a_hook_with_the_wrong_signature_is_a_failure(found):
     ("path", "reason"),
     [
         ("conf", "it gave 'conf'; expected a package that holds YAML files"),
-        ("pkg://no_such_package_anywhere", "it gave 'pkg://no_such_package_anywhere'; expected"),
-        ("pkg://no_such_package_anywhere.conf", "No module named 'no_such_package_anywhere'"),
+        (
+            "pkg://no_such_package_anywhere",
+            "it gave 'pkg://no_such_package_anywhere'; expected",
+        ),
+        (
+            "pkg://no_such_package_anywhere.conf",
+            "No module named 'no_such_package_anywhere'",
+        ),
     ],
 )
 def test_configs_that_are_not_there_are_told(found, path, reason):
@@ -162,13 +199,22 @@ def test_configs_that_are_not_there_are_told(found, path, reason):
 
 
 def test_what_is_offered_beside_parts_is_found_by_its_hook(found):
-    found.register(Offering(levels={"mute": Engine}, prompt_values={"notes": "json:dumps"}), "first", "one")
+    found.register(
+        Offering(levels={"mute": Engine}, prompt_values={"notes": "json:dumps"}),
+        "first",
+        "one",
+    )
     found.register(Offering(levels={"mute": Task, "deaf": 7}), "second", "two")
     assert found.factory("level", "mute", "prompt.told") is Engine
     assert found.factories("prompt_value") == {"notes": json.dumps}
     (taken,) = found.failures
     assert taken.reason == "level 'mute' is taken by first of one"
-    with pytest.raises(UserError, match="level 'deaf' of two is 7; it must be callable"):
+    with pytest.raises(
+        UserError, match="level 'deaf' of two is 7; it must be callable"
+    ):
         found.factory("level", "deaf")
-    with pytest.raises(UsageError, match=r"no level 'loud' in prompt\.told; possible: deaf, mute; plugin 'second' f"):
+    with pytest.raises(
+        UsageError,
+        match=r"no level 'loud' in prompt\.told; possible: deaf, mute; plugin 'second' f",
+    ):
         found.factory("level", "loud", "prompt.told")

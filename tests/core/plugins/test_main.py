@@ -16,8 +16,13 @@ def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
     command.main([])
     out = capsys.readouterr().out
     for kind, name in BUILT_IN:
-        assert any(line.split()[:2] == [kind, name] for line in out.splitlines()), (kind, name)
-    assert "failed mine (my-package): hook 'simulators' failed: RuntimeError: oh no" in out
+        assert any(line.split()[:2] == [kind, name] for line in out.splitlines()), (
+            kind,
+            name,
+        )
+    assert (
+        "failed mine (my-package): hook 'simulators' failed: RuntimeError: oh no" in out
+    )
 
 
 def test_other_words_are_refused():

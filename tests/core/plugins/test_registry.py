@@ -17,7 +17,9 @@ def test_a_registered_part_can_be_made(found):
 
 
 def test_a_factory_may_be_named(found):
-    found.register(Offering(simulators={"grid": f"{__name__}:Engine"}), "mine", "my-package")
+    found.register(
+        Offering(simulators={"grid": f"{__name__}:Engine"}), "mine", "my-package"
+    )
     assert found.create("sim", "grid", {"grid": 3}).grid == 3
 
 
@@ -27,7 +29,9 @@ def test_a_factory_may_be_a_function(found):
 
     found.register(Offering(simulators={"grid": make}), "mine", "my-package")
     assert found.create("sim", "grid", {"size": 5}).grid == 5
-    with pytest.raises(UsageError, match=r"no setting 'grid' in sim=grid; possible: size"):
+    with pytest.raises(
+        UsageError, match=r"no setting 'grid' in sim=grid; possible: size"
+    ):
         found.create("sim", "grid", {"grid": 5})
 
 
@@ -49,7 +53,9 @@ def test_what_cannot_be_called_is_no_factory(found, factory):
 )
 def test_a_named_factory_that_cannot_be_imported(found, factory, reason):
     found.register(Offering(simulators={"grid": factory}), "mine", "my-package")
-    with pytest.raises(UserError, match=r"sim 'grid' of my-package can't be imported: ") as error:
+    with pytest.raises(
+        UserError, match=r"sim 'grid' of my-package can't be imported: "
+    ) as error:
         found.create("sim", "grid")
     assert reason in str(error.value)
 
@@ -60,7 +66,9 @@ def test_a_part_that_lacks_a_method_is_refused_with_its_plugin(found):
             return []
 
     found.register(Offering(simulators={"grid": Half}), "mine", "my-package")
-    message = r"sim 'grid' of my-package \(hook 'simulators'\) can't be made: .*Half .*render"
+    message = (
+        r"sim 'grid' of my-package \(hook 'simulators'\) can't be made: .*Half .*render"
+    )
     with pytest.raises(UserError, match=message):
         found.create("sim", "grid")
 
@@ -70,19 +78,26 @@ def test_a_part_that_cannot_be_made_is_one_line(found):
         raise RuntimeError("no licence")
 
     found.register(Offering(simulators={"grid": make}), "mine", "my-package")
-    with pytest.raises(UserError, match=r"sim 'grid' of my-package .* can't be made: RuntimeError: no licence"):
+    with pytest.raises(
+        UserError,
+        match=r"sim 'grid' of my-package .* can't be made: RuntimeError: no licence",
+    ):
         found.create("sim", "grid")
 
 
 def test_the_description_of_a_part(found):
     found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
-    assert describe_part(found.create("sim", "grid", {"grid": 1})) == "sim 'grid' of my-package (hook 'simulators')"
+    assert (
+        describe_part(found.create("sim", "grid", {"grid": 1}))
+        == "sim 'grid' of my-package (hook 'simulators')"
+    )
     assert describe_part(Engine(1)) == "tests.core.plugins.offering.Engine"
 
 
 def test_a_name_that_no_plugin_offers():
     with pytest.raises(
-        UserError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\); possible: AroundCorner, .*OneBook"
+        UserError,
+        match=r"no task 'OneBok' \(did you mean 'OneBook'\?\); possible: AroundCorner, .*OneBook",
     ):
         installed().create("task", "OneBok")
     with pytest.raises(UserError, match=r"no sim 'unreal'; possible: .*pybullet"):

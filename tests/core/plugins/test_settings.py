@@ -24,5 +24,7 @@ def test_settings_are_checked_against_the_signature(found, settings, reason):
 
 def test_what_the_program_gives_is_no_setting(found):
     found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
-    with pytest.raises(UsageError, match="no setting 'grid' in sim=grid; possible: time_step, walls"):
+    with pytest.raises(
+        UsageError, match="no setting 'grid' in sim=grid; possible: time_step, walls"
+    ):
         found.create("sim", "grid", {"grid": 1}, grid=2)

@@ -33,7 +33,9 @@ class Chatty(toys.ToyModel):
 
 class Losing(toys.Here):
     def map(self, function, chunks):
-        return (pair for number, pair in enumerate(super().map(function, chunks)) if number)
+        return (
+            pair for number, pair in enumerate(super().map(function, chunks)) if number
+        )
 
 
 @pytest.fixture
@@ -44,9 +46,18 @@ def play(tmp_path, monkeypatch):
         parts._shared.cache_clear()  # made once per process; here it is another one in each test
         for key, offer in toys.offered().items():
             monkeypatch.setitem(installed().offers, key, offer)
-        monkeypatch.setitem(installed().offers, (kind, name), Offer(kind, name, "shoddy", "shoddy-parts", part))
+        monkeypatch.setitem(
+            installed().offers,
+            (kind, name),
+            Offer(kind, name, "shoddy", "shoddy-parts", part),
+        )
         result = run(toys.config(tmp_path / "notes", *words), tmp_path / "run")
-        return [e.reason for generation in result.generations for e in generation.evaluations if e.status == "failed"]
+        return [
+            e.reason
+            for generation in result.generations
+            for e in generation.evaluations
+            if e.status == "failed"
+        ]
 
     yield play_with
     parts._shared.cache_clear()
@@ -54,7 +65,10 @@ def play(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("part", "said"),
-    [(Few, r"rollout gave 0 outcomes for 1 jobs"), (Numbers, r"rollout gave '\[0\.5\]'; expected a list of Outcome")],
+    [
+        (Few, r"rollout gave 0 outcomes for 1 jobs"),
+        (Numbers, r"rollout gave '\[0\.5\]'; expected a list of Outcome"),
+    ],
 )
 def test_a_simulator_that_gives_something_else(play, part, said):
     reasons = play("sim", "toy", part)
@@ -66,13 +80,25 @@ def test_a_simulator_that_gives_something_else(play, part, said):
 
 def test_replies_without_a_request_are_left_out(play, capfd):
     play("vlm", "toy", Chatty)
-    said = [line for line in capfd.readouterr().err.splitlines() if line.startswith("vlm 'toy' of shoddy-parts")]
-    assert "complete gave a reply to 'g0-a0', which was not sent or has its reply already; it is left out" in said[0]
-    assert any("complete gave \"'that is all'\", which is no Reply" in line for line in said)
+    said = [
+        line
+        for line in capfd.readouterr().err.splitlines()
+        if line.startswith("vlm 'toy' of shoddy-parts")
+    ]
+    assert (
+        "complete gave a reply to 'g0-a0', which was not sent or has its reply already; it is left out"
+        in said[0]
+    )
+    assert any(
+        "complete gave \"'that is all'\", which is no Reply" in line for line in said
+    )
 
 
 def test_an_executor_that_loses_chunks_ends_the_run(play):
-    with pytest.raises(UserError, match=r"executor 'here' of shoddy-parts .*: map gave no result for \d+ trials"):
+    with pytest.raises(
+        UserError,
+        match=r"executor 'here' of shoddy-parts .*: map gave no result for \d+ trials",
+    ):
         play("executor", "here", Losing)
 
 
@@ -81,9 +107,21 @@ def test_an_executor_that_loses_chunks_ends_the_run(play):
     (lambda self: None, "ask gave None; expected an iterator of Candidate"),
 ])  # fmt: skip
 def test_a_strategy_that_asks_for_something_else_ends_the_run(play, asked, said):
-    part = type("Strays", (EvolutionStrategy,), {"ask": asked, "tell": lambda self, evaluations: None})
-    with pytest.raises(UserError, match="evolution 'vlmgineer' of shoddy-parts") as error:
-        play("evolution", "vlmgineer", part, "evolution=sampling", "evolution.name=vlmgineer")
+    part = type(
+        "Strays",
+        (EvolutionStrategy,),
+        {"ask": asked, "tell": lambda self, evaluations: None},
+    )
+    with pytest.raises(
+        UserError, match="evolution 'vlmgineer' of shoddy-parts"
+    ) as error:
+        play(
+            "evolution",
+            "vlmgineer",
+            part,
+            "evolution=sampling",
+            "evolution.name=vlmgineer",
+        )
     assert said in str(error.value)
 
 
@@ -92,10 +130,16 @@ def test_a_strategy_that_asks_for_something_else_ends_the_run(play, asked, said)
     (lambda data: None, "parse gave 'None'; expected a rigid Tool"),
     (lambda data: Tool(gripper=True), "parse gave 'Tool(components=(), gripper=True"),
 ])  # fmt: skip
-def test_a_representation_that_reads_something_else_loses_the_design(monkeypatch, parse, said):
+def test_a_representation_that_reads_something_else_loses_the_design(
+    monkeypatch, parse, said
+):
     made = installed().create("tool", "urdf")
     monkeypatch.setattr(type(made), "parse", lambda self, data, *, gripper: parse(data))
-    document = {"strategies": [{"tool_urdf": "", "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}]}
+    document = {
+        "strategies": [{"tool_urdf": "", "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}]
+    }
     task = installed().create("task", "BringCube")
     (candidate,) = read_designs(document, made, task)
-    assert candidate.problem.startswith(f"tool 'urdf' of vlmgineer (hook 'tool_representations'): {said}")
+    assert candidate.problem.startswith(
+        f"tool 'urdf' of vlmgineer (hook 'tool_representations'): {said}"
+    )

@@ -17,27 +17,72 @@ LEFT, RIGHT = GRIPPER_MOUNTS
 
 
 def box(name, parent, at, size, rpy=(0, 0, 0), mass=0.05):
-    return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size), mass, (0.1, 0.2, 0.3, 0.4))
+    return Component(
+        name, parent, Pose.xyz_rpy(at, rpy), Box(size), mass, (0.1, 0.2, 0.3, 0.4)
+    )
 
 
 RIGID = Tool(
     (
-        box("shaft", RIGID_MOUNT, (0.1, 0, -0.01), (0.3, 0.03, 0.02), (0, 0.3, 0.2), 0.08),
-        box("blade", "shaft", (0.16, 0.02, -0.05), (0.02, 0.12, 0.1), (0.4, 0, 0.7), 0.03),
+        box(
+            "shaft",
+            RIGID_MOUNT,
+            (0.1, 0, -0.01),
+            (0.3, 0.03, 0.02),
+            (0, 0.3, 0.2),
+            0.08,
+        ),
+        box(
+            "blade",
+            "shaft",
+            (0.16, 0.02, -0.05),
+            (0.02, 0.12, 0.1),
+            (0.4, 0, 0.7),
+            0.03,
+        ),
     )
 )
 GRIPPER = Tool(
     (
-        box("left_pad", LEFT, (0.01, 0.0075, 0.07), (0.05, 0.015, 0.04), (0.1, 0.2, 0.3), 0.02),
-        box("right_pad", RIGHT, (0.01, -0.0075, 0.07), (0.05, 0.015, 0.04), (0, 0, 0.5), 0.03),
-        box("right_tip", "right_pad", (0, 0, 0.03), (0.02, 0.02, 0.02), (0, 1, 0), 0.01),
+        box(
+            "left_pad",
+            LEFT,
+            (0.01, 0.0075, 0.07),
+            (0.05, 0.015, 0.04),
+            (0.1, 0.2, 0.3),
+            0.02,
+        ),
+        box(
+            "right_pad",
+            RIGHT,
+            (0.01, -0.0075, 0.07),
+            (0.05, 0.015, 0.04),
+            (0, 0, 0.5),
+            0.03,
+        ),
+        box(
+            "right_tip", "right_pad", (0, 0, 0.03), (0.02, 0.02, 0.02), (0, 1, 0), 0.01
+        ),
     ),
     gripper=True,
 )
-SHAPES = Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3), prism(5, 0.1, 0.2), bowl(0.1, 0.01)
+SHAPES = (
+    Box((0.1, 0.2, 0.3)),
+    Sphere(0.1),
+    Cylinder(0.05, 0.3),
+    Capsule(0.05, 0.3),
+    prism(5, 0.1, 0.2),
+    bowl(0.1, 0.01),
+)
 ROUND = Tool(
     tuple(
-        Component(f"c{i}", RIGID_MOUNT, Pose.xyz_rpy((0.1 * i, 0.0, -0.2), (0.3 * i, 0.2, 0.1)), shape, 0.1 + i / 10)
+        Component(
+            f"c{i}",
+            RIGID_MOUNT,
+            Pose.xyz_rpy((0.1 * i, 0.0, -0.2), (0.3 * i, 0.2, 0.1)),
+            shape,
+            0.1 + i / 10,
+        )
         for i, shape in enumerate(SHAPES)
     )
 )
@@ -83,10 +128,16 @@ def test_the_rigid_mount_takes_the_hands_place():
     assert not {"panda_hand", *GRIPPER_MOUNTS} & set(links(RIGID))
     rigid, hand = model_of(Tool()), model_of(None)
     for name in (RIGID_MOUNT, "panda_link7"):
-        np.testing.assert_allclose(frame_pose(rigid, name).matrix, frame_pose(hand, name).matrix, atol=1e-6)
+        np.testing.assert_allclose(
+            frame_pose(rigid, name).matrix, frame_pose(hand, name).matrix, atol=1e-6
+        )
     link7, virtual = frame_pose(rigid, "panda_link7"), frame_pose(rigid, RIGID_MOUNT)
-    np.testing.assert_allclose((link7.inverse() @ virtual).position, [0, 0, 0.107], atol=1e-9)
-    np.testing.assert_allclose(virtual.position, frame_pose(hand, "panda_hand").position, atol=1e-9)
+    np.testing.assert_allclose(
+        (link7.inverse() @ virtual).position, [0, 0, 0.107], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        virtual.position, frame_pose(hand, "panda_hand").position, atol=1e-9
+    )
 
 
 # --- inertia ----------------------------------------------------------------------------------------------------
@@ -96,14 +147,18 @@ def test_the_inertia_of_every_shape_is_that_of_its_triangles():
     mass, middle, moments = links(ROUND, fused=True)[RIGID_MOUNT].inertial.placed()
     meshes = []
     for component in ROUND.components:
-        mesh = component.shape.to_trimesh().apply_transform(ROUND.placed()[component.name][1].matrix)
+        mesh = component.shape.to_trimesh().apply_transform(
+            ROUND.placed()[component.name][1].matrix
+        )
         mesh.density = component.mass / mesh.volume
         meshes.append(mesh)
     center = sum(mesh.mass * mesh.center_mass for mesh in meshes) / ROUND.mass
     tensor = np.zeros((3, 3))
     for mesh in meshes:
         arm = mesh.center_mass - center
-        tensor += mesh.moment_inertia + mesh.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        tensor += mesh.moment_inertia + mesh.mass * (
+            arm @ arm * np.eye(3) - np.outer(arm, arm)
+        )
     assert mass == pytest.approx(ROUND.mass)
     np.testing.assert_allclose(middle, center, atol=1e-6)
     np.testing.assert_allclose(moments, tensor, rtol=0.01, atol=2e-5)
@@ -111,8 +166,14 @@ def test_the_inertia_of_every_shape_is_that_of_its_triangles():
 
 def test_convex_parts_collide_and_the_surface_is_drawn():
     link = links(ROUND, fused=True)[RIGID_MOUNT]
-    drawn, solid = ([type(part.shape) for part in shapes] for shapes in (link.visuals, link.collisions))
-    primitives, mesh = [Box, Sphere, Cylinder, Cylinder, Sphere, Sphere], type(link.visuals[-1].shape)
+    drawn, solid = (
+        [type(part.shape) for part in shapes]
+        for shapes in (link.visuals, link.collisions)
+    )
+    primitives, mesh = (
+        [Box, Sphere, Cylinder, Cylinder, Sphere, Sphere],
+        type(link.visuals[-1].shape),
+    )
     assert drawn == [*primitives, mesh, mesh]
     assert solid == [*primitives, mesh, *[mesh] * 48]
     volume = trimesh.load_mesh(link.visuals[-1].shape).volume
@@ -124,7 +185,11 @@ def whole_inertia(model):
     data = model.createData()
     pin.ccrba(model, data, home(model), np.zeros(model.nv))
     pin.centerOfMass(model, data, home(model))
-    return data.mass[0], data.com[0].copy(), data.Ig.inertia.copy()  # the data's own arrays die with it
+    return (
+        data.mass[0],
+        data.com[0].copy(),
+        data.Ig.inertia.copy(),
+    )  # the data's own arrays die with it
 
 
 @every_tool
@@ -132,20 +197,29 @@ def test_fused_or_not_the_robot_weighs_the_same(tool):
     apart, fused = model_of(tool), model_of(tool, fused=True)
     for one, other in zip(whole_inertia(apart), whole_inertia(fused), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-7)
-    for one, other in zip(apart.inertias, fused.inertias, strict=True):  # of what moves with each joint
+    for one, other in zip(
+        apart.inertias, fused.inertias, strict=True
+    ):  # of what moves with each joint
         np.testing.assert_allclose(one.matrix(), other.matrix(), rtol=1e-6, atol=1e-8)
     bare = whole_inertia(model_of(Tool(gripper=tool is None or tool.gripper)))[0]
-    assert whole_inertia(apart)[0] - bare == pytest.approx(0 if tool is None else tool.mass, abs=1e-9)
+    assert whole_inertia(apart)[0] - bare == pytest.approx(
+        0 if tool is None else tool.mass, abs=1e-9
+    )
 
 
 def test_a_finger_with_any_inertia_keeps_it_when_fused():
     """One from somebody's own URDF may be turned, and have products of inertia."""
     arm, name = PANDA.description, PANDA.gripper.links[0]
-    own = replace(arm.links[name].inertial, moments=(3e-6, 4e-7, -5e-7, 4e-6, 6e-7, 5e-6), rpy=(0.3, -0.2, 0.5))
+    own = replace(
+        arm.links[name].inertial,
+        moments=(3e-6, 4e-7, -5e-7, 4e-6, 6e-7, 5e-6),
+        rpy=(0.3, -0.2, 0.5),
+    )
     finger = replace(arm.links[name], inertial=own)
     skewed = replace(PANDA, urdf=write(replace(arm, links=arm.links | {name: finger})))
     apart, fused = (
-        pin.buildModelFromXML(assemble(skewed, GRIPPER, visuals=False, fused=fused)) for fused in (False, True)
+        pin.buildModelFromXML(assemble(skewed, GRIPPER, visuals=False, fused=fused))
+        for fused in (False, True)
     )
     for one, other in zip(apart.inertias, fused.inertias, strict=True):
         np.testing.assert_allclose(one.matrix(), other.matrix(), rtol=1e-6, atol=1e-9)
@@ -154,10 +228,14 @@ def test_a_finger_with_any_inertia_keeps_it_when_fused():
 def test_fused_shapes_stand_where_the_components_do():
     placed = GRIPPER.placed()
     for mount in GRIPPER_MOUNTS:
-        boxes = links(GRIPPER, fused=True)[mount].collisions[-2 if mount == RIGHT else -1 :]
+        boxes = links(GRIPPER, fused=True)[mount].collisions[
+            -2 if mount == RIGHT else -1 :
+        ]
         own = [c for c in GRIPPER.components if placed[c.name][0] == mount]
         for part, component in zip(boxes, own, strict=True):
-            np.testing.assert_allclose(part.origin.pose.matrix, placed[component.name][1].matrix, atol=1e-7)
+            np.testing.assert_allclose(
+                part.origin.pose.matrix, placed[component.name][1].matrix, atol=1e-7
+            )
             assert part.shape == component.shape
 
 
@@ -168,10 +246,16 @@ def test_fused_shapes_stand_where_the_components_do():
 @pytest.mark.parametrize("fused", [False, True])
 def test_every_urdf_is_one_tree(tool, fused):
     arm = assembled(PANDA, tool, fused=fused)
-    assert (set(arm.joints), arm.root) == (set(arm.links) - {"panda_link0"}, "panda_link0")
+    assert (set(arm.joints), arm.root) == (
+        set(arm.links) - {"panda_link0"},
+        "panda_link0",
+    )
     again = read_description(write(arm).encode(), Path("again.urdf"))
     assert (set(again.links), again.joints) == (set(arm.links), arm.joints)
     for name, link in arm.links.items():
-        assert (again.links[name].inertial, again.links[name].visuals) == (link.inertial, link.visuals)
+        assert (again.links[name].inertial, again.links[name].visuals) == (
+            link.inertial,
+            link.visuals,
+        )
     movable = 9 if tool is None or tool.gripper else 7
     assert pin.buildModelFromXML(assemble(PANDA, tool, fused=fused)).nq == movable

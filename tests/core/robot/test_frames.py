@@ -16,7 +16,9 @@ def test_no_joint_moves_a_link_by_more_than_the_reach(gripper):
         turned = arm.copy()
         turned[:, joint] += 1e-4
         tool, fingers = Tool(gripper=gripper), np.zeros((200, 2))
-        before, after = (link_frames(PANDA, tool, joints, fingers) for joints in (arm, turned))
+        before, after = (
+            link_frames(PANDA, tool, joints, fingers) for joints in (arm, turned)
+        )
         for link in before:
             moved = np.linalg.norm(after[link][1] - before[link][1], axis=1)
             assert (moved <= reach * 1e-4).all()

@@ -14,7 +14,9 @@ seeds = st.integers(0, 2**32 - 1)
 def miss(solution, pose):
     """Metres and radians between where the joints lead and where they ought to."""
     reached = ARM.forward(solution.joints)
-    return np.linalg.norm(reached.position - pose.position), (reached.rotation.inv() * pose.rotation).magnitude()
+    return np.linalg.norm(reached.position - pose.position), (
+        reached.rotation.inv() * pose.rotation
+    ).magnitude()
 
 
 def within_limits(joints):
@@ -29,7 +31,9 @@ def test_home():
 
 def test_positions_are_forward_of_each_row():
     joints = np.random.default_rng(0).uniform(ARM.lower, ARM.upper, (5, 7))
-    np.testing.assert_array_equal(ARM.positions(joints), [ARM.forward(q).position for q in joints])
+    np.testing.assert_array_equal(
+        ARM.positions(joints), [ARM.forward(q).position for q in joints]
+    )
     assert ARM.positions(joints[:0]).shape == (0, 3)
 
 
@@ -49,8 +53,14 @@ angles = st.floats(-10, 10)
 
 
 @settings(max_examples=200)
-@given(st.tuples(coordinates, coordinates, coordinates), st.tuples(angles, angles, angles), seeds)
-def test_whatever_is_asked_for_limits_hold_and_the_miss_is_told_truthfully(xyz, rpy, seed):
+@given(
+    st.tuples(coordinates, coordinates, coordinates),
+    st.tuples(angles, angles, angles),
+    seeds,
+)
+def test_whatever_is_asked_for_limits_hold_and_the_miss_is_told_truthfully(
+    xyz, rpy, seed
+):
     pose = Pose.xyz_rpy(xyz, rpy)
     start = np.random.default_rng(seed).uniform(ARM.lower, ARM.upper)
     solution = ARM.inverse(pose, start)
@@ -60,12 +70,16 @@ def test_whatever_is_asked_for_limits_hold_and_the_miss_is_told_truthfully(xyz, 
     assert solution.error_rad == pytest.approx(radians, abs=1e-6)
     worse = miss(type(solution)(start, 0.0, 0.0), pose)
     assert (
-        metres**2 + (0.3 * radians) ** 2 <= worse[0] ** 2 + (0.3 * worse[1]) ** 2 + 1e-12
+        metres**2 + (0.3 * radians) ** 2
+        <= worse[0] ** 2 + (0.3 * worse[1]) ** 2 + 1e-12
     )  # never worse than the seed
 
 
 def test_a_home_out_of_reach():
-    with pytest.raises(UserError, match=r"robot panda can't reach the task's home \(2, 0, 0\), by 1\.\d\d\d m"):
+    with pytest.raises(
+        UserError,
+        match=r"robot panda can't reach the task's home \(2, 0, 0\), by 1\.\d\d\d m",
+    ):
         ARM.home_for(Pose.xyz_rpy((2, 0, 0)))
 
 
@@ -75,11 +89,18 @@ def test_work_is_bounded_for_poses_out_of_reach(monkeypatch):
     count = 6000
     positions = np.zeros((count, 3))
     positions[1::2, 2] = 0.4
-    flips = np.array([Pose.xyz_rpy((0.0, 0.0, 0.0), (3.1 * k, 3.1 * k, 0.0)).rotation.as_matrix() for k in (0, 1)])
+    flips = np.array(
+        [
+            Pose.xyz_rpy((0.0, 0.0, 0.0), (3.1 * k, 3.1 * k, 0.0)).rotation.as_matrix()
+            for k in (0, 1)
+        ]
+    )
     rotations = flips[np.arange(count) % 2]
     calls = []
     measure = type(ARM)._miss
-    monkeypatch.setattr(type(ARM), "_miss", lambda *given: calls.append(1) or measure(*given))
+    monkeypatch.setattr(
+        type(ARM), "_miss", lambda *given: calls.append(1) or measure(*given)
+    )
     joints, errors = ARM.follow(positions, rotations, ARM.home)
     assert len(calls) < kinematics._MAX_STEPS_ALL + (kinematics._FEW_STEPS + 2) * count
     assert within_limits(joints)

@@ -25,7 +25,10 @@ def deviation(arm, plan, joints):
     points = plan[0, :3] + share * (plan[1, :3] - plan[0, :3])
     far = np.zeros(2)
     for pose in map(arm.forward, joints):
-        ways, angles = np.linalg.norm(points - pose.position, axis=1), (turned.inv() * pose.rotation).magnitude()
+        ways, angles = (
+            np.linalg.norm(points - pose.position, axis=1),
+            (turned.inv() * pose.rotation).magnitude(),
+        )
         nearest = np.argmin(ways + 0.3 * angles)
         far = np.maximum(far, (ways[nearest], angles[nearest]))
     return far
@@ -39,7 +42,10 @@ def last_way(motion):
 # Through the wrist's singularity (joint 5 at 0), and past it by less than five degrees.
 WAYS = (
     ((0.40, -0.20, 0.40, np.pi / 2, 0.0, 0.0), (0.40, 0.25, 0.40, np.pi / 2, 0.0, 0.0)),
-    ((0.40, -0.20, 0.40, np.pi / 2, 0.03, 0.0), (0.40, 0.25, 0.40, np.pi / 2, 0.03, 0.0)),
+    (
+        (0.40, -0.20, 0.40, np.pi / 2, 0.03, 0.0),
+        (0.40, 0.25, 0.40, np.pi / 2, 0.03, 0.0),
+    ),
     ((0.40, -0.20, 0.30, 1.4, 0.1, 0.2), (0.40, 0.20, 0.40, 1.7, -0.1, -0.2)),
 )
 
@@ -58,16 +64,24 @@ def test_a_line_past_the_wrists_singularity(arm, way):
 
 
 def no_joint_jumps(arm, motion):
-    steps = np.abs(np.diff(motion.trajectory.arm, axis=0)) / np.diff(motion.trajectory.times)[:, None]
+    steps = (
+        np.abs(np.diff(motion.trajectory.arm, axis=0))
+        / np.diff(motion.trajectory.times)[:, None]
+    )
     return bool((steps <= arm.velocity_limits).all())
 
 
 def test_from_knot_to_knot_no_joint_turns_by_more_than_the_limit(arm):
     """The tool's axis swings past that of joint 4, which is to turn by half a turn at once."""
     angles = np.arange(0.0, 1.2, 0.1)
-    turns = Rotation.from_euler("xyz", [(0.97 + angle, 0.02, -0.4) for angle in angles]).as_matrix()
+    turns = Rotation.from_euler(
+        "xyz", [(0.97 + angle, 0.02, -0.4) for angle in angles]
+    ).as_matrix()
     points = np.tile((0.45, 0.0, 0.4), (len(angles), 1))
-    start = arm.inverse(Pose.from_rotation(points[0], Rotation.from_matrix(turns[0])), arm.home_for(HOME)).joints
+    start = arm.inverse(
+        Pose.from_rotation(points[0], Rotation.from_matrix(turns[0])),
+        arm.home_for(HOME),
+    ).joints
     free, _ = arm.follow(points, turns, start)
     kept, errors = arm.follow(points, turns, start, arm.jump_rad)
     assert np.abs(np.diff(free, axis=0)).max() > arm.jump_rad

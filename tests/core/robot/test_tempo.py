@@ -17,17 +17,23 @@ LINE = np.array([[0.5, y, 0.4, 0.0, 0.0, 0.0] for y in (-0.3, 0.0, 0.3)])
 
 
 def tempo(count=3, **given):
-    return replace(Tempo.usual(count), **{name: np.array(values) for name, values in given.items()})
+    return replace(
+        Tempo.usual(count), **{name: np.array(values) for name, values in given.items()}
+    )
 
 
 def motion_of(plan=LINE, **given):
-    return plan_task_motion(Waypoints(plan, tempo(len(plan), **given)), TASK, RolloutSettings())
+    return plan_task_motion(
+        Waypoints(plan, tempo(len(plan), **given)), TASK, RolloutSettings()
+    )
 
 
 def speeds(motion):
     """The end-effector's speed between samples, and the middle of each interval."""
     times, places = motion.trajectory.times, ARM.positions(motion.trajectory.arm)
-    return np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times), (times[1:] + times[:-1]) / 2
+    return np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times), (
+        times[1:] + times[:-1]
+    ) / 2
 
 
 def between(motion, k):
@@ -43,7 +49,10 @@ def assert_within_limits(motion):
 
 
 def test_the_usual_tempo_changes_nothing():
-    usual, none = motion_of(), plan_task_motion(Waypoints(LINE), TASK, RolloutSettings())
+    usual, none = (
+        motion_of(),
+        plan_task_motion(Waypoints(LINE), TASK, RolloutSettings()),
+    )
     np.testing.assert_allclose(usual.trajectory.arm, none.trajectory.arm, atol=1e-5)
     np.testing.assert_allclose(usual.trajectory.times, none.trajectory.times, atol=1e-5)
 
@@ -52,7 +61,9 @@ def test_the_usual_tempo_changes_nothing():
 @pytest.mark.parametrize("seconds", [2.0, 3.5])
 def test_seconds_are_kept_where_the_arm_can(through, seconds):
     motion = motion_of(seconds=[seconds] * 3, through=through)
-    np.testing.assert_allclose(np.diff(motion.arrivals, prepend=0.0), seconds, atol=0.03)
+    np.testing.assert_allclose(
+        np.diff(motion.arrivals, prepend=0.0), seconds, atol=0.03
+    )
     np.testing.assert_allclose(motion.slowed, 1.0, atol=0.02)
     assert_within_limits(motion)
 
@@ -61,7 +72,9 @@ def test_a_speed_is_reached_and_held_through_a_waypoint():
     motion = motion_of(speeds=[np.nan, 0.5, 0.5], through=[False, True, False])
     assert between(motion, 1).max() == pytest.approx(0.5, rel=0.03)
     speed, at = speeds(motion)
-    assert speed[np.abs(at - motion.arrivals[1]).argmin()] == pytest.approx(0.5, rel=0.03)
+    assert speed[np.abs(at - motion.arrivals[1]).argmin()] == pytest.approx(
+        0.5, rel=0.03
+    )
     usual = motion_of()
     speed, at = speeds(usual)
     assert speed[np.abs(at - usual.arrivals[1]).argmin()] < 0.1  # it stops there
@@ -79,7 +92,10 @@ def test_what_the_limits_do_not_allow_is_slowed_and_reported():
 
 @pytest.mark.parametrize("away", [0.0, 1e-6, 3e-6, 1e-5, 1e-4])
 def test_a_way_of_next_to_nothing_has_a_time(away):
-    motion = motion_of(np.array([LINE[0], LINE[0] + [away, 0, 0, 0, 0, 0], LINE[1]]), speeds=[0.1, 0.01, 0.1])
+    motion = motion_of(
+        np.array([LINE[0], LINE[0] + [away, 0, 0, 0, 0, 0], LINE[1]]),
+        speeds=[0.1, 0.01, 0.1],
+    )
     assert np.isfinite(motion.arrivals).all()
     assert_within_limits(motion)
 
@@ -87,7 +103,9 @@ def test_a_way_of_next_to_nothing_has_a_time(away):
 def test_it_waits_where_it_is_told_to():
     motion = motion_of(waits=[0.0, 1.5, 0.25])
     usual = motion_of()
-    np.testing.assert_allclose(motion.arrivals - usual.arrivals, [0.0, 0.0, 1.5], atol=1e-9)
+    np.testing.assert_allclose(
+        motion.arrivals - usual.arrivals, [0.0, 0.0, 1.5], atol=1e-9
+    )
     assert motion.trajectory.duration == pytest.approx(usual.trajectory.duration + 1.75)
     during = motion.trajectory.sample(motion.arrivals[1] + np.linspace(0, 1.5, 5))[0]
     np.testing.assert_allclose(during, during[:1].repeat(5, axis=0), atol=1e-12)
@@ -105,9 +123,14 @@ def test_the_fingers_close_on_their_own_leg_of_a_motion_without_stops():
 def test_waypoints_passed_through_lie_on_a_smooth_curve():
     """A swing about the base: fast on the arc, and slow if it had to stop at each waypoint."""
     turns = np.radians(np.linspace(-70, 70, 9))
-    arc = np.array([[0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.4, 0, 0, turn] for turn in turns])
+    arc = np.array(
+        [[0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.4, 0, 0, turn] for turn in turns]
+    )
     fast = [False, *[True] * 7, False]
-    swing, stopping = motion_of(arc, through=fast, speeds=[np.nan, *[5.0] * 8]), motion_of(arc)
+    swing, stopping = (
+        motion_of(arc, through=fast, speeds=[np.nan, *[5.0] * 8]),
+        motion_of(arc),
+    )
     after = swing.trajectory.times > swing.arrivals[0]
     places = ARM.positions(swing.trajectory.arm)[after]
     np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 1]), 0.6, atol=0.001)
@@ -118,12 +141,18 @@ def test_waypoints_passed_through_lie_on_a_smooth_curve():
 
 
 @given(
-    seconds=st.lists(st.one_of(st.just(np.nan), st.floats(0.01, 5)), min_size=3, max_size=3),
-    speed=st.lists(st.one_of(st.just(np.nan), st.floats(0.01, 5)), min_size=3, max_size=3),
+    seconds=st.lists(
+        st.one_of(st.just(np.nan), st.floats(0.01, 5)), min_size=3, max_size=3
+    ),
+    speed=st.lists(
+        st.one_of(st.just(np.nan), st.floats(0.01, 5)), min_size=3, max_size=3
+    ),
     through=st.lists(st.booleans(), min_size=3, max_size=3),
 )
 def test_any_tempo_keeps_the_limits(seconds, speed, through):
-    motion = motion_of(seconds=seconds, speeds=speed, through=[*through[:2], through[2]])
+    motion = motion_of(
+        seconds=seconds, speeds=speed, through=[*through[:2], through[2]]
+    )
     assert_within_limits(motion)
     assert np.isfinite(motion.trajectory.arm).all()
     assert (np.diff(motion.arrivals) > 0).all()

@@ -36,7 +36,9 @@ def segments(plan, **how):
 def random_plan(seed, low, high, angle, columns=6):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 6))
-    plan = np.column_stack([rng.uniform(low, high, (count, 3)), rng.uniform(-angle, angle, (count, 3))])
+    plan = np.column_stack(
+        [rng.uniform(low, high, (count, 3)), rng.uniform(-angle, angle, (count, 3))]
+    )
     return plan if columns == 6 else np.column_stack([plan, rng.uniform(0, 1, count)])
 
 
@@ -55,7 +57,9 @@ def rates(trajectory):
     speed = np.vstack([np.zeros(7), speed, np.zeros(7)])  # at rest before and after
     between = np.vstack([step[:1], (step[1:] + step[:-1]) / 2, step[-1:]])
     change = np.diff(speed, axis=0) / between
-    return (np.abs(speed) / ARM.velocity_limits).max(), (np.abs(change) / PANDA.acceleration_limits).max()
+    return (np.abs(speed) / ARM.velocity_limits).max(), (
+        np.abs(change) / PANDA.acceleration_limits
+    ).max()
 
 
 # --- where it goes ----------------------------------------------------------------------------------------------
@@ -86,7 +90,10 @@ def test_the_arm_does_not_get_stuck_at_its_limits_on_the_way():
         ]
     )
     for waypoint in plan:
-        assert ARM.inverse(Pose.xyz_rpy(waypoint[:3], waypoint[3:]), ARM.home).error_m < 1e-4
+        assert (
+            ARM.inverse(Pose.xyz_rpy(waypoint[:3], waypoint[3:]), ARM.home).error_m
+            < 1e-4
+        )
     assert plan_of(plan).ik_error_m < 1e-3
 
 
@@ -94,7 +101,9 @@ def test_it_stands_still_at_each_waypoint():
     trajectory = plan_of(PLAN).trajectory
     for _, end in segments(PLAN):
         joints, _ = trajectory.sample(np.array([end - 0.01, end, end + 0.01]))
-        assert (np.abs(np.diff(joints, axis=0)) / 0.01).max() < 0.25  # rad/s, and the joints go up to 2.5
+        assert (
+            np.abs(np.diff(joints, axis=0)) / 0.01
+        ).max() < 0.25  # rad/s, and the joints go up to 2.5
 
 
 @settings(max_examples=25)
@@ -113,7 +122,9 @@ def test_between_waypoints_positions_go_straight_and_orientations_by_slerp(plan)
             progress.append(done)
             assert np.linalg.norm(pose.position - (a.position + done * way)) < 2e-3
             due = a.rotation * Rotation.from_rotvec(done * whole.as_rotvec())
-            assert (pose.rotation.inv() * due).magnitude() < 0.01 + 2e-3 / length * whole.magnitude()
+            assert (
+                pose.rotation.inv() * due
+            ).magnitude() < 0.01 + 2e-3 / length * whole.magnitude()
         assert progress[-1] == pytest.approx(1, abs=1e-3 / length)
         assert (np.diff(progress) > -1e-4 / length).all()  # never back
 
@@ -145,7 +156,9 @@ def test_a_fast_plan_makes_use_of_the_limits():
 
 @pytest.mark.parametrize("segment_s", [0.2, 0.5, 2.0])
 def test_segments_last_as_long_as_asked_or_longer(segment_s):
-    tiny = np.array([[0.5, 0, 0.5, 0, 0, 0], [0.501, 0, 0.5, 0, 0, 0], [0.501, 0, 0.5, 0, 0, 0.01]])
+    tiny = np.array(
+        [[0.5, 0, 0.5, 0, 0, 0], [0.501, 0, 0.5, 0, 0, 0], [0.501, 0, 0.5, 0, 0, 0.01]]
+    )
     for begin, end in segments(tiny, segment_s=segment_s):
         assert segment_s * 0.999 <= end - begin < segment_s * 1.05
     for begin, end in segments(PLAN, segment_s=segment_s):
@@ -159,7 +172,9 @@ def test_fingers_move_linearly_with_the_segment():
     grips = [0, 1, 1, 0.25, 0, 0]
     plan = np.column_stack([PLAN, grips])
     trajectory = plan_of(plan).trajectory
-    for (begin, end), before, after in zip(segments(plan), [0, *grips], grips, strict=False):
+    for (begin, end), before, after in zip(
+        segments(plan), [0, *grips], grips, strict=False
+    ):
         _, fingers = trajectory.sample(np.linspace(begin, end, 11))
         expected = FINGER_OPEN * (1 - np.linspace(before, after, 11))
         np.testing.assert_allclose(fingers, expected, atol=1e-6)
@@ -171,13 +186,17 @@ def test_fingers_move_linearly_with_the_segment():
 @settings(max_examples=25)
 @given(st.integers(0, 10**6).map(reachable_plan))
 def test_distance_is_the_length_of_the_way_from_home(plan):
-    polyline = np.linalg.norm(np.diff([HOME.position, *plan[:, :3]], axis=0), axis=1).sum()
+    polyline = np.linalg.norm(
+        np.diff([HOME.position, *plan[:, :3]], axis=0), axis=1
+    ).sum()
     assert plan_of(plan).distance_m == pytest.approx(polyline, rel=1e-3, abs=1e-4)
 
 
 @pytest.mark.parametrize("x", [1.0, 1.5])
 def test_out_of_reach_the_miss_is_told(x):
-    plan = np.array([[0.6, 0, 0.3, 0, 0, 0], [x, 0, 0.3, 0, 0, 0], [0.6, 0, 0.3, 0, 0, 0]])
+    plan = np.array(
+        [[0.6, 0, 0.3, 0, 0, 0], [x, 0, 0.3, 0, 0, 0], [0.6, 0, 0.3, 0, 0, 0]]
+    )
     motion = plan_of(plan)
     (_, end) = segments(plan)[1]
     joints, _ = motion.trajectory.sample(np.array([end]))
@@ -185,11 +204,15 @@ def test_out_of_reach_the_miss_is_told(x):
     assert motion.ik_error_m >= there - 1e-4
     assert there > 0.05
     there_from_home = np.linalg.norm(plan[0, :3] - HOME.position)
-    assert motion.distance_m < there_from_home + 2 * (x - 0.6) - 0.1  # as far as it came, not as far as it was sent
+    assert (
+        motion.distance_m < there_from_home + 2 * (x - 0.6) - 0.1
+    )  # as far as it came, not as far as it was sent
 
 
 def test_a_miss_on_the_way_from_home_to_the_first_waypoint_does_not_count():
     """The straight line there leads through the arm's base, where it can't be."""
     behind = [[-0.5, 0, 0.5, 0, 0, np.pi]]
-    alone = ARM.inverse(Pose.xyz_rpy(behind[0][:3], behind[0][3:]), plan_of(behind).trajectory.arm[-1])
+    alone = ARM.inverse(
+        Pose.xyz_rpy(behind[0][:3], behind[0][3:]), plan_of(behind).trajectory.arm[-1]
+    )
     assert plan_of(behind).ik_error_m == pytest.approx(alone.error_m, abs=1e-3)

@@ -22,7 +22,15 @@ from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
-from tests.core.search.test_designer import PLAN, ROD, URDF, Canned, Listener, designer, good
+from tests.core.search.test_designer import (
+    PLAN,
+    ROD,
+    URDF,
+    Canned,
+    Listener,
+    designer,
+    good,
+)
 from tests.panda import on_panda
 from tests.toys import ToyEngine
 
@@ -31,9 +39,13 @@ BUDGET = Budget(2, 1, 1, 3, 5, 0.6)
 
 def tried(generation, *rewards):
     """Evaluations of a generation."""
-    candidates = [Candidate(ROD, np.array(PLAN), generation, agent) for agent in range(len(rewards))]
+    candidates = [
+        Candidate(ROD, np.array(PLAN), generation, agent)
+        for agent in range(len(rewards))
+    ]
     return [
-        tried_once(c, "ok", reward, 1.0, moved_m={"cube": 0.1}) for c, reward in zip(candidates, rewards, strict=True)
+        tried_once(c, "ok", reward, 1.0, moved_m={"cube": 0.1})
+        for c, reward in zip(candidates, rewards, strict=True)
     ]
 
 
@@ -42,7 +54,9 @@ def criticised(answer, count=2, events=None, **settings):
     prompt = PromptSettings(critic=count, **settings)
     vlm = Canned(lambda request: answer(request) if request.critique else good(request))
     made = designer(vlm, BUDGET, prompt=prompt, events=events)
-    made.critic = Critic(made.prompts, 1.0, lambda e: Picture(b"png", f"strip_{e.candidate.id}"))
+    made.critic = Critic(
+        made.prompts, 1.0, lambda e: Picture(b"png", f"strip_{e.candidate.id}")
+    )
     return made, vlm
 
 
@@ -54,7 +68,12 @@ def ask(made, generation, elites, evaluations):
     """Design a generation after the last one was told; return the texts of an agent's request."""
     made.generation_finished(Generation(generation - 1, tuple(evaluations)))
     list(made.design(generation, elites))
-    return "".join(p.text for m in made.vlm.requests[-1].messages for p in m.parts if isinstance(p, Text))
+    return "".join(
+        p.text
+        for m in made.vlm.requests[-1].messages
+        for p in m.parts
+        if isinstance(p, Text)
+    )
 
 
 def test_the_best_elite_and_the_most_instructive_failure_are_shown_and_their_critiques_quoted():
@@ -64,29 +83,43 @@ def test_the_best_elite_and_the_most_instructive_failure_are_shown_and_their_cri
     text = ask(made, 1, [evaluations[3], evaluations[1]], evaluations)
     critiques = [request for request in vlm.requests if request.critique]
     assert [r.id for r in critiques] == ["g1-critic0", "g1-critic1"]
-    assert [[e.candidate.id for e in r.brief.elites] for r in critiques] == [["g0-a3-s0-p0"], ["g0-a2-s0-p0"]]
+    assert [[e.candidate.id for e in r.brief.elites] for r in critiques] == [
+        ["g0-a3-s0-p0"],
+        ["g0-a2-s0-p0"],
+    ]
     assert all(r.schema == {} and r.brief.tried for r in critiques)
     for request in critiques:
-        shown = "".join(p.text for m in request.messages for p in m.parts if isinstance(p, Text))
+        shown = "".join(
+            p.text for m in request.messages for p in m.parts if isinstance(p, Text)
+        )
         assert BringCube.description in shown
         assert request.brief.elites[0].candidate.id in shown
         assert "JSON schema" not in shown
-        assert [p.name for m in request.messages for p in m.parts if isinstance(p, Picture)] == [
-            f"strip_{request.brief.elites[0].candidate.id}"
-        ]
-    quoted = json.loads(text.partition("## Critiques")[2].partition("```json")[2].partition("```")[0])
+        assert [
+            p.name for m in request.messages for p in m.parts if isinstance(p, Picture)
+        ] == [f"strip_{request.brief.elites[0].candidate.id}"]
+    quoted = json.loads(
+        text.partition("## Critiques")[2].partition("```json")[2].partition("```")[0]
+    )
     assert [(q["id"], q["reward"], q["critique"]) for q in quoted] == [
         ("g0-a3-s0-p0", 0.95, "It slips off."),
         ("g0-a2-s0-p0", 0.3, "It slips off."),
     ]
     asked = [name for what, name in listener.received if what == "asked"]
     answered = [name for what, name in listener.received if what == "answered"]
-    assert asked == ["g1-critic0", "g1-critic1", "g1-a0", "g1-a1"]  # the others wait for critiques
+    assert asked == [
+        "g1-critic0",
+        "g1-critic1",
+        "g1-a0",
+        "g1-a1",
+    ]  # the others wait for critiques
     assert sorted(answered) == sorted(asked)
 
 
 def test_each_candidate_is_shown_once_and_an_elite_keeps_its_critique():
-    made, vlm = criticised(lambda r: Reply(r.id, f"seen as {r.id}", "a critic"), count=1)
+    made, vlm = criticised(
+        lambda r: Reply(r.id, f"seen as {r.id}", "a critic"), count=1
+    )
     first, second = tried(0, 0.9), tried(1, 0.1, 0.2)
     ask(made, 1, first, first)
     text = ask(made, 2, first, second)
@@ -122,14 +155,22 @@ def test_whatever_a_critic_writes_stays_one_bounded_text(text):
     request = made.critic.requests(replace(brief, tried=tuple(evaluations)))[0]
     made.critic.hear(Reply(request.id, text, "a critic"), request)
     words = made.critic.words(evaluations, evaluations)
-    prompt = made.prompts.compose(replace(brief, critiques=words, tried=tuple(evaluations)))
-    shown = "".join(part.text for message in prompt for part in message.parts).partition("## Critiques")[2]
+    prompt = made.prompts.compose(
+        replace(brief, critiques=words, tried=tuple(evaluations))
+    )
+    shown = "".join(
+        part.text for message in prompt for part in message.parts
+    ).partition("## Critiques")[2]
     fenced = shown.partition("```json")[2].partition("```")[0]
-    assert [len(entry["critique"]) <= MAX_CRITIQUE for entry in json.loads(fenced or "[]")] == [True] * len(words)
+    assert [
+        len(entry["critique"]) <= MAX_CRITIQUE for entry in json.loads(fenced or "[]")
+    ] == [True] * len(words)
 
 
 def test_a_critic_that_fails_costs_its_critique_alone():
-    made, _ = criticised(lambda r: Reply(r.id, "", "a critic", "no answer", unanswered=True))
+    made, _ = criticised(
+        lambda r: Reply(r.id, "", "a critic", "no answer", unanswered=True)
+    )
     evaluations = tried(0, 0.9, 0.1)
     assert "## Critiques" not in ask(made, 1, evaluations[:1], evaluations)
 
@@ -147,7 +188,9 @@ def test_a_limit_is_passed_on():
 def test_a_program_that_writes_no_critiques_is_not_asked(capsys):
     prompts = PromptComposer(PromptSettings(critic=2))
     assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), BUDGET, 0)
-    made = make_designer(assignment, ToyEngine, OfflineDesigner(), prompts, Sampling(), Listener().hub)
+    made = make_designer(
+        assignment, ToyEngine, OfflineDesigner(), prompts, Sampling(), Listener().hub
+    )
     assert made.critic is None
     assert capsys.readouterr().err.startswith(
         "prompt.critic=2: offline (embedded designer, no language model) writes no "
@@ -155,5 +198,7 @@ def test_a_program_that_writes_no_critiques_is_not_asked(capsys):
 
 
 def test_a_negative_number_is_refused():
-    with pytest.raises(UsageError, match=r"prompt\.critic must be 0 or greater, got -1"):
+    with pytest.raises(
+        UsageError, match=r"prompt\.critic must be 0 or greater, got -1"
+    ):
         PromptComposer(PromptSettings(critic=-1))

@@ -24,7 +24,17 @@ from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
 
-ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
+ROD = Tool(
+    (
+        Component(
+            "rod",
+            "tool_mount",
+            Pose(np.array([0.0, 0.0, -0.1])),
+            Box((0.02, 0.02, 0.2)),
+        ),
+    ),
+    name="rod",
+)
 PLAN = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]]
 URDF = installed().create("tool", "urdf")
 
@@ -55,11 +65,24 @@ def good(request):
     return Reply(request.id, document(), "a can")
 
 
-def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperature=1.0, prompt=None, show=None):
+def designer(
+    vlm,
+    budget=None,
+    kinds=("rigid",),
+    seed=3,
+    events=None,
+    temperature=1.0,
+    prompt=None,
+    show=None,
+):
     asked = budget or Budget(3, 1, 1, 0, 5, 0.6)
-    assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), asked, seed, kinds)
+    assignment = Assignment(
+        on_panda(BringCube()), URDF, WaypointActions(), asked, seed, kinds
+    )
     composer, hub = PromptComposer(prompt), events or event_hub()
-    return ModelDesigner(assignment, vlm, composer, Sampling(temperature), hub, show=show)
+    return ModelDesigner(
+        assignment, vlm, composer, Sampling(temperature), hub, show=show
+    )
 
 
 class Listener:
@@ -80,20 +103,35 @@ class Listener:
 
 
 def test_a_team_has_its_own_elites_temperature_and_style_and_sees_nothing_of_others():
-    tried = [tried_once(Candidate(ROD, np.array(PLAN), 0, agent), "ok", reward=0.5) for agent in range(3)]
+    tried = [
+        tried_once(Candidate(ROD, np.array(PLAN), 0, agent), "ok", reward=0.5)
+        for agent in range(3)
+    ]
     vlm, plain = Canned(good), Canned(good)
     asking, alike = designer(vlm), designer(plain)
     for each in (asking, alike):
         each.tried = list(tried)
-    list(asking.design_in(1, [Team([0, 2], tried[:1], -0.2, "Be brief."), Team([1], tried[1:2], 0.2)]))
+    list(
+        asking.design_in(
+            1, [Team([0, 2], tried[:1], -0.2, "Be brief."), Team([1], tried[1:2], 0.2)]
+        )
+    )
     list(alike.design(1, tried[:1]))
     requests, others = ({r.brief.agent: r for r in of.requests} for of in (vlm, plain))
     assert sorted(requests) == [0, 1, 2]
-    for agent, ids in ((0, ["g0-a0-s0-p0", "g0-a2-s0-p0"]), (1, ["g0-a1-s0-p0"]), (2, ["g0-a0-s0-p0", "g0-a2-s0-p0"])):
+    for agent, ids in (
+        (0, ["g0-a0-s0-p0", "g0-a2-s0-p0"]),
+        (1, ["g0-a1-s0-p0"]),
+        (2, ["g0-a0-s0-p0", "g0-a2-s0-p0"]),
+    ):
         brief = requests[agent].brief
         assert [e.candidate.id for e in brief.tried] == ids
         assert brief.elites[0] is tried[agent % 2]
-        texts = [part.text.strip() for part in requests[agent].messages[-1].parts if isinstance(part, Text)]
+        texts = [
+            part.text.strip()
+            for part in requests[agent].messages[-1].parts
+            if isinstance(part, Text)
+        ]
         assert ("Be brief." in texts) == (agent != 1)
         warmer = requests[agent].temperature - others[agent].temperature
         assert warmer == pytest.approx(0.2 if agent == 1 else -0.2)
@@ -102,16 +140,28 @@ def test_a_team_has_its_own_elites_temperature_and_style_and_sees_nothing_of_oth
 
 def test_one_candidate_per_agent_tool_and_plan_named_by_where_it_came_from():
     budget = Budget(2, 2, 3, 0, 5, 0.6)
-    found = list(designer(Canned(lambda r: Reply(r.id, document(2, 3), "a can")), budget).design(4))
-    assert sorted(c.key for c in found) == [(4, a, s, p) for a in range(2) for s in range(2) for p in range(3)]
+    found = list(
+        designer(Canned(lambda r: Reply(r.id, document(2, 3), "a can")), budget).design(
+            4
+        )
+    )
+    assert sorted(c.key for c in found) == [
+        (4, a, s, p) for a in range(2) for s in range(2) for p in range(3)
+    ]
     assert all(c.problem is None for c in found)
 
 
 def test_agents_differ_and_follow_from_the_seed():
     def ask(seed):
         vlm = Canned(good)
-        list(designer(vlm, Budget(20, 1, 1, 0, 5, 0.6), ("rigid", "gripper"), seed).design(1))
-        return [(r.id, r.temperature, r.brief.seed, r.brief.gripper) for r in vlm.requests]
+        list(
+            designer(
+                vlm, Budget(20, 1, 1, 0, 5, 0.6), ("rigid", "gripper"), seed
+            ).design(1)
+        )
+        return [
+            (r.id, r.temperature, r.brief.seed, r.brief.gripper) for r in vlm.requests
+        ]
 
     requests = ask(3)
     assert requests == ask(3) != ask(4)
@@ -132,14 +182,19 @@ def test_temperatures_stay_in_the_providers_range():
 @pytest.mark.parametrize(
     ("reply", "reason"),
     [
-        (lambda r: Reply(r.id, "", "a can", error="quota exhausted"), "quota exhausted"),
+        (
+            lambda r: Reply(r.id, "", "a can", error="quota exhausted"),
+            "quota exhausted",
+        ),
         (lambda r: Reply(r.id, "I would rather not.", "a can"), "can't be read"),
         (lambda r: Reply(r.id, '{"strategies": []}', "a can"), "empty"),
         (lambda r: None, "no reply came"),
     ],
 )
 def test_an_agent_that_fails_costs_its_own_candidates_only(reply, reason):
-    found = list(designer(Canned(lambda r: reply(r) if r.id == "g0-a1" else good(r))).design(0))
+    found = list(
+        designer(Canned(lambda r: reply(r) if r.id == "g0-a1" else good(r))).design(0)
+    )
     assert sorted(c.id for c in found) == ["g0-a0-s0-p0", "g0-a1-s0-p0", "g0-a2-s0-p0"]
     (lost,) = [c for c in found if c.problem is not None]
     assert lost.agent == 1
@@ -147,8 +202,12 @@ def test_an_agent_that_fails_costs_its_own_candidates_only(reply, reason):
 
 
 def test_elites_reach_the_brief_and_parents_come_back():
-    elite = tried_once(Candidate(ROD, np.array(PLAN), strategy_name="poke"), "ok", reward=0.8)
-    vlm = Canned(lambda r: Reply(r.id, document(parents=["g0-a0-s0-p0", "g7-a7-s7-p7"]), "a can"))
+    elite = tried_once(
+        Candidate(ROD, np.array(PLAN), strategy_name="poke"), "ok", reward=0.8
+    )
+    vlm = Canned(
+        lambda r: Reply(r.id, document(parents=["g0-a0-s0-p0", "g7-a7-s7-p7"]), "a can")
+    )
     found = list(designer(vlm).design(1, [elite]))
     assert all(c.parents == ("g0-a0-s0-p0",) for c in found)
     assert all(r.brief.elites == (elite,) for r in vlm.requests)
@@ -181,13 +240,23 @@ def chatting(request):
     """Agent 1 answers with chatter, the first time; agent 2 not at all."""
     if request.id == "g0-a2":
         return Reply(request.id, "", "a can", error="quota exhausted")
-    return Reply(request.id, "I think that", "a can") if request.id == "g0-a1" else good(request)
+    return (
+        Reply(request.id, "I think that", "a can")
+        if request.id == "g0-a1"
+        else good(request)
+    )
 
 
 def test_an_unreadable_reply_is_asked_for_once_more_if_wanted():
     listener, vlm = Listener(), Canned(chatting)
-    found = list(designer(vlm, events=listener.hub, prompt=PromptSettings(repair=True)).design(0))
-    assert {c.agent: c.problem for c in found} == {0: None, 1: None, 2: "the model gave no answer: quota exhausted"}
+    found = list(
+        designer(vlm, events=listener.hub, prompt=PromptSettings(repair=True)).design(0)
+    )
+    assert {c.agent: c.problem for c in found} == {
+        0: None,
+        1: None,
+        2: "the model gave no answer: quota exhausted",
+    }
     assert [what for what in listener.received if what[1].startswith("g0-a1")] == [
         ("asked", "g0-a1"),
         ("answered", "g0-a1"),
@@ -197,8 +266,15 @@ def test_an_unreadable_reply_is_asked_for_once_more_if_wanted():
     assert [r.id for r in vlm.requests] == ["g0-a0", "g0-a1", "g0-a2", "g0-a1-repair"]
     first, again = vlm.requests[1], vlm.requests[3]
     assert again.messages[: len(first.messages)] == first.messages
-    assert [m.role for m in again.messages[len(first.messages) :]] == ["assistant", "user"]
-    assert (again.schema, again.temperature, again.brief) == (first.schema, first.temperature, first.brief)
+    assert [m.role for m in again.messages[len(first.messages) :]] == [
+        "assistant",
+        "user",
+    ]
+    assert (again.schema, again.temperature, again.brief) == (
+        first.schema,
+        first.temperature,
+        first.brief,
+    )
 
 
 def test_no_repair_unless_it_is_wanted_and_never_a_second_one():
@@ -238,13 +314,24 @@ def test_the_best_elite_is_drawn_once_and_only_if_it_is_shown(feedback):
         drawn.append(evaluation.candidate.id)
         return Picture(b"drawn", f"strip_{evaluation.candidate.id}")
 
-    elites = [tried_once(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8) for n in range(2)]
+    elites = [
+        tried_once(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8)
+        for n in range(2)
+    ]
     vlm = Canned(good)
-    list(designer(vlm, prompt=PromptSettings(feedback=feedback), show=show).design(1, elites))
+    list(
+        designer(vlm, prompt=PromptSettings(feedback=feedback), show=show).design(
+            1, elites
+        )
+    )
     names = ["g0-a0-s0-p0"] if feedback == "full" else []
     assert drawn == names
     for request in vlm.requests:
-        pictures = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
+        pictures = [
+            part.name
+            for part in request.messages[-1].parts
+            if isinstance(part, Picture)
+        ]
         assert pictures == [f"strip_{name}" for name in names]
 
 
@@ -254,14 +341,31 @@ def test_a_failure_of_the_last_generation_is_drawn_too_with_elites_or_without():
 
     def tried(generation, strategy, result, reward):
         candidate = Candidate(ROD, np.array(PLAN), generation, strategy=strategy)
-        return tried_once(candidate, "ok", reward=reward, observation=Observation(result))
+        return tried_once(
+            candidate, "ok", reward=reward, observation=Observation(result)
+        )
 
-    last = [tried(1, 0, "missed", 0.8), tried(1, 1, "tipped", 0.3), tried(1, 2, "solved", 1.0)]
-    for elites, names in ((last[:1], ["g1-a0-s0-p0", "g1-a0-s1-p0"]), ([], ["g1-a0-s0-p0"])):
-        asking = designer(vlm := Canned(good), prompt=PromptSettings(feedback="full"), show=show)
+    last = [
+        tried(1, 0, "missed", 0.8),
+        tried(1, 1, "tipped", 0.3),
+        tried(1, 2, "solved", 1.0),
+    ]
+    for elites, names in (
+        (last[:1], ["g1-a0-s0-p0", "g1-a0-s1-p0"]),
+        ([], ["g1-a0-s0-p0"]),
+    ):
+        asking = designer(
+            vlm := Canned(good), prompt=PromptSettings(feedback="full"), show=show
+        )
         asking.tried += [tried(0, 0, "stuck", 0.9), *last]
         list(asking.design(2, elites))
         *_, message = vlm.requests[0].messages
-        assert [part.name for part in message.parts if isinstance(part, Picture)] == [f"strip_{name}" for name in names]
-        labels = [part.text for part in message.parts if isinstance(part, Text) and "Film strip of" in part.text]
+        assert [part.name for part in message.parts if isinstance(part, Picture)] == [
+            f"strip_{name}" for name in names
+        ]
+        labels = [
+            part.text
+            for part in message.parts
+            if isinstance(part, Text) and "Film strip of" in part.text
+        ]
         assert labels[-1].startswith(f"Film strip of a failure, {names[-1]}: ")

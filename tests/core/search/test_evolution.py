@@ -23,7 +23,15 @@ def tool(name="rod"):
 
 def population(generation, *plans_per_tool, problem=None):
     return [
-        Candidate(own, np.full((1, 6), generation + action / 100), generation, 0, strategy, action, problem=problem)
+        Candidate(
+            own,
+            np.full((1, 6), generation + action / 100),
+            generation,
+            0,
+            strategy,
+            action,
+            problem=problem,
+        )
         for strategy, plans in enumerate(plans_per_tool)
         for own in [tool(f"rod_{strategy}")]
         for action in range(plans)
@@ -59,7 +67,9 @@ class Diary:
     @hookimpl
     def candidate_evaluated(self, evaluation):
         self.entries.append(evaluation.candidate.id)
-        assert len(self.strategy.evaluated) == evaluation.candidate.generation  # before tell
+        assert (
+            len(self.strategy.evaluated) == evaluation.candidate.generation
+        )  # before tell
 
     @hookimpl
     def generation_finished(self, generation):
@@ -72,7 +82,10 @@ def reward_of(candidate):
 
 
 def earn(chunk):
-    return [tried_once(candidate, "ok", reward=reward_of(candidate), distance_m=1.0) for candidate in chunk]
+    return [
+        tried_once(candidate, "ok", reward=reward_of(candidate), distance_m=1.0)
+        for candidate in chunk
+    ]
 
 
 def evaluate_all(candidates, evaluate, executor):
@@ -90,7 +103,9 @@ def run(generations, evaluate=earn, executor=None, known=(), tie=TIE, **budget):
     spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
     trials, fitness = scripted(evaluate, executor or Inline())
     (condition,) = fitness.conditions()
-    trials.known.update({(e.candidate.content, condition.where): e.trials[0] for e in known})
+    trials.known.update(
+        {(e.candidate.content, condition.where): e.trials[0] for e in known}
+    )
     found = evolve(strategy, fitness, trials, spent, events)
     return found, strategy, diary.entries
 
@@ -100,7 +115,15 @@ def run(generations, evaluate=earn, executor=None, known=(), tie=TIE, **budget):
 
 def test_events_come_in_order():
     _, strategy, diary = run([population(0, 2), population(1, 1)])
-    assert diary == ["start 0", "g0-a0-s0-p0", "g0-a0-s0-p1", "finish 0", "start 1", "g1-a0-s0-p0", "finish 1"]
+    assert diary == [
+        "start 0",
+        "g0-a0-s0-p0",
+        "g0-a0-s0-p1",
+        "finish 0",
+        "start 1",
+        "g1-a0-s0-p0",
+        "finish 1",
+    ]
     assert strategy.asked == 2
 
 
@@ -111,22 +134,39 @@ def test_the_strategy_gets_results_in_order_however_they_arrive(seed):
     result, strategy, _ = run(generations, executor=Inline(order))
     for evaluated, generation in zip(strategy.evaluated, generations, strict=True):
         assert [e.candidate for e in evaluated] == generation
-    for generation, evaluated in zip(result.generations, strategy.evaluated, strict=True):
+    for generation, evaluated in zip(
+        result.generations, strategy.evaluated, strict=True
+    ):
         assert list(generation.evaluations) == evaluated
 
 
-@pytest.mark.parametrize(("stop_reward", "generations"), [(0.04, 2), (0.041, 3), (None, 4), (0.01, 1)])
+@pytest.mark.parametrize(
+    ("stop_reward", "generations"), [(0.04, 2), (0.041, 3), (None, 4), (0.01, 1)]
+)
 def test_a_reward_that_is_enough_ends_the_run(stop_reward, generations):
     """The best of generation i is 0.02 * (i + 1)."""
-    result, strategy, diary = run([population(i, 3) for i in range(4)], stop_reward=stop_reward)
-    assert len(result.generations) == strategy.asked == len(strategy.evaluated) == generations
+    result, strategy, diary = run(
+        [population(i, 3) for i in range(4)], stop_reward=stop_reward
+    )
+    assert (
+        len(result.generations)
+        == strategy.asked
+        == len(strategy.evaluated)
+        == generations
+    )
     assert diary[-1] == f"finish {generations - 1}"
 
 
 def earn_by_action(rewards):
     """The later an action, the shorter its way; the later a generation, the longer."""
     return lambda chunk: [
-        tried_once(c, "ok", reward=rewards[c.action], distance_m=2.0 + c.generation - c.action / 10) for c in chunk
+        tried_once(
+            c,
+            "ok",
+            reward=rewards[c.action],
+            distance_m=2.0 + c.generation - c.action / 10,
+        )
+        for c in chunk
     ]
 
 
@@ -138,7 +178,10 @@ def test_ties_are_those_of_all_generations_and_the_strategy_says_how_large():
         return [e for c in chunk for e in earn_by_action(rewards[c.generation])([c])]
 
     result, _, _ = run([population(0, 2), population(1, 2)], earn_later)
-    assert [g.best.candidate.id for g in result.generations] == ["g0-a0-s0-p1", "g1-a0-s0-p0"]
+    assert [g.best.candidate.id for g in result.generations] == [
+        "g0-a0-s0-p1",
+        "g1-a0-s0-p0",
+    ]
     assert result.best.candidate.id == "g0-a0-s0-p0"
     for tie, best in ((0.0, "g1-a0-s0-p0"), (0.01, "g0-a0-s0-p1")):
         result, _, _ = run([population(0, 2), population(1, 2)], earn_later, tie=tie)
@@ -147,7 +190,11 @@ def test_ties_are_those_of_all_generations_and_the_strategy_says_how_large():
 
 @pytest.mark.parametrize(("stop_reward", "generations"), [(0.9, 1), (0.901, 2)])
 def test_the_highest_reward_ends_the_run_not_the_winners(stop_reward, generations):
-    result, _, _ = run([population(i, 2) for i in range(2)], earn_by_action([0.900, 0.896]), stop_reward=stop_reward)
+    result, _, _ = run(
+        [population(i, 2) for i in range(2)],
+        earn_by_action([0.900, 0.896]),
+        stop_reward=stop_reward,
+    )
     assert len(result.generations) == generations
     assert result.best.reward == 0.896
 
@@ -170,8 +217,12 @@ def test_what_breaks_a_rule_is_never_tried():
     result, strategy, diary = run([mixed], executor=executor)
     assert [c for chunk in executor.chunks for c in chunk] == good
     (evaluated,) = strategy.evaluated
-    assert [(e.status, e.reason) for e in evaluated] == [("ok", "")] * 4 + [("rejected", "it has no boxes")] * 2
-    assert sorted(diary[1:-1]) == sorted(c.id for c in mixed)  # listeners receive the rejected ones too
+    assert [(e.status, e.reason) for e in evaluated] == [("ok", "")] * 4 + [
+        ("rejected", "it has no boxes")
+    ] * 2
+    assert sorted(diary[1:-1]) == sorted(
+        c.id for c in mixed
+    )  # listeners receive the rejected ones too
     assert result.generations[0].count("rejected") == 2
     assert result.n_evaluations == 4
 
@@ -195,7 +246,10 @@ def test_only_the_guilty_one_of_a_broken_chunk_fails():
     assert result.n_evaluations == 5
 
 
-@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), MemoryError(), Fault("it was killed")])
+@pytest.mark.parametrize(
+    "error",
+    [OSError(28, "No space left on device"), MemoryError(), Fault("it was killed")],
+)
 def test_a_fault_of_the_machine_is_no_verdict(error):
     """The design would fail for ever, in this run and where it goes on."""
     faults = []
@@ -212,10 +266,14 @@ def test_a_fault_of_the_machine_is_no_verdict(error):
         return earn(chunk)
 
     evaluations = []
-    with pytest.raises(UserError, match=r"candidate g0-a0-s0-p1 can't be tried: .*fault of the machine"):
+    with pytest.raises(
+        UserError, match=r"candidate g0-a0-s0-p1 can't be tried: .*fault of the machine"
+    ):
         evaluations.extend(evaluate_all(population(0, 3), fail, Inline()))
     assert faults == [error]
-    _, strategy, _ = run([population(0, 3)], burst)  # it has passed when the candidates are tried again
+    _, strategy, _ = run(
+        [population(0, 3)], burst
+    )  # it has passed when the candidates are tried again
     assert [e.status for e in strategy.evaluated[0]] == ["ok"] * 3
 
 
@@ -229,7 +287,15 @@ def test_chunks_never_mix_tools_and_are_not_too_long():
     for chunk in executor.chunks:
         assert len({id(candidate.tool) for candidate in chunk}) == 1
         assert len(chunk) <= CHUNK
-    assert [len(chunk) for chunk in executor.chunks] == [3, CHUNK, 1, CHUNK, CHUNK, 1, 1]
+    assert [len(chunk) for chunk in executor.chunks] == [
+        3,
+        CHUNK,
+        1,
+        CHUNK,
+        CHUNK,
+        1,
+        1,
+    ]
     assert [c for chunk in executor.chunks for c in chunk] == candidates
 
 
@@ -248,7 +314,9 @@ class ManyAtOnce:
 def test_an_engine_that_batches_is_given_all_that_has_come_whatever_the_tools():
     executor = Inline()
     candidates = population(0, 3, 1, 4)
-    assert {e.candidate for e in evaluate_all(candidates, ManyAtOnce(6), executor)} == set(candidates)
+    assert {
+        e.candidate for e in evaluate_all(candidates, ManyAtOnce(6), executor)
+    } == set(candidates)
     assert [len(chunk) for chunk in executor.chunks] == [6, 2]
     assert [c for chunk in executor.chunks for c in chunk] == candidates
 
@@ -273,8 +341,16 @@ def test_a_batch_that_breaks_is_tried_in_smaller_ones_and_at_last_one_by_one():
     executor = Inline()
     candidates = population(0, CHUNK + 4, CHUNK)
     bad = candidates[CHUNK + 5]
-    evaluations = list(evaluate_all(candidates, ManyAtOnce(100, lambda chunk: bad in chunk), executor))
-    assert [len(chunk) for chunk in executor.chunks] == [2 * CHUNK + 4, CHUNK, CHUNK, 4, *[1] * CHUNK]
+    evaluations = list(
+        evaluate_all(candidates, ManyAtOnce(100, lambda chunk: bad in chunk), executor)
+    )
+    assert [len(chunk) for chunk in executor.chunks] == [
+        2 * CHUNK + 4,
+        CHUNK,
+        CHUNK,
+        4,
+        *[1] * CHUNK,
+    ]
     assert [e.candidate for e in evaluations if e.status == "failed"] == [bad]
     assert len(evaluations) == len(candidates)
 
@@ -294,7 +370,10 @@ def test_what_candidates_raise_while_they_are_gathered_is_raised():
 def alike(*ids, plan=0.0, own=None):
     """Candidates of one content, by (generation, agent, strategy, action)."""
     own = own or tool()
-    return [Candidate(own, np.full((1, 6), plan), *key, strategy_name=f"{key}") for key in ids]
+    return [
+        Candidate(own, np.full((1, 6), plan), *key, strategy_name=f"{key}")
+        for key in ids
+    ]
 
 
 def tried(executor):
@@ -302,16 +381,32 @@ def tried(executor):
 
 
 def test_identical_candidates_are_tried_once_and_earn_the_same():
-    first = [*alike((0, 0, 0, 0), (0, 1, 0, 0)), *alike((0, 1, 0, 1), plan=0.5), *alike((0, 2, 0, 0))]
+    first = [
+        *alike((0, 0, 0, 0), (0, 1, 0, 0)),
+        *alike((0, 1, 0, 1), plan=0.5),
+        *alike((0, 2, 0, 0)),
+    ]
     later = [*alike((1, 0, 0, 0)), *alike((1, 0, 0, 1), plan=0.25)]
     executor = Inline()
     result, strategy, diary = run([first, later], executor=executor)
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a1-s0-p1", "g1-a0-s0-p1"]
-    evaluated = {e.candidate.id: e.reward for e in [*strategy.evaluated[0], *strategy.evaluated[1]]}
-    assert evaluated["g0-a0-s0-p0"] == evaluated["g0-a1-s0-p0"] == evaluated["g0-a2-s0-p0"] == evaluated["g1-a0-s0-p0"]
-    assert sorted(diary) == sorted(["start 0", "finish 0", "start 1", "finish 1", *evaluated])  # each is reported once
+    evaluated = {
+        e.candidate.id: e.reward
+        for e in [*strategy.evaluated[0], *strategy.evaluated[1]]
+    }
+    assert (
+        evaluated["g0-a0-s0-p0"]
+        == evaluated["g0-a1-s0-p0"]
+        == evaluated["g0-a2-s0-p0"]
+        == evaluated["g1-a0-s0-p0"]
+    )
+    assert sorted(diary) == sorted(
+        ["start 0", "finish 0", "start 1", "finish 1", *evaluated]
+    )  # each is reported once
     in_order = sorted(first, key=lambda candidate: candidate.key)
-    assert [e.candidate.strategy_name for e in strategy.evaluated[0]] == [c.strategy_name for c in in_order]
+    assert [e.candidate.strategy_name for e in strategy.evaluated[0]] == [
+        c.strategy_name for c in in_order
+    ]
     assert result.n_evaluations == 6
 
 
@@ -319,12 +414,22 @@ def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():
     rod = tool()
     same = replace(rod, name="a rod", description="to poke with")
     longer = Tool((replace(rod.components[0], shape=Box((0.1, 0.1, 0.1 + 1e-15))),))
-    turned = Tool((replace(rod.components[0], pose=Pose.xyz_rpy((0, 0, 0), (0, 0, 1e-15))),))
+    turned = Tool(
+        (replace(rod.components[0], pose=Pose.xyz_rpy((0, 0, 0), (0, 0, 1e-15))),)
+    )
     open_hand = Tool(gripper=True)
-    contents = [Candidate(own, np.zeros((1, 6))).content for own in (rod, same, longer, turned, Tool(), open_hand)]
+    contents = [
+        Candidate(own, np.zeros((1, 6))).content
+        for own in (rod, same, longer, turned, Tool(), open_hand)
+    ]
     assert contents[0] == contents[1]
     assert len(set(contents)) == 5
-    plans = (np.zeros((1, 6)), np.zeros((2, 3)), np.zeros((1, 7)), np.zeros((1, 6)) + 1e-300)
+    plans = (
+        np.zeros((1, 6)),
+        np.zeros((2, 3)),
+        np.zeros((1, 7)),
+        np.zeros((1, 6)) + 1e-300,
+    )
     assert len({Candidate(rod, plan).content for plan in plans}) == 4
 
 
@@ -366,23 +471,34 @@ def test_a_limit_ends_the_run_with_what_there_is(last):
     trials, fitness = scripted(earn, Inline(np.random.default_rng(1)))
     result = evolve(strategy, fitness, trials, Budget(1, 1, 3, 5, 5, 0.5), events)
     assert result.stopped == "3 dollars are spent"
-    assert [len(generation.evaluations) for generation in result.generations] == [2, 3][: 1 + bool(last)]
+    assert [len(generation.evaluations) for generation in result.generations] == [2, 3][
+        : 1 + bool(last)
+    ]
     assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
     assert len(strategy.evaluated) == 1
     assert "finish 1" not in diary.entries  # it may go on where the limit is raised
 
 
-@pytest.mark.parametrize("when", ["while one is tried", "while one is reported", "while a generation ends"])
+@pytest.mark.parametrize(
+    "when", ["while one is tried", "while one is reported", "while a generation ends"]
+)
 def test_an_interrupt_ends_the_run_with_what_there_is(when):
     def interrupted(chunk):
-        if when == "while one is tried" and chunk[0].generation == 1 and chunk[0].strategy == 1:
+        if (
+            when == "while one is tried"
+            and chunk[0].generation == 1
+            and chunk[0].strategy == 1
+        ):
             raise KeyboardInterrupt
         return earn(chunk)
 
     class Impatient(Diary):
         @hookimpl
         def candidate_evaluated(self, evaluation):
-            if when == "while one is reported" and evaluation.candidate.id == "g1-a0-s0-p1":
+            if (
+                when == "while one is reported"
+                and evaluation.candidate.id == "g1-a0-s0-p1"
+            ):
                 raise KeyboardInterrupt
 
         @hookimpl
@@ -396,8 +512,15 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     trials, fitness = scripted(interrupted, Inline())
     result = evolve(strategy, fitness, trials, Budget(1, 1, 1, 2, 5, 0.5), events)
     assert result.stopped == INTERRUPTED
-    arrived = {"while one is tried": 2, "while one is reported": 1, "while a generation ends": 4}[when]
-    assert [len(generation.evaluations) for generation in result.generations] == [4, arrived]
+    arrived = {
+        "while one is tried": 2,
+        "while one is reported": 1,
+        "while a generation ends": 4,
+    }[when]
+    assert [len(generation.evaluations) for generation in result.generations] == [
+        4,
+        arrived,
+    ]
     assert strategy.asked == 2
 
 
@@ -414,8 +537,15 @@ def test_processes_come_to_the_same_as_this_one():
         strategy = Limited([asked, asked], 5)
         with executor:
             trials, fitness = scripted(earn, executor)
-            result = evolve(strategy, fitness, trials, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
-        found.append([[(e.candidate.id, e.status, e.reward) for e in g.evaluations] for g in result.generations])
+            result = evolve(
+                strategy, fitness, trials, Budget(1, 1, 1, 1, 5, 0.5), event_hub()
+            )
+        found.append(
+            [
+                [(e.candidate.id, e.status, e.reward) for e in g.evaluations]
+                for g in result.generations
+            ]
+        )
         assert result.stopped == "3 dollars are spent"
     assert found[0] == found[1]
     assert [len(generation) for generation in found[0]] == [11, 5]

@@ -11,7 +11,13 @@ from tests import toys
 
 pytestmark = pytest.mark.slow
 
-SIZES = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
+SIZES = [
+    "budget.n_agent=1",
+    "budget.n_tool=2",
+    "budget.n_action=2",
+    "budget.n_iteration=1",
+    "film=false",
+]
 
 
 @pytest.fixture
@@ -19,7 +25,10 @@ def parts(monkeypatch, tmp_path):
     for key, offer in toys.offered().items():
         monkeypatch.setitem(installed().offers, key, offer)
     notes = [f"vlm.notes={tmp_path / 'notes'}", f"executor.notes={tmp_path / 'notes'}"]
-    return {"sim": "toy", "vlm": "toy", "executor": "here", "listener": []}, [*SIZES, *notes]
+    return {"sim": "toy", "vlm": "toy", "executor": "here", "listener": []}, [
+        *SIZES,
+        *notes,
+    ]
 
 
 def test_it_does_what_the_command_does(parts, tmp_path, monkeypatch):
@@ -32,7 +41,9 @@ def test_it_does_what_the_command_does(parts, tmp_path, monkeypatch):
     written = json.loads((experiment.folder / "result.json").read_text())
     assert written["best"]["reward"] == result.best.reward
     assert experiment.config.seed == 3
-    again = Experiment(*words, task="BringCube", seed=3, **names).run(tmp_path / "again")
+    again = Experiment(*words, task="BringCube", seed=3, **names).run(
+        tmp_path / "again"
+    )
     assert again.best.candidate.content == result.best.candidate.content
 
 
@@ -44,7 +55,9 @@ def test_a_folder_is_one_runs(parts, tmp_path):
 
 
 def test_mistakes_are_reported_at_once():
-    with pytest.raises(UsageError, match=r"no task 'BringCub' \(did you mean 'BringCube'\?\)"):
+    with pytest.raises(
+        UsageError, match=r"no task 'BringCub' \(did you mean 'BringCube'\?\)"
+    ):
         Experiment(task="BringCub")
     with pytest.raises(UsageError, match="no key 'sede' in the configuration"):
         Experiment(sede=1)

@@ -26,7 +26,9 @@ def earn(condition, candidates):
     found = []
     for candidate in candidates:
         where = condition.where
-        rewards = candidate.strategy_description.split(where.engine)[1].split("b")[0].split()
+        rewards = (
+            candidate.strategy_description.split(where.engine)[1].split("b")[0].split()
+        )
         reward = rewards[where.layout % len(rewards)]
         if reward == "full":
             raise OSError(28, "No space left on device")
@@ -55,7 +57,12 @@ def result(*designs):
     """Rewards in the search, distances, and what is earned in the trials of both engines."""
     evaluations = [
         tried_once(
-            Candidate(None, np.full((1, 6), float(n)), 0, n, strategy_description=trials), "ok", reward, distance
+            Candidate(
+                None, np.full((1, 6), float(n)), 0, n, strategy_description=trials
+            ),
+            "ok",
+            reward,
+            distance,
         )
         for n, (reward, distance, trials) in enumerate(designs)
     ]
@@ -63,12 +70,18 @@ def result(*designs):
 
 
 def winner(*designs, count=8):
-    best, earned = choose(result(*designs), Several(count), Trials(Inline(), play=earn), event_hub())
+    best, earned = choose(
+        result(*designs), Several(count), Trials(Inline(), play=earn), event_hub()
+    )
     return best.candidate.agent, earned
 
 
 def test_the_one_with_room_to_spare_wins_and_the_shorter_way_only_among_those_alike():
-    narrow, wide, long = (1.0, 0.5, "a 1 0 b 1 1"), (1.0, 0.7, "a 1 1 b 1 1"), (1.0, 0.9, "a 1 1 b 1 1")
+    narrow, wide, long = (
+        (1.0, 0.5, "a 1 0 b 1 1"),
+        (1.0, 0.7, "a 1 1 b 1 1"),
+        (1.0, 0.9, "a 1 1 b 1 1"),
+    )
     assert winner(narrow, wide, long)[0] == 1
     assert winner(narrow, long, wide)[0] == 2
     assert winner(narrow, wide, count=0) == (0, {})
@@ -89,9 +102,16 @@ def test_half_goes_on_until_one_is_left():
 
 
 def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
-    first, second, worse = (1.0, 0.5, "a 0 b 0"), (0.996, 0.7, "a 1 b 1"), (0.9, 0.1, "a 1 b 1")
+    first, second, worse = (
+        (1.0, 0.5, "a 0 b 0"),
+        (0.996, 0.7, "a 1 b 1"),
+        (0.9, 0.1, "a 1 b 1"),
+    )
     assert winner(first, second, worse)[0] == 1
-    assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [0, 1]
+    assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [
+        0,
+        1,
+    ]
     assert finalists(result((0.0, 0.5, ""), (0.0, 0.6, ""))) == []
     assert winner((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")) == (0, {})
 
@@ -123,19 +143,38 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     hub, hears = listening()
     stored = {}
     found = result(*designs)
-    winner, finals = choose(found, Several(), Trials(Inline(), stored.__setitem__, play=earn), hub)
+    winner, finals = choose(
+        found, Several(), Trials(Inline(), stored.__setitem__, play=earn), hub
+    )
     assert {e.candidate.id: len(e.finals) for e in hears.heard} == {
         name: sum(map(len, engines.values())) for name, engines in finals.items()
     }
     kept = dict(list(stored.items())[:7])
     tried = {}
-    again = choose(found, Several(), Trials(Inline(), tried.__setitem__, kept, play=earn), event_hub())
+    again = choose(
+        found,
+        Several(),
+        Trials(Inline(), tried.__setitem__, kept, play=earn),
+        event_hub(),
+    )
     assert (again[0].candidate.id, again[1]) == (winner.candidate.id, finals)
     assert len(tried) == len(stored) - 7
 
 
-WORDS = ["task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=1", "fitness.unseen=0"]
-WORDS += ["fitness.final=2", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=3", "budget.n_iteration=0"]
+WORDS = [
+    "task.variation=near",
+    "sim=mujoco",
+    "fitness=layouts",
+    "fitness.layouts=1",
+    "fitness.unseen=0",
+]
+WORDS += [
+    "fitness.final=2",
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=3",
+    "budget.n_iteration=0",
+]
 WORDS += ["evolution.tie=1", "film=false", "listener=[]", "prompt.picture=false"]
 
 
@@ -150,6 +189,9 @@ def test_an_interrupted_run_keeps_the_trials_of_its_finalists(tmp_path, monkeypa
     assert sum(map(len, stored)) == 3 * FIRST
     resume(tmp_path / "run")
     run(load("config", WORDS), tmp_path / "whole")
-    one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("run", "whole"))
+    one, other = (
+        json.loads((tmp_path / name / "result.json").read_text())
+        for name in ("run", "whole")
+    )
     assert one["finalists"] == other["finalists"] != {}
     assert (one["best"], one["rollouts"]) == (other["best"], other["rollouts"])

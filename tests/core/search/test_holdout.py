@@ -38,13 +38,19 @@ def earned(**rewards):
         earns = rewards[condition.where.engine][condition.layout]
         if isinstance(earns, Exception):
             raise earns
-        return [Trial(condition.where, candidate.id, "ok", earns) for candidate in candidates]
+        return [
+            Trial(condition.where, candidate.id, "ok", earns)
+            for candidate in candidates
+        ]
 
     return try_unseen(BEST, Hidden(**rewards), Trials(Inline(), play=play))[0]
 
 
 def test_the_rewards_of_each_engine_in_order():
-    assert earned(one=[0.5, 0.9, 0.7], other=[0.9, 0.0]) == {"one": (0.5, 0.9, 0.7), "other": (0.9, 0.0)}
+    assert earned(one=[0.5, 0.9, 0.7], other=[0.9, 0.0]) == {
+        "one": (0.5, 0.9, 0.7),
+        "other": (0.9, 0.0),
+    }
 
 
 def test_a_trial_that_fails_counts_0():

@@ -101,7 +101,9 @@ HOOK = """
 @pytest.fixture
 def jitter(tmp_path, monkeypatch):
     """Install a third-party package with a model, a strategy and listeners in one module."""
-    source = MODULE.replace("HOOKS", "".join(HOOK.format(event=event) for event in EVENTS))
+    source = MODULE.replace(
+        "HOOKS", "".join(HOOK.format(event=event) for event in EVENTS)
+    )
     (tmp_path / "jitter_parts.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(installed(), "offers", installed().offers | toys.offered())
@@ -114,29 +116,52 @@ def come_to(tmp_path, listener=None, vlm=None, evolution=None):
     cfg = toys.config(tmp_path / "notes")
     OmegaConf.update(cfg, "listener", listener or {}, merge=False)
     if vlm is not None:
-        OmegaConf.update(cfg, "vlm", {"name": "jitter", "notes": str(tmp_path / "notes"), **vlm}, merge=False)
+        OmegaConf.update(
+            cfg,
+            "vlm",
+            {"name": "jitter", "notes": str(tmp_path / "notes"), **vlm},
+            merge=False,
+        )
     if evolution is not None:
         OmegaConf.update(cfg, "evolution", {"name": evolution}, merge=False)
     return run(cfg, tmp_path / "run")
 
 
-ONCE = [event for event in EVENTS if event != "finalist_tried"]  # the toy task has one layout, so no finalists
+ONCE = [
+    event for event in EVENTS if event != "finalist_tried"
+]  # the toy task has one layout, so no finalists
 
 
 @pytest.mark.parametrize("event", ONCE)
-def test_a_listener_that_raises_is_left_out_and_the_run_goes_on(jitter, tmp_path, capfd, event):
+def test_a_listener_that_raises_is_left_out_and_the_run_goes_on(
+    jitter, tmp_path, capfd, event
+):
     result = come_to(tmp_path, {"jitter": {"event": event}, "calm": {}}, vlm={})
     assert result.stopped is None
     assert result.n_evaluations == 20
-    assert json.loads((tmp_path / "run" / "result.json").read_text())["best"] is not None
+    assert (
+        json.loads((tmp_path / "run" / "result.json").read_text())["best"] is not None
+    )
     said = "listener 'jitter' of jitter-parts (hook 'listeners'): {} raised ValueError: two lines; it receives no more"
-    assert [line for line in capfd.readouterr().err.splitlines() if "jitter" in line] == [
-        said.format(event) + " events"
-    ]
-    calm = {name: jitter.received.count(name) for name in ONCE}  # both listeners' together
+    assert [
+        line for line in capfd.readouterr().err.splitlines() if "jitter" in line
+    ] == [said.format(event) + " events"]
+    calm = {
+        name: jitter.received.count(name) for name in ONCE
+    }  # both listeners' together
     assert calm["run_started"] == calm["run_ended"] == 2
-    once = {"run_started": 1, "generation_started": 2, "request_composed": 8, "reply_received": 8}
-    once |= {"candidate_evaluated": 28, "generation_finished": 2, "run_finished": 1, "run_ended": 1}
+    once = {
+        "run_started": 1,
+        "generation_started": 2,
+        "request_composed": 8,
+        "reply_received": 8,
+    }
+    once |= {
+        "candidate_evaluated": 28,
+        "generation_finished": 2,
+        "run_finished": 1,
+        "run_ended": 1,
+    }
     assert calm[event] == once[event] + 1
     if event == "run_started":
         assert calm == once | {"run_started": 2, "run_ended": 2}
@@ -151,35 +176,56 @@ def test_a_model_that_fails_as_a_listener_still_answers(jitter, tmp_path, capfd)
     )
 
 
-def test_a_listener_that_exits_costs_no_result_and_is_named_at_the_end(jitter, tmp_path, capfd):
-    with pytest.raises(UserError, match=r"^listener 'jitter' of jitter-parts .* the run came to its end without it; "):
-        come_to(tmp_path, {"jitter": {"event": "generation_finished", "error": "SystemExit"}})
+def test_a_listener_that_exits_costs_no_result_and_is_named_at_the_end(
+    jitter, tmp_path, capfd
+):
+    with pytest.raises(
+        UserError,
+        match=r"^listener 'jitter' of jitter-parts .* the run came to its end without it; ",
+    ):
+        come_to(
+            tmp_path,
+            {"jitter": {"event": "generation_finished", "error": "SystemExit"}},
+        )
     assert "listener 'jitter' of jitter-parts" in capfd.readouterr().err
     assert len(list(tmp_path.rglob("result.json"))) == 1
 
 
 def test_a_strategy_that_exits_ends_the_run_with_an_error(jitter, tmp_path):
-    with pytest.raises(UserError, match=r"^evolution 'leaving' of jitter-parts raised SystemExit: 0; to go on: "):
+    with pytest.raises(
+        UserError,
+        match=r"^evolution 'leaving' of jitter-parts raised SystemExit: 0; to go on: ",
+    ):
         come_to(tmp_path, evolution="leaving")
 
 
 def test_an_interrupt_passes_through_a_listener(jitter, tmp_path):
-    listener = {"jitter": {"event": "candidate_evaluated", "error": "KeyboardInterrupt"}}
+    listener = {
+        "jitter": {"event": "candidate_evaluated", "error": "KeyboardInterrupt"}
+    }
     assert come_to(tmp_path, listener).stopped == INTERRUPTED
 
 
 @pytest.mark.parametrize(
     ("settings", "blamed"),
     [
-        ({"vlm": {"breaks": "complete"}}, "vlm 'jitter' of jitter-parts raised LookupError: no answer"),
+        (
+            {"vlm": {"breaks": "complete"}},
+            "vlm 'jitter' of jitter-parts raised LookupError: no answer",
+        ),
         (
             {"vlm": {"breaks": "leave"}},
             "vlm 'jitter' of jitter-parts raised RuntimeError: SystemExit ended the thread 'replies': 0",
         ),
-        ({"vlm": {}, "evolution": "jitter"}, "evolution 'jitter' of jitter-parts raised LookupError: no idea"),
+        (
+            {"vlm": {}, "evolution": "jitter"},
+            "evolution 'jitter' of jitter-parts raised LookupError: no idea",
+        ),
     ],
 )
-def test_of_several_parts_in_a_module_the_one_that_raised_is_named(jitter, tmp_path, settings, blamed):
+def test_of_several_parts_in_a_module_the_one_that_raised_is_named(
+    jitter, tmp_path, settings, blamed
+):
     with pytest.raises((LookupError, RuntimeError)) as caught:
         come_to(tmp_path, **settings)
     named, then = caught.value.__notes__

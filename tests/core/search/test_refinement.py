@@ -26,7 +26,9 @@ class Plans:
 
     def design(self, generation, elites=()):
         for strategy, offset in enumerate(self.offsets):
-            yield Candidate(Tool(name=str(strategy)), (GOAL + offset)[None], generation, 0, strategy)
+            yield Candidate(
+                Tool(name=str(strategy)), (GOAL + offset)[None], generation, 0, strategy
+            )
 
     def parameters(self, candidate):
         return Numbers.near(candidate.plan.poses, 0.02, 3.0)
@@ -38,7 +40,14 @@ class Plans:
         generation, agent, strategy, action = key
         new = replace(candidate, plan=Waypoints(values[None]), parents=(candidate.id,))
         problem = "too far" if values[0] > 1 else None
-        return replace(new, generation=generation, agent=agent, strategy=strategy, action=action, problem=problem)
+        return replace(
+            new,
+            generation=generation,
+            agent=agent,
+            strategy=strategy,
+            action=action,
+            problem=problem,
+        )
 
 
 def earned(candidate):
@@ -48,11 +57,15 @@ def earned(candidate):
 def search(rollouts, designer=None, earns=earned):
     """The rewards of each generation, and the candidates' ids."""
     designer = designer or Plans()
-    inner = installed().create("evolution", "sampling", designer=designer, budget=BUDGET)
+    inner = installed().create(
+        "evolution", "sampling", designer=designer, budget=BUDGET
+    )
     strategy, generations = Refinement(inner, designer, designer, rollouts), []
     while strategy.has_generation(len(generations), BUDGET):
         candidates = list(strategy.ask())
-        generations.append([tried_once(c, "ok", reward=earns(c), distance_m=1.0) for c in candidates])
+        generations.append(
+            [tried_once(c, "ok", reward=earns(c), distance_m=1.0) for c in candidates]
+        )
         strategy.tell(generations[-1])
     return generations
 
@@ -66,24 +79,39 @@ def test_it_comes_close_to_the_best_numbers():
 
 def test_the_better_half_goes_on_and_all_rollouts_are_spent():
     generations = search(240)[1:]
-    starts = [len({e.candidate.agent for e in generation}) for generation in generations]
+    starts = [
+        len({e.candidate.agent for e in generation}) for generation in generations
+    ]
     assert starts[0] == 4
     assert starts[-1] == 1
     assert starts == sorted(starts, reverse=True)
     assert sum(map(len, generations)) == 240
     last = {e.candidate.agent for e in generations[-1]}
-    assert {parent for e in generations[-1] for parent in e.candidate.parents} == {f"g0-a0-s{min(last)}-p0"}
+    assert {parent for e in generations[-1] for parent in e.candidate.parents} == {
+        f"g0-a0-s{min(last)}-p0"
+    }
 
 
 def test_ids_are_new_and_the_same_again():
-    first, again = ([(e.candidate.id, e.candidate.content, e.reward) for g in search(120) for e in g] for _ in range(2))
+    first, again = (
+        [
+            (e.candidate.id, e.candidate.content, e.reward)
+            for g in search(120)
+            for e in g
+        ]
+        for _ in range(2)
+    )
     assert first == again
     assert len({name for name, *_ in first}) == len(first)
 
 
 def test_what_breaks_a_rule_is_drawn_again():
     near_the_limit = Plans(offsets=(0.69,))
-    assert all(e.candidate.problem is None for generation in search(60, near_the_limit)[1:] for e in generation)
+    assert all(
+        e.candidate.problem is None
+        for generation in search(60, near_the_limit)[1:]
+        for e in generation
+    )
 
 
 def test_nothing_is_refined_where_nothing_earned_anything():
@@ -92,33 +120,65 @@ def test_nothing_is_refined_where_nothing_earned_anything():
 
 @pytest.mark.parametrize("rollouts", [1, 7, 13, 50, 130])
 def test_any_number_of_rollouts_is_spent_and_begins_as_a_larger_one(rollouts):
-    few, many = ([e.candidate.content for g in search(count)[1:] for e in g] for count in (rollouts, 240))
+    few, many = (
+        [e.candidate.content for g in search(count)[1:] for e in g]
+        for count in (rollouts, 240)
+    )
     assert len(few) == rollouts
     assert few == many[:rollouts]
 
 
 @pytest.mark.parametrize("rollouts", [-1, 12.0, "12", True])
 def test_rollouts_that_mean_nothing(rollouts):
-    with pytest.raises(UsageError, match=r"evolution\.refine must be a whole number from 0 on"):
+    with pytest.raises(
+        UsageError, match=r"evolution\.refine must be a whole number from 0 on"
+    ):
         search(rollouts)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("action", ["waypoints", "anchored"])
-def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(tmp_path, action):
+def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(
+    tmp_path, action
+):
     """With one worker, and with two."""
-    words = ["task=BringCube", "sim=mujoco", f"action={action}", "evolution=sampling", "listener=[]", "film=false"]
-    words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=0"]
-    whole = Experiment(*words, "evolution.refine=24", "executor.workers=1").run(tmp_path / "whole")
+    words = [
+        "task=BringCube",
+        "sim=mujoco",
+        f"action={action}",
+        "evolution=sampling",
+        "listener=[]",
+        "film=false",
+    ]
+    words += [
+        "budget.n_agent=1",
+        "budget.n_tool=2",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
+    whole = Experiment(*words, "evolution.refine=24", "executor.workers=1").run(
+        tmp_path / "whole"
+    )
     refined = [e.candidate for e in whole.generations[1].evaluations]
     assert all(candidate.parents and candidate.problem is None for candidate in refined)
     assert len({(c.tool.content, c.plan.content) for c in refined}) == len(refined)
-    assert min(len({c.tool.content for c in refined}), len({c.plan.content for c in refined})) > 3
+    assert (
+        min(
+            len({c.tool.content for c in refined}),
+            len({c.plan.content for c in refined}),
+        )
+        > 3
+    )
 
     Experiment(*words, "executor.workers=2").run(tmp_path / "later")
     resume(tmp_path / "later", ["evolution.refine=5"])
-    resume(tmp_path / "later", ["evolution.refine=24"])  # the generation that was cut short goes on
-    stored = [json.loads((tmp_path / name / "result.json").read_text()) for name in ("whole", "later")]
+    resume(
+        tmp_path / "later", ["evolution.refine=24"]
+    )  # the generation that was cut short goes on
+    stored = [
+        json.loads((tmp_path / name / "result.json").read_text())
+        for name in ("whole", "later")
+    ]
     assert stored[0]["generations"] == stored[1]["generations"]
     assert stored[0]["best"] == stored[1]["best"]
     assert stored[0]["best"]["reward"] == pytest.approx(whole.best.reward)

@@ -19,7 +19,12 @@ from tests.test_resume import assert_same_run, toy  # noqa: F401  # a fixture
 
 pytestmark = pytest.mark.slow
 
-TOYS = "task=several", "task.of=[BringCube,ElevatePlate]", "budget.n_agent=2", "budget.n_action=2"
+TOYS = (
+    "task=several",
+    "task.of=[BringCube,ElevatePlate]",
+    "budget.n_agent=2",
+    "budget.n_action=2",
+)
 NAMES = ["BringCube", "HighObject"]
 
 
@@ -27,10 +32,23 @@ NAMES = ["BringCube", "HighObject"]
 def found(tmp_path_factory):
     """Two generations of one agent, each with two tools and a plan for each task."""
     folder = tmp_path_factory.mktemp("several") / "run"
-    sizes = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
-    words = [*sizes, "budget.reward_save=0", "rollout.hold_s=0.2", "executor.workers=1", "film=false"]
+    sizes = [
+        "budget.n_agent=1",
+        "budget.n_tool=2",
+        "budget.n_action=1",
+        "budget.n_iteration=1",
+    ]
+    words = [
+        *sizes,
+        "budget.reward_save=0",
+        "rollout.hold_s=0.2",
+        "executor.workers=1",
+        "film=false",
+    ]
     of = f"task.of=[{','.join(NAMES)}]"
-    result = Experiment("task=several", of, *words, sim="mujoco", listener=["rerun"]).run(folder)
+    result = Experiment(
+        "task=several", of, *words, sim="mujoco", listener=["rerun"]
+    ).run(folder)
     return folder, result
 
 
@@ -51,9 +69,14 @@ def test_tools_are_asked_for_first_and_then_plans_for_each_tool_and_task(found):
 def test_the_embedded_designers_tools_have_parts_for_the_tasks_side_by_side(found):
     """First a part for a task alone, and at last one for each."""
     tools = {}
-    for evaluation in (e for e in found[1].generations[0].evaluations if e.candidate.tool is not None):
+    for evaluation in (
+        e for e in found[1].generations[0].evaluations if e.candidate.tool is not None
+    ):
         tools[evaluation.candidate.strategy] = evaluation.candidate.tool
-    first, last = ([c.name.rpartition("_")[2] for c in tools[number].components] for number in (0, 1))
+    first, last = (
+        [c.name.rpartition("_")[2] for c in tools[number].components]
+        for number in (0, 1)
+    )
     assert set(first) == {NAMES[0]}
     assert set(last) == set(NAMES)
 
@@ -61,38 +84,62 @@ def test_the_embedded_designers_tools_have_parts_for_the_tasks_side_by_side(foun
 def test_the_best_design_earns_the_same_again_together_and_in_each_task(found):
     folder, result = found
     same = ["sim=mujoco", "rollout.hold_s=0.2", "executor.workers=1"]
-    of = ["task=several", f"task.of=[{','.join(NAMES)}]", f"designs={folder / 'best' / 'design.json'}"]
+    of = [
+        "task=several",
+        f"task.of=[{','.join(NAMES)}]",
+        f"designs={folder / 'best' / 'design.json'}",
+    ]
     (again,) = evaluate(load("evaluate", [*of, *same]))
     assert (again.reward, again.figures) == (result.best.reward, result.best.figures)
     for name in NAMES:
         (alone,) = evaluate(
-            load("evaluate", [f"task={name}", f"designs={folder / 'best' / name / 'design.json'}", *same])
+            load(
+                "evaluate",
+                [
+                    f"task={name}",
+                    f"designs={folder / 'best' / name / 'design.json'}",
+                    *same,
+                ],
+            )
         )
         assert alone.reward == result.best.figures[name]
 
 
 def test_there_is_a_recording_for_each_task(found):
     folder, _ = found
-    assert sorted(file.name for file in folder.glob("*.rrd")) == [f"recording_{name}.rrd" for name in NAMES]
+    assert sorted(file.name for file in folder.glob("*.rrd")) == [
+        f"recording_{name}.rrd" for name in NAMES
+    ]
 
 
 def test_transfer_tries_each_task(found):
     folder, result = found
     words = [f"designs={folder}", "sims=[mujoco]", "seeds=[0]", "executor.workers=1"]
     designs = transfer(transfer_settings(words))["designs"]
-    assert {of["task"]: of["engines"]["mujoco"]["nominal"] for of in designs} == result.best.figures
+    assert {
+        of["task"]: of["engines"]["mujoco"]["nominal"] for of in designs
+    } == result.best.figures
 
 
 def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
     folder, _ = found
-    made = export(configured([f"designs={folder}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
+    made = export(
+        configured([f"designs={folder}", f"output={tmp_path / 'out'}", "sims=[mujoco]"])
+    )
     assert [one.task.name for one in made] == NAMES
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [*NAMES, "tool"]
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [
+        *NAMES,
+        "tool",
+    ]
     for one in made:
-        figures = json.loads((tmp_path / "out" / one.task.name / "figures.json").read_text())
+        figures = json.loads(
+            (tmp_path / "out" / one.task.name / "figures.json").read_text()
+        )
         assert figures["rewards"] == {"mujoco": one.replays["mujoco"].reward}
         assert (tmp_path / "out" / one.task.name / "motion" / "trajectory.csv").exists()
-        checks = [check.name for check in one.verdicts if check.name.startswith("motion")]
+        checks = [
+            check.name for check in one.verdicts if check.name.startswith("motion")
+        ]
         assert checks == [f"motion of {one.task.name}"]
 
 
@@ -100,7 +147,11 @@ def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
 
 
 @pytest.mark.parametrize("words", [{"executor.fails_at": 2}, {"vlm.limit": 4}])
-def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(toy, tmp_path, words):  # noqa: F811
+def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(
+    toy,  # noqa: F811
+    tmp_path,
+    words,
+):
     cfg = toys.config(toy.file, *TOYS)
     run(cfg, tmp_path / "whole")
     asked, tried = set(toy.lines("asked")), set(toy.lines("tried"))
@@ -116,30 +167,53 @@ def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(toy,
 
 
 def test_a_replay_tries_the_same_designs(toy, tmp_path):  # noqa: F811
-    first = run(toys.several(toy.file, *TOYS[:2]), tmp_path / "run")  # some joined plans follow ones that failed
+    first = run(
+        toys.several(toy.file, *TOYS[:2]), tmp_path / "run"
+    )  # some joined plans follow ones that failed
     cfg = toys.config(toy.file, *TOYS[:2])
-    OmegaConf.update(cfg, "vlm", {"name": "replay", "run": str(tmp_path / "run")}, merge=False)
+    OmegaConf.update(
+        cfg, "vlm", {"name": "replay", "run": str(tmp_path / "run")}, merge=False
+    )
     again = run(cfg, tmp_path / "again")
     assert rewards(again) == rewards(first)
-    assert "NaN" not in (tmp_path / "run" / "result.json").read_text()  # distances of joined plans are not known
+    assert (
+        "NaN" not in (tmp_path / "run" / "result.json").read_text()
+    )  # distances of joined plans are not known
     assert max(reward for _, reward, _ in rewards(first).values()) > 0.1
 
 
 def rewards(result):
-    return {e.candidate.id: (e.status, e.reward, dict(e.figures)) for g in result.generations for e in g.evaluations}
+    return {
+        e.candidate.id: (e.status, e.reward, dict(e.figures))
+        for g in result.generations
+        for e in g.evaluations
+    }
 
 
 def test_all_requests_are_counted_beforehand(tmp_path, capsys):
     from core.config.compose import load
 
-    words = [*TOYS[:2], "sim=mujoco", "vlm=offline", "budget.n_agent=3", "budget.n_tool=2"]
+    words = [
+        *TOYS[:2],
+        "sim=mujoco",
+        "vlm=offline",
+        "budget.n_agent=3",
+        "budget.n_tool=2",
+    ]
     first, *plans = requests(load("prompt", words))
     assert [of.brief.task.name for of in plans] == ["BringCube", "ElevatePlate"]
-    assert (first.brief.n_action, plans[0].brief.n_tool, plans[0].brief.n_action) == (0, 1, 4)
+    assert (first.brief.n_action, plans[0].brief.n_tool, plans[0].brief.n_action) == (
+        0,
+        1,
+        4,
+    )
     main([*words, f"output={tmp_path}"])
     first_line, second, _ = capsys.readouterr().out.splitlines()
     tokens = int(first_line.partition(" ")[0])
-    assert json.loads((tmp_path / "request.json").read_text())["estimate"]["prompt_tokens"] == tokens
+    assert (
+        json.loads((tmp_path / "request.json").read_text())["estimate"]["prompt_tokens"]
+        == tokens
+    )
     assert second.startswith("a generation has at most 15 requests with some ")
     whole = int(second.partition("some ")[2].partition(" ")[0])
     assert whole > 3 * tokens + 12 * 2000

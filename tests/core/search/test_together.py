@@ -14,14 +14,20 @@ TASKS = "task=several", "task.of=[BringCube,ElevatePlate]"
 
 
 def solution(task: str) -> dict[str, Any]:
-    strategy: dict[str, Any] = json.loads((SOLVED / "solutions" / f"{task}.json").read_text())["strategies"][0]
+    strategy: dict[str, Any] = json.loads(
+        (SOLVED / "solutions" / f"{task}.json").read_text()
+    )["strategies"][0]
     return strategy
 
 
 def tried(folder: Path, strategy: dict[str, Any], *words: str) -> list[Evaluation]:
     file = folder / "designs.json"
     file.write_text(json.dumps({"strategies": [strategy]}))
-    return evaluate(load("evaluate", [*words, f"designs={file}", "sim=mujoco", "executor.workers=1"]))
+    return evaluate(
+        load(
+            "evaluate", [*words, f"designs={file}", "sim=mujoco", "executor.workers=1"]
+        )
+    )
 
 
 def several(*sets: list[dict[str, Any]]) -> dict[str, Any]:
@@ -29,35 +35,58 @@ def several(*sets: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def plan(task: str) -> dict[str, Any]:
-    return {"task": task, "action": "waypoints", "plan": solution("BringCube")["action_sets"][0]}
+    return {
+        "task": task,
+        "action": "waypoints",
+        "plan": solution("BringCube")["action_sets"][0],
+    }
 
 
 def test_each_task_is_tried_with_its_own_plan(tmp_path: Path) -> None:
-    (alone,) = tried(tmp_path, {**solution("BringCube"), "action_sets": [plan("")["plan"]]}, "task=BringCube")
-    (both,) = tried(tmp_path, several([plan("BringCube"), plan("ElevatePlate")]), *TASKS)
+    (alone,) = tried(
+        tmp_path,
+        {**solution("BringCube"), "action_sets": [plan("")["plan"]]},
+        "task=BringCube",
+    )
+    (both,) = tried(
+        tmp_path, several([plan("BringCube"), plan("ElevatePlate")]), *TASKS
+    )
     assert both.figures["BringCube"] == alone.reward > 0.9
     assert both.reward == pytest.approx(sum(both.figures.values()) / 2)
     assert [trial.task for trial in both.trials] == ["BringCube", "ElevatePlate"]
     assert both.rollouts == 2
     one = both.in_task("BringCube")
-    assert (one.reward, one.status, one.candidate.plan.content) == (alone.reward, "ok", alone.candidate.plan.content)
+    assert (one.reward, one.status, one.candidate.plan.content) == (
+        alone.reward,
+        "ok",
+        alone.candidate.plan.content,
+    )
 
 
 def test_the_worst_task_may_count(tmp_path: Path) -> None:
-    (both,) = tried(tmp_path, several([plan("BringCube"), plan("ElevatePlate")]), *TASKS, "task.combine=worst")
+    (both,) = tried(
+        tmp_path,
+        several([plan("BringCube"), plan("ElevatePlate")]),
+        *TASKS,
+        "task.combine=worst",
+    )
     assert both.reward == min(both.figures.values()) < both.figures["BringCube"]
 
 
 def test_a_plan_that_lacks_costs_its_task_alone(tmp_path: Path) -> None:
     wrong = {"task": "ElevatePlate", "plan": [[1, 2]]}
-    lacks, unread = tried(tmp_path, several([plan("BringCube")], [plan("BringCube"), wrong]), *TASKS)
+    lacks, unread = tried(
+        tmp_path, several([plan("BringCube")], [plan("BringCube"), wrong]), *TASKS
+    )
     assert lacks.figures == unread.figures
     assert lacks.rollouts == 1
     assert "no plan for this task" in lacks.trials[1].reason
     assert "2 numbers" in unread.trials[1].reason
 
 
-def test_a_tool_that_does_not_start_clear_in_one_task_is_tried_in_the_other(tmp_path: Path) -> None:
+def test_a_tool_that_does_not_start_clear_in_one_task_is_tried_in_the_other(
+    tmp_path: Path,
+) -> None:
     plans = several([plan("BringCube"), {**plan("BringCube"), "task": "LiftBox"}])
     (both,) = tried(tmp_path, plans, "task=several", "task.of=[BringCube,LiftBox]")
     clear, inside = both.trials
@@ -71,8 +100,14 @@ def test_a_tool_that_does_not_start_clear_in_one_task_is_tried_in_the_other(tmp_
     ("of", "said"),
     [
         ("[BringCube]", "two or more different tasks"),
-        ("[BringCube,{name: BringCube,variation: near}]", "two or more different tasks"),
-        ("[BringCube,{name: SnatchCookie,tool_kinds: [gripper]}]", "no tool kind in common"),
+        (
+            "[BringCube,{name: BringCube,variation: near}]",
+            "two or more different tasks",
+        ),
+        (
+            "[BringCube,{name: SnatchCookie,tool_kinds: [gripper]}]",
+            "no tool kind in common",
+        ),
     ],
 )
 def test_tasks_that_do_not_go_together(tmp_path: Path, of: str, said: str) -> None:

@@ -28,11 +28,17 @@ def plan(number):
 def candidates(*plans, agent=0, own=None):
     """Candidates of one tool with plans of these numbers."""
     own = own or tool()
-    return [Candidate(own, plan(number), 0, agent, 0, action) for action, number in enumerate(plans)]
+    return [
+        Candidate(own, plan(number), 0, agent, 0, action)
+        for action, number in enumerate(plans)
+    ]
 
 
 def conditions(*layouts, task="task", **settings):
-    return [Condition(Named(task), Named("engine"), layout, **settings) for layout in layouts]
+    return [
+        Condition(Named(task), Named("engine"), layout, **settings)
+        for layout in layouts
+    ]
 
 
 class Layouts(Fitness):
@@ -78,7 +84,9 @@ class Diary:
 
 def test_layouts_of_one_candidate_are_chunks_of_their_own():
     diary = Diary()
-    (evaluation,) = diary.trials().evaluate(candidates(1), Layouts(*conditions(3, 4, 5)))
+    (evaluation,) = diary.trials().evaluate(
+        candidates(1), Layouts(*conditions(3, 4, 5))
+    )
     name = evaluation.candidate.id
     assert diary.played == [(3, [name]), (4, [name]), (5, [name])]
     assert [trial.layout for trial in evaluation.trials] == [3, 4, 5]
@@ -120,7 +128,9 @@ def test_an_engine_with_large_batches_is_given_several_tools_in_one_condition():
 
 def test_a_trial_is_told_when_it_ends_and_before_its_candidate_is_complete():
     diary = Diary()
-    for evaluation in diary.trials().evaluate(candidates(1, 2), Layouts(*conditions(0, 1))):
+    for evaluation in diary.trials().evaluate(
+        candidates(1, 2), Layouts(*conditions(0, 1))
+    ):
         diary.entries.append(("complete", evaluation.candidate.id))
     first, second = "g0-a0-s0-p0", "g0-a0-s0-p1"
     assert diary.entries == [
@@ -158,7 +168,10 @@ def test_the_key_that_is_told_is_that_of_the_candidate_in_its_condition():
 def test_equal_plans_of_two_agents_share_their_trials():
     diary = Diary()
     one, same = candidates(1), candidates(1, agent=1)
-    found = {e.candidate.agent: e for e in diary.trials().evaluate([*one, *same], Layouts(*conditions(0, 1)))}
+    found = {
+        e.candidate.agent: e
+        for e in diary.trials().evaluate([*one, *same], Layouts(*conditions(0, 1)))
+    }
     assert diary.played == [(0, ["g0-a0-s0-p0"]), (1, ["g0-a0-s0-p0"])]
     assert found[1].candidate is same[0]
     assert found[1].trials == found[0].trials
@@ -167,7 +180,10 @@ def test_equal_plans_of_two_agents_share_their_trials():
 
 def test_equal_plans_in_one_chunk_are_played_once():
     diary = Diary()
-    assert len(list(diary.trials().evaluate(candidates(1, 2, 1), Layouts(*conditions(0))))) == 3
+    assert (
+        len(list(diary.trials().evaluate(candidates(1, 2, 1), Layouts(*conditions(0)))))
+        == 3
+    )
     assert diary.played == [(0, ["g0-a0-s0-p0", "g0-a0-s0-p1"])]
 
 
@@ -219,11 +235,18 @@ def test_a_plan_for_one_of_several_tasks_is_known_by_itself():
     where = Layouts(*conditions(0, task="a"), *conditions(0, task="b"))
     diary = Diary()
     trials = diary.trials()
-    list(trials.evaluate([Candidate(own, first), Candidate(own, second, action=1)], where))
+    list(
+        trials.evaluate(
+            [Candidate(own, first), Candidate(own, second, action=1)], where
+        )
+    )
     diary.entries.clear()
     (evaluation,) = trials.evaluate([Candidate(own, joined, action=2)], where)
     assert diary.entries == []
-    assert [trial.candidate for trial in evaluation.trials] == ["g0-a0-s0-p0", "g0-a0-s0-p1"]
+    assert [trial.candidate for trial in evaluation.trials] == [
+        "g0-a0-s0-p0",
+        "g0-a0-s0-p1",
+    ]
     assert evaluation.rollouts == 0
 
 
@@ -234,23 +257,42 @@ def test_what_breaks_a_rule_in_any_condition_has_no_trials():
     diary = Diary()
     broken = replace(candidates(1)[0], problem="it has no boxes")
     (evaluation,) = diary.trials().evaluate([broken], Layouts(*conditions(0)))
-    assert (evaluation.status, evaluation.reason, evaluation.reward) == ("rejected", "it has no boxes", 0.0)
+    assert (evaluation.status, evaluation.reason, evaluation.reward) == (
+        "rejected",
+        "it has no boxes",
+        0.0,
+    )
     assert evaluation.trials == ()
     assert diary.entries == []
 
 
 def test_only_the_guilty_candidate_fails_and_only_in_the_layout_where_it_breaks():
     def breaks(where, chunk):
-        return RuntimeError("it burst") if where.layout == 1 and any(c.action == 2 for c in chunk) else None
+        return (
+            RuntimeError("it burst")
+            if where.layout == 1 and any(c.action == 2 for c in chunk)
+            else None
+        )
 
     diary = Diary(breaks)
-    found = list(diary.trials().evaluate(candidates(1, 2, 3), Layouts(*conditions(0, 1, 2))))
+    found = list(
+        diary.trials().evaluate(candidates(1, 2, 3), Layouts(*conditions(0, 1, 2)))
+    )
     statuses = {e.candidate.action: [trial.status for trial in e.trials] for e in found}
     assert statuses == {0: ["ok"] * 3, 1: ["ok"] * 3, 2: ["ok", "failed", "ok"]}
     (guilty,) = (e.trials[1] for e in found if e.candidate.action == 2)
-    assert (guilty.reason, guilty.reward, guilty.layout) == ("RuntimeError: it burst", 0.0, 1)
+    assert (guilty.reason, guilty.reward, guilty.layout) == (
+        "RuntimeError: it burst",
+        0.0,
+        1,
+    )
     ids = [candidate.id for candidate in candidates(1, 2, 3)]
-    assert diary.played == [(0, ids), (1, ids), (2, ids), *((1, [name]) for name in ids)]
+    assert diary.played == [
+        (0, ids),
+        (1, ids),
+        (2, ids),
+        *((1, [name]) for name in ids),
+    ]
 
 
 def test_a_fault_of_the_machine_leaves_the_trial_untold():
@@ -258,7 +300,10 @@ def test_a_fault_of_the_machine_leaves_the_trial_untold():
         return Fault("no room") if where.layout == 1 else None
 
     diary = Diary(full)
-    with pytest.raises(UserError, match=r"candidate g0-a0-s0-p0 can't be tried: .*no room.*fault of the machine"):
+    with pytest.raises(
+        UserError,
+        match=r"candidate g0-a0-s0-p0 can't be tried: .*no room.*fault of the machine",
+    ):
         list(diary.trials().evaluate(candidates(1), Layouts(*conditions(0, 1))))
     assert [entry[1] for entry in diary.entries if entry[0] == "tell"] == [0]
 
@@ -266,10 +311,16 @@ def test_a_fault_of_the_machine_leaves_the_trial_untold():
 def test_an_executor_that_loses_a_chunk_is_told_on():
     class Losing(Inline):
         def map(self, function, chunks):
-            return (pair for number, pair in enumerate(super().map(function, chunks)) if number)
+            return (
+                pair
+                for number, pair in enumerate(super().map(function, chunks))
+                if number
+            )
 
     with pytest.raises(UserError, match="map gave no result for 1 trials"):
-        list(Diary().trials(Losing()).evaluate(candidates(1), Layouts(*conditions(0, 1))))
+        list(
+            Diary().trials(Losing()).evaluate(candidates(1), Layouts(*conditions(0, 1)))
+        )
 
 
 def test_a_tool_that_starts_inside_something_in_one_layout_is_tried_in_the_others():

@@ -22,7 +22,9 @@ from tests.faults import Faulty
 from tests.playing import evaluate_batch
 
 TOP = 0.1
-BLOCK = Body.of("block", Box((0.2, 0.2, TOP)), (0.55, 0.0, TOP / 2), mass=0.0, color=GREY)
+BLOCK = Body.of(
+    "block", Box((0.2, 0.2, TOP)), (0.55, 0.0, TOP / 2), mass=0.0, color=GREY
+)
 TOOL = stick(0.2)
 ABOVE = {"anchor": "block", "offset": [0, 0, 0.3]}
 DOWN = {"anchor": "block", "offset": [0, 0, 0.2], "until": "touch", "speed": 0.05}
@@ -37,16 +39,22 @@ class Block(Bodies):
 
 
 def candidate(*steps):
-    return Candidate(TOOL, AnchoredActions().parse(list(steps), gripper=False), 0, 0, 0, 0)
+    return Candidate(
+        TOOL, AnchoredActions().parse(list(steps), gripper=False), 0, 0, 0, 0
+    )
 
 
 def play(*steps, engine="mujoco", seed=0, **settings):
     """Play a plan: the outcome, its guards, and the motion that was planned."""
     task = Block()
-    motion, job = prepare(task, candidate(*steps), seed, RolloutSettings(**settings), record_hz=100.0)
+    motion, job = prepare(
+        task, candidate(*steps), seed, RolloutSettings(**settings), record_hz=100.0
+    )
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
-    return SimpleNamespace(outcome=outcome, guards=job.guards, motion=motion, job=job, task=task)
+    return SimpleNamespace(
+        outcome=outcome, guards=job.guards, motion=motion, job=job, task=task
+    )
 
 
 def mount(played):
@@ -54,16 +62,28 @@ def mount(played):
 
 
 @every_simulator
-def test_what_follows_a_touch_begins_where_the_block_is_however_wrong_its_height_was(engine):
+def test_what_follows_a_touch_begins_where_the_block_is_however_wrong_its_height_was(
+    engine,
+):
     ends = []
     for seed in (0, 1):
-        played = play(ABOVE, DOWN, UP, engine=engine, seed=seed, perception=Perception(height=0.008))
+        played = play(
+            ABOVE,
+            DOWN,
+            UP,
+            engine=engine,
+            seed=seed,
+            perception=Perception(height=0.008),
+        )
         assert [felt.fired for felt in played.outcome.felt] == ["touch"]
         ends.append(mount(played)[2])
     np.testing.assert_allclose(ends, TOP + 0.2 + 0.05, atol=0.002)
     blind = [ABOVE, {"anchor": "block", "offset": [0, 0, 0.25]}]
     task, settings = Block(), RolloutSettings(perception=Perception(height=0.008))
-    missed = [prepare(task, candidate(*blind), seed, settings)[0].plan[-1, 2] - TOP - 0.2 for seed in (0, 1)]
+    missed = [
+        prepare(task, candidate(*blind), seed, settings)[0].plan[-1, 2] - TOP - 0.2
+        for seed in (0, 1)
+    ]
     assert max(map(abs, missed)) > 0.003  # the error that the touch removed
 
 
@@ -81,7 +101,10 @@ def test_arrivals_and_distance_are_those_of_what_was_played():
     assert motion.arrivals[0] == planned.arrivals[0]
     assert (motion.arrivals[1:] < planned.arrivals[1:]).all()
     assert motion.trajectory.duration == motion.arrivals[-1]
-    steps = np.abs(np.diff(motion.trajectory.arm, axis=0)) / np.diff(motion.trajectory.times)[:, None]
+    steps = (
+        np.abs(np.diff(motion.trajectory.arm, axis=0))
+        / np.diff(motion.trajectory.times)[:, None]
+    )
     assert (steps <= arm().velocity_limits * 1.001).all()
     assert motion.distance_m < planned.distance_m
     assert motion.plan[2, 2] == pytest.approx(TOP + 0.2 + 0.05, abs=0.002)
@@ -90,7 +113,9 @@ def test_arrivals_and_distance_are_those_of_what_was_played():
 def test_a_wait_begins_at_the_touch():
     played = play(ABOVE, DOWN | {"wait": 0.5}, UP)
     (felt,) = played.outcome.felt
-    waiting = (played.outcome.recording.times > felt.at_s + 0.2) & (played.outcome.recording.times < felt.at_s + 0.5)
+    waiting = (played.outcome.recording.times > felt.at_s + 0.2) & (
+        played.outcome.recording.times < felt.at_s + 0.5
+    )
     assert np.ptp(played.outcome.recording.arm[waiting], axis=0).max() < 1e-3
 
 
@@ -111,14 +136,21 @@ def test_the_evaluation_is_of_the_motion_as_it_was_played():
     plan = candidate(ABOVE, DOWN, UP)
     (evaluation,) = evaluate_batch(Block(), simulator("mujoco"), [plan], 0, settings)
     played = play(ABOVE, DOWN, UP)
-    assert evaluation.distance_m == pytest.approx(played.guards.motion.distance_m, abs=1e-3)
+    assert evaluation.distance_m == pytest.approx(
+        played.guards.motion.distance_m, abs=1e-3
+    )
     assert evaluation.observation.felt[0].startswith("waypoint 2: touch at ")
     assert len(evaluation.observation.arrivals) == 3
 
 
 def test_an_engine_that_plays_no_guards_says_so():
-    (evaluation,) = evaluate_batch(Block(), Faulty(), [candidate(ABOVE, DOWN)], 0, RolloutSettings())
-    assert (evaluation.status, "this engine can't play them" in evaluation.reason) == ("rejected", True)
+    (evaluation,) = evaluate_batch(
+        Block(), Faulty(), [candidate(ABOVE, DOWN)], 0, RolloutSettings()
+    )
+    assert (evaluation.status, "this engine can't play them" in evaluation.reason) == (
+        "rejected",
+        True,
+    )
 
 
 def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
@@ -126,22 +158,47 @@ def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
     played = play(ABOVE, DOWN, slow, max_motion_s=20)
     steps, short = candidate(ABOVE, DOWN, slow).plan, RolloutSettings(max_motion_s=4)
     guards = PlannedGuards(
-        steps, resolve(steps, played.task, 0, RolloutSettings()), played.motion, played.task, 0, short
+        steps,
+        resolve(steps, played.task, 0, RolloutSettings()),
+        played.motion,
+        played.task,
+        0,
+        short,
     )
-    (outcome,) = simulator("mujoco").rollout(played.task, [replace(played.job, guards=guards)])
+    (outcome,) = simulator("mujoco").rollout(
+        played.task, [replace(played.job, guards=guards)]
+    )
     assert "at most 4 s" in guards.problem
     assert len(guards.motion.arrivals) == 2
     assert outcome.recording.times[-1] < 6
 
 
 @every_simulator
-@pytest.mark.parametrize("way", [{"speed": 0.05}, {"offset": [0.1, 0, 0.05], "seconds": 0.001}])
-def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(engine, way, monkeypatch):
+@pytest.mark.parametrize(
+    "way", [{"speed": 0.05}, {"offset": [0.1, 0, 0.05], "seconds": 0.001}]
+)
+def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(
+    engine, way, monkeypatch
+):
     planned = []
     plan = "core.simulation.guards.plan_task_motion"
-    monkeypatch.setattr(plan, lambda points, *args: planned.append(len(points)) or plan_task_motion(points, *args))
+    monkeypatch.setattr(
+        plan,
+        lambda points, *args: (
+            planned.append(len(points)) or plan_task_motion(points, *args)
+        ),
+    )
     aside, up = UP | {"offset": [0.1, 0, 0.05]}, UP | {"offset": [0, 0, 0.08]}
-    played = play(ABOVE, DOWN, UP, aside | {"until": "touch"} | way, up, aside, engine=engine, hold_s=0.5)
+    played = play(
+        ABOVE,
+        DOWN,
+        UP,
+        aside | {"until": "touch"} | way,
+        up,
+        aside,
+        engine=engine,
+        hold_s=0.5,
+    )
     assert [felt.fired for felt in played.outcome.felt] == ["touch", ""]
     assert planned == [2, 2]  # each way once
     motion = played.guards.motion
@@ -160,9 +217,21 @@ def test_the_force_is_that_on_the_tool_less_what_was_felt_when_the_way_began():
     played = play(ABOVE, DOWN, feel=Feel(noise=0.0))
     guards, begin = played.guards, played.motion.arrivals[0]
     joints, _ = guards.begin().sample(np.array([begin]))
-    points, held, more = HOME.position - [[0.0, 0.0, 0.2]], np.array([[0.0, 0.0, -9.0]]), np.array([[3.0, 0.0, 4.0]])
-    readings = [guards.feel(begin + 0.01 * k, joints[0], points, held + more * (k > 1)) for k in range(4)]
-    assert [reading is None for reading in readings] == [True, True, True, False]  # of three the middle one counts
+    points, held, more = (
+        HOME.position - [[0.0, 0.0, 0.2]],
+        np.array([[0.0, 0.0, -9.0]]),
+        np.array([[3.0, 0.0, 4.0]]),
+    )
+    readings = [
+        guards.feel(begin + 0.01 * k, joints[0], points, held + more * (k > 1))
+        for k in range(4)
+    ]
+    assert [reading is None for reading in readings] == [
+        True,
+        True,
+        True,
+        False,
+    ]  # of three the middle one counts
     assert guards.felt[0].force_n == pytest.approx(5.0, abs=0.01)
 
 

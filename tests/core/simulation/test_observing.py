@@ -24,7 +24,9 @@ from tests.panda import PANDA, on_panda
 from tests.playing import evaluate_batch
 from tests.rare import rare
 
-FAILURES = Path(__file__).parents[2] / "failures"  # the names of the strategies say how they fail
+FAILURES = (
+    Path(__file__).parents[2] / "failures"
+)  # the names of the strategies say how they fail
 SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
 OBSERVED = RolloutSettings(observe=True)
 
@@ -55,7 +57,8 @@ def test_twelve_failures_are_named_two_of_each_kind():
             kinds.append(wanted)
             named.append(evaluation.observation.result == wanted)
     assert sorted(kinds) == sorted(
-        2 * ["never touched", "missed", "dropped", "tipped", "stuck", "unreachable"], key=str
+        2 * ["never touched", "missed", "dropped", "tipped", "stuck", "unreachable"],
+        key=str,
     )
     assert sum(named) >= 11, list(zip(kinds, named, strict=True))
 
@@ -86,7 +89,12 @@ def test_of_twelve_failures_on_hard_tasks_the_first_words_name_the_cause(engine)
     for (name, shift), wanted in HARD.items():
         solution = solutions.anchored(name)
         steps = [
-            replace(s, offset=tuple(float(a + b) for a, b in zip(s.offset, shift, strict=True)))
+            replace(
+                s,
+                offset=tuple(
+                    float(a + b) for a, b in zip(s.offset, shift, strict=True)
+                ),
+            )
             for s in solution.plan.steps
         ]
         shifted = replace(solution, plan=replace(solution.plan, steps=tuple(steps)))
@@ -101,19 +109,35 @@ def test_of_twelve_failures_on_hard_tasks_the_first_words_name_the_cause(engine)
 @pytest.mark.parametrize("task", ["BringCube", "HighObject", "SnatchCookie"])
 def test_observing_changes_no_reward_and_no_figure(task):
     file = FAILURES / f"{task}.json"
-    for with_it, without in zip(evaluations(file), evaluations(file, "off"), strict=True):
-        for name in ("status", "reward", "distance_m", "ik_error_m", "tracking_error_rad", "moved_m", "warnings"):
+    for with_it, without in zip(
+        evaluations(file), evaluations(file, "off"), strict=True
+    ):
+        for name in (
+            "status",
+            "reward",
+            "distance_m",
+            "ik_error_m",
+            "tracking_error_rad",
+            "moved_m",
+            "warnings",
+        ):
             assert getattr(with_it.shown, name) == getattr(without.shown, name), name
         assert without.observation is None
 
 
 def test_an_observation_survives_the_store():
     for evaluation in evaluations(FAILURES / "BringCube.json"):
-        trials = tuple(load_trial(trial_row(evaluation.candidate.content, trial)) for trial in evaluation.trials)
+        trials = tuple(
+            load_trial(trial_row(evaluation.candidate.content, trial))
+            for trial in evaluation.trials
+        )
         resumed = replace(evaluation, trials=trials)
         assert resumed.trials == evaluation.trials
         assert describe(resumed) == describe(evaluation)
-        both = [elite_feedback(each.shown, each.observation) for each in (resumed, evaluation)]
+        both = [
+            elite_feedback(each.shown, each.observation)
+            for each in (resumed, evaluation)
+        ]
         assert json.dumps(both[0]) == json.dumps(both[1])
     assert tried_once(evaluation.candidate, "ok").observation is None
 
@@ -167,7 +191,9 @@ class Mistaken(BringCube):
 
 def test_a_goal_of_other_bodies_leaves_all_free_ones():
     candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
-    (evaluation,) = evaluate_batch(Mistaken(), simulator("mujoco"), [candidate], 0, OBSERVED)
+    (evaluation,) = evaluate_batch(
+        Mistaken(), simulator("mujoco"), [candidate], 0, OBSERVED
+    )
     assert evaluation.observation.left == ("cube",)
     assert evaluation.observation.errors == {}
 
@@ -212,7 +238,9 @@ def test_states_that_are_not_finite_are_not_observed(monkeypatch):
 
     monkeypatch.setattr(engine, "rollout", diverging)
     settings = RolloutSettings(observe=True, penetration="ignore")
-    (evaluation,) = evaluate_batch(on_panda(BringCube()), engine, [candidate], 0, settings)
+    (evaluation,) = evaluate_batch(
+        on_panda(BringCube()), engine, [candidate], 0, settings
+    )
     assert (evaluation.status, evaluation.observation) == ("ok", None)
 
 
@@ -238,10 +266,18 @@ class Drawer(BringCube):
 
     def scene(self, seed):
         case, box, cube = (
-            Body.of(name, Box((0.1, 0.1, 0.1)), (x, 0.6, 0.05), mass=mass, color=(1, 0, 0, 1))
+            Body.of(
+                name,
+                Box((0.1, 0.1, 0.1)),
+                (x, 0.6, 0.05),
+                mass=mass,
+                color=(1, 0, 0, 1),
+            )
             for name, x, mass in (("case", 0.9, 0), ("box", 0.9, 1), ("cube", 0.2, 1))
         )
-        slide = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
+        slide = Joint(
+            "drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3
+        )
         return Scene((case, box, cube), (slide,))
 
     def reward(self, start, end):
@@ -254,22 +290,39 @@ class Told(Faulty):
 
     def one(self, task, job):
         start = task.scene(0).state()
-        end = replace(start, positions=start.positions.copy(), quaternions=start.quaternions.copy())
+        end = replace(
+            start,
+            positions=start.positions.copy(),
+            quaternions=start.quaternions.copy(),
+        )
         end.positions[0, 0] -= self.opened
         end.quaternions[1] = Pose.xyz_rpy((0, 0, 0), (self.tilt, 0, 0)).quaternion
         arms = np.repeat(job.trajectory.arm[:1], 2, axis=0)
         return Outcome(
-            start, end, 0.0, recording=Recording(np.arange(2.0), arms, np.zeros((2, 2)), State.stack([start, end]))
+            start,
+            end,
+            0.0,
+            recording=Recording(
+                np.arange(2.0), arms, np.zeros((2, 2)), State.stack([start, end])
+            ),
         )
 
 
 @pytest.mark.parametrize(
     ("opened", "tilt", "left"),
-    [(0.2, -np.pi / 2, ()), (0.19, -1.5, ()), (0.1, -1.5, ("box",)), (0.2, 0.0, ("cube",)), (0, 0, ("box", "cube"))],
+    [
+        (0.2, -np.pi / 2, ()),
+        (0.19, -1.5, ()),
+        (0.1, -1.5, ("box",)),
+        (0.2, 0.0, ("cube",)),
+        (0, 0, ("box", "cube")),
+    ],
 )
 def test_goals_of_joints_and_axes_are_reached_or_not(opened, tilt, left):
     settings = RolloutSettings(observe=True, penetration="ignore")
-    (evaluation,) = evaluate_batch(Drawer(), Told(opened, tilt), [candidate(0)], 0, settings)
+    (evaluation,) = evaluate_batch(
+        Drawer(), Told(opened, tilt), [candidate(0)], 0, settings
+    )
     found = evaluation.observation
     assert found.left == left
     assert set(found.errors) == {"box", "cube"}  # the bodies of all goals

@@ -22,7 +22,10 @@ def test_a_png_holds_the_picture_as_it_is():
 
 
 def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
-    task, engine = installed().create("task", "BringCube"), installed().create("sim", "pybullet")
+    task, engine = (
+        installed().create("task", "BringCube"),
+        installed().create("sim", "pybullet"),
+    )
     short = RolloutSettings(segment_s=0.3, settle_s=0.1, hold_s=0.2)
     candidate = Candidate(Tool(), np.array([[0.5, 0, 0.45, 0, 0, 0.0]]))
     save_film(task, engine, candidate, 0, short, tmp_path / "film.gif")
@@ -32,10 +35,14 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
         film.seek(frame)
         durations.append(film.info["duration"])
         frames.append(np.asarray(film.convert("RGB")).astype(int))
-    assert sum(durations) / 1000 == pytest.approx(0.6 + 0.2, abs=0.2)  # the last frame stays for its own time
+    assert sum(durations) / 1000 == pytest.approx(
+        0.6 + 0.2, abs=0.2
+    )  # the last frame stays for its own time
     assert 0 < film.n_frames <= 0.8 * FILM_HZ + 2
     at_home = engine.render(task, tool=Tool(), width=400, height=300)
-    differ = [(np.abs(frame - at_home).max(axis=-1) > 30).mean() for frame in frames]  # of 255; a film has 96 colours
+    differ = [
+        (np.abs(frame - at_home).max(axis=-1) > 30).mean() for frame in frames
+    ]  # of 255; a film has 96 colours
     assert differ[0] < 0.002
     assert differ[-1] > 0.005  # the hand has moved
 
@@ -47,7 +54,9 @@ def test_every_thread_draws_the_same(engine):
 
     def draw():
         for tool in (None, stick(0.25)):  # each is loaded anew
-            pictures.append(simulator(engine).render(task, tool=tool, width=32, height=24))
+            pictures.append(
+                simulator(engine).render(task, tool=tool, width=32, height=24)
+            )
 
     draw()
     for _ in range(3):
@@ -71,8 +80,19 @@ def open_picture(file):
 def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_path):
     """The scene is drawn in the main thread, elites in the one that reads candidates."""
     simulator(engine)
-    words = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"]
-    words += ["budget.reward_save=-1", "prompt.feedback=full", "executor.workers=1", "listener=[]", "film=false"]
+    words = [
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=1",
+    ]
+    words += [
+        "budget.reward_save=-1",
+        "prompt.feedback=full",
+        "executor.workers=1",
+        "listener=[]",
+        "film=false",
+    ]
     Experiment(*words, task="BringCube", sim=engine).run(tmp_path)
     resume(tmp_path, ["budget.n_iteration=2"])
     scene = open_picture(tmp_path / "scene.png")
@@ -83,7 +103,9 @@ def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_pat
         strip = open_picture(file)
         assert strip.shape == (480, 960)
         halves = strip[20:240, :320], strip[260:, 640:]
-        assert all(half.std() > 10 for half in halves)  # neither blank nor of one colour
+        assert all(
+            half.std() > 10 for half in halves
+        )  # neither blank nor of one colour
         assert (halves[0] != halves[1]).mean() > 0.001  # something has moved
     assert "strip_g0" in (tmp_path / "requests" / "g1-a0.md").read_text()
     assert "strip_g" in (tmp_path / "requests" / "g2-a0.md").read_text()
@@ -103,7 +125,9 @@ class Shaky(toys.ToyEngine):
 
 
 @pytest.mark.parametrize("whole", [0, 1])
-def test_a_picture_that_fails_costs_the_picture_and_not_the_run(whole, tmp_path, monkeypatch, capsys):
+def test_a_picture_that_fails_costs_the_picture_and_not_the_run(
+    whole, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setattr(installed(), "offers", dict(installed().offers))
     toys.offer(installed())
     installed().offers["sim", "shaky"] = Offer("sim", "shaky", "toys", "tests", Shaky)
@@ -114,7 +138,11 @@ def test_a_picture_that_fails_costs_the_picture_and_not_the_run(whole, tmp_path,
     assert result.best.reward > 0
     said = capsys.readouterr().err.splitlines()
     missing = [line for line in said if line.startswith("no ")]
-    assert missing[0].startswith("no film strip of g0-" if whole else "no picture of the scene: the driver is gone")
+    assert missing[0].startswith(
+        "no film strip of g0-"
+        if whole
+        else "no picture of the scene: the driver is gone"
+    )
     assert missing[-1].startswith("no film: ")
     assert (tmp_path / "run" / "scene.png").exists() == bool(whole)
     assert not (tmp_path / "run" / "best" / "rollout.gif").exists()

@@ -21,15 +21,24 @@ SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 
 
 def evaluated(*candidates, task=None, simulator=None, settings=SETTINGS):
-    return evaluate_batch(task or Slide(), simulator or Faulty(), candidates, 0, settings)
+    return evaluate_batch(
+        task or Slide(), simulator or Faulty(), candidates, 0, settings
+    )
 
 
 def test_what_breaks_a_rule_is_not_tried_and_the_order_is_kept():
     bad = Candidate(None, np.zeros((0, 6)), 0, 0, 9, 0, problem="no tool")
     first, rejected, last = evaluated(candidate(0), bad, candidate(1))
-    assert (rejected.status, rejected.reason, rejected.reward) == ("rejected", "no tool", 0.0)
+    assert (rejected.status, rejected.reason, rejected.reward) == (
+        "rejected",
+        "no tool",
+        0.0,
+    )
     assert [first.status, last.status] == ["ok", "ok"]
-    assert [first.candidate.key, last.candidate.key] == [candidate(0).key, candidate(1).key]
+    assert [first.candidate.key, last.candidate.key] == [
+        candidate(0).key,
+        candidate(1).key,
+    ]
     assert evaluated() == []
     with pytest.raises(ValueError, match="has no tool to try: no tool"):
         prepare(Slide(), bad, 0, SETTINGS)
@@ -49,7 +58,10 @@ class Lost(Faulty):
 
 def test_a_rollout_without_states_has_failed():
     (evaluation,) = evaluated(candidate(0), simulator=Lost())
-    assert (evaluation.status, evaluation.reason) == ("failed", "the simulator returned no state")
+    assert (evaluation.status, evaluation.reason) == (
+        "failed",
+        "the simulator returned no state",
+    )
 
 
 class Generous(Slide):
@@ -69,7 +81,10 @@ class Single(Slide):
 
 
 def test_a_reward_that_is_not_one_per_world_names_the_task():
-    with pytest.raises(PluginError, match=r"reward gave an array of shape \(\) for 2 worlds; expected \(2,\)"):
+    with pytest.raises(
+        PluginError,
+        match=r"reward gave an array of shape \(\) for 2 worlds; expected \(2,\)",
+    ):
         evaluated(candidate(0), candidate(1), task=Single())
 
 
@@ -88,8 +103,15 @@ class Traced(Slide):
     hold_s = 0.4
 
     def reward(self, start, end, trace):
-        assert trace.states.positions.shape == (*start.positions.shape[:-2], len(trace.times), 1, 3)
-        return trace.touched("block", "robot") * 0.5 + (trace.force_n("block") > 4) * 0.25
+        assert trace.states.positions.shape == (
+            *start.positions.shape[:-2],
+            len(trace.times),
+            1,
+            3,
+        )
+        return (
+            trace.touched("block", "robot") * 0.5 + (trace.force_n("block") > 4) * 0.25
+        )
 
 
 class Filming(Faulty):
@@ -105,11 +127,19 @@ class Filming(Faulty):
         tip = ARM.forward(job.trajectory.arm[0]).apply([0, 0, 0.1])
         x, y, z = tip if job.tool.components[0].shape.size[2] < 0.105 else (3, 0, 0)
         arrays = ([x, y, z], [1, 0, 0, 0], np.zeros(3), np.zeros(3))
-        states = State(("block",), *(np.tile(np.array(a, dtype=float), (count, 1, 1)) for a in arrays))
-        arms, forces = np.repeat(job.trajectory.arm[:1], count, axis=0), np.full(count, 8.0)
+        states = State(
+            ("block",),
+            *(np.tile(np.array(a, dtype=float), (count, 1, 1)) for a in arrays),
+        )
+        arms, forces = (
+            np.repeat(job.trajectory.arm[:1], count, axis=0),
+            np.full(count, 8.0),
+        )
         forces[1::2] = 2.0
         pressed = {("tool", "block"): forces} if x < 3 else {}
-        film = Recording(np.arange(count) / 50, arms, np.zeros((count, 2)), states, pressed)
+        film = Recording(
+            np.arange(count) / 50, arms, np.zeros((count, 2)), states, pressed
+        )
         return replace(outcome, recording=film if job.record_hz else None)
 
 
@@ -118,34 +148,53 @@ LOOSE = RolloutSettings(settle_s=0, hold_s=0, penetration="ignore")
 
 def test_a_reward_may_read_a_trace_of_many_worlds():
     simulator = Filming()
-    near, far = evaluated(candidate(0), candidate(30), task=Traced(), simulator=simulator, settings=LOOSE)
-    assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [(25, True, 0.4)] * 2
-    assert (near.status, near.reward) == ("ok", 0.75)  # 5 N on average since the sample before
+    near, far = evaluated(
+        candidate(0), candidate(30), task=Traced(), simulator=simulator, settings=LOOSE
+    )
+    assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [
+        (25, True, 0.4)
+    ] * 2
+    assert (near.status, near.reward) == (
+        "ok",
+        0.75,
+    )  # 5 N on average since the sample before
     assert (far.status, far.reward) == ("ok", 0.0)
-    (alone,) = evaluated(candidate(30), task=Traced(), simulator=simulator, settings=LOOSE)
+    (alone,) = evaluated(
+        candidate(30), task=Traced(), simulator=simulator, settings=LOOSE
+    )
     assert alone.reward == far.reward
 
 
 def test_who_reads_no_trace_pays_nothing():
     simulator = Filming()
     evaluated(candidate(0), simulator=simulator, settings=LOOSE)
-    assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [(0, False, 0)]
+    assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [
+        (0, False, 0)
+    ]
 
 
 def test_a_trace_needs_a_recording():
     (evaluation,) = evaluated(candidate(0), task=Traced(), settings=LOOSE)
     assert evaluation.status == "failed"
-    assert evaluation.reason.startswith("the reward reads a trace, and the simulator returned no recording")
+    assert evaluation.reason.startswith(
+        "the reward reads a trace, and the simulator returned no recording"
+    )
 
 
 def test_in_a_perturbed_scene_the_reward_reads_the_trace_too():
-    perturbed = replace(condition(Traced(), Filming(), settings=LOOSE), change=Perturbation(PerturbationRange(), 0))
+    perturbed = replace(
+        condition(Traced(), Filming(), settings=LOOSE),
+        change=Perturbation(PerturbationRange(), 0),
+    )
     (trial,) = play(perturbed, [candidate(0)])
     assert (trial.change, trial.reward) == (0, 0.75)
 
 
 def test_a_tool_that_starts_inside_something_is_rejected_in_that_layout_alone():
-    clear, inside = (play(condition(Crowded(), Faulty(), seed, SETTINGS), [candidate(0)])[0] for seed in range(2))
+    clear, inside = (
+        play(condition(Crowded(), Faulty(), seed, SETTINGS), [candidate(0)])[0]
+        for seed in range(2)
+    )
     assert (clear.status, clear.layout) == ("ok", 0)
     assert (inside.status, inside.reward, inside.layout) == ("rejected", 0.0, 1)
     assert "component 'rod' starts" in inside.reason
@@ -161,7 +210,10 @@ class Shifting:
 
 
 def test_in_a_perturbed_scene_a_rejection_says_so():
-    (trial,) = play(replace(condition(Slide(), Faulty(), settings=SETTINGS), change=Shifting()), [candidate(0)])
+    (trial,) = play(
+        replace(condition(Slide(), Faulty(), settings=SETTINGS), change=Shifting()),
+        [candidate(0)],
+    )
     assert (trial.status, trial.change) == ("rejected", 3)
     assert trial.reason.startswith("in the perturbed scene, component 'rod' starts")
 
@@ -179,7 +231,11 @@ class Ruler:
 def test_an_examiner_may_refuse_a_candidate_and_adds_what_it_measured():
     examined = replace(condition(Slide(), Faulty(), 2, SETTINGS), examiner=Ruler())
     refused, measured = play(examined, [candidate(0), candidate(1)])
-    assert (refused.status, refused.reason, refused.reward) == ("rejected", "not in layout 2", 0.0)
+    assert (refused.status, refused.reason, refused.reward) == (
+        "rejected",
+        "not in layout 2",
+        0.0,
+    )
     assert (measured.status, measured.figures) == ("ok", {"layout": 2, "plan": 1})
 
 
@@ -188,7 +244,9 @@ def test_problems_are_found_without_playing():
     assert find_problems(where, candidate(0)) == []
     far = replace(candidate(0), plan=Waypoints(np.array([[3.0, 0, 0.4, 0, 0, 0]])))
     assert "the arm misses the way to waypoint 1 by" in find_problems(where, far)[0]
-    assert find_problems(where, replace(candidate(0), problem="too heavy")) == ["too heavy"]
+    assert find_problems(where, replace(candidate(0), problem="too heavy")) == [
+        "too heavy"
+    ]
 
 
 class Confused(Slide):
@@ -197,5 +255,8 @@ class Confused(Slide):
 
 
 def test_a_reward_of_another_signature_names_the_task():
-    with pytest.raises(UsageError, match=r"task Slide: reward\(self, start, end, film\) must be reward\(self, start"):
+    with pytest.raises(
+        UsageError,
+        match=r"task Slide: reward\(self, start, end, film\) must be reward\(self, start",
+    ):
         evaluated(candidate(0), task=Confused())

@@ -29,7 +29,13 @@ class Exact:
 
     def state(self):
         position = np.array([[0.001 * len(self.orders), 0.0, 0.0]])
-        return State(("cube",), position, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+        return State(
+            ("cube",),
+            position,
+            np.array([[1.0, 0.0, 0.0, 0.0]]),
+            np.zeros((1, 3)),
+            np.zeros((1, 3)),
+        )
 
 
 def job(**settings):
@@ -73,7 +79,10 @@ def test_a_recording_has_its_rate_and_both_ends():
     times = outcome.recording.times
     assert (times[0], times[-1]) == (pytest.approx(-0.1), pytest.approx(0.7))
     np.testing.assert_allclose(np.diff(times), 0.04)
-    assert outcome.recording.states.position("cube")[-1, 0] == outcome.end.position("cube")[0]
+    assert (
+        outcome.recording.states.position("cube")[-1, 0]
+        == outcome.end.position("cube")[0]
+    )
 
 
 def test_what_is_not_finite_is_an_error():
@@ -89,4 +98,7 @@ def test_what_is_not_finite_is_an_error():
     def vars_of(state):
         return state.quaternions, state.linear_velocities, state.angular_velocities
 
-    assert play(Explodes(), job()).error == "the simulation blew up: a body's state is not finite"
+    assert (
+        play(Explodes(), job()).error
+        == "the simulation blew up: a body's state is not finite"
+    )

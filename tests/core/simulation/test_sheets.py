@@ -55,12 +55,16 @@ def swing(name, engine, mm):
     tool = Tool(
         (
             Component("post", "tool_mount", post, Box((0.03, 0.03, POST)), mass=0.1),
-            Component("sheet", "tool_mount", sheet, Box((length, width, mm / 1000)), mass=0.1),
+            Component(
+                "sheet", "tool_mount", sheet, Box((length, width, mm / 1000)), mass=0.1
+            ),
         )
     )
     task = installed().create("task", name)
     settings = RolloutSettings(penetration="warn")
-    (evaluation,) = evaluate_batch(task, simulator(engine), [Candidate(tool, np.array(plan))], 0, settings)
+    (evaluation,) = evaluate_batch(
+        task, simulator(engine), [Candidate(tool, np.array(plan))], 0, settings
+    )
     return evaluation
 
 
@@ -68,7 +72,9 @@ def swing(name, engine, mm):
 def test_a_sheet_that_cuts_through_is_found(name, engine, mm):
     evaluation = swing(name, engine, mm)
     assert evaluation.status == "ok"
-    found = any(warning.startswith("'sheet' cut into") for warning in evaluation.warnings)
+    found = any(
+        warning.startswith("'sheet' cut into") for warning in evaluation.warnings
+    )
     # Where nothing is paid, the swing may push the thing aside instead: rounding, and so the processor, decides.
     assert found or ((name, engine, mm) in UNPAID and evaluation.reward < 0.3)
     assert evaluation.reward > (0.84 if (name, engine, mm) in PAID else -1.0)

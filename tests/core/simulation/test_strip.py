@@ -15,8 +15,12 @@ def recorded(height, touched_s=None):
     times = np.arange(-0.5, 4.01, 0.1)
     positions = np.zeros((len(times), 2, 3))
     positions[:, 0, 2] = height(times)
-    states = State(("cube", "idle"), positions, *(np.zeros((len(times), 2, n)) for n in (4, 3, 3)))
-    return Recording(times, np.zeros((len(times), 7)), np.zeros((len(times), 2)), states)
+    states = State(
+        ("cube", "idle"), positions, *(np.zeros((len(times), 2, n)) for n in (4, 3, 3))
+    )
+    return Recording(
+        times, np.zeros((len(times), 7)), np.zeros((len(times), 2)), states
+    )
 
 
 def lifted(times):
@@ -36,19 +40,36 @@ def test_a_strip_shows_the_instants_at_which_something_happens():
 
 
 def test_what_was_observed_comes_before_what_is_computed():
-    contacts = tuple(Contact("tool", f"part{n}", f"body{n % 2}", 0.9 + n, 2.0 + n, 0.0) for n in range(3))
+    contacts = tuple(
+        Contact("tool", f"part{n}", f"body{n % 2}", 0.9 + n, 2.0 + n, 0.0)
+        for n in range(3)
+    )
     contacts = (Contact("body", "cube", "table", 0.1, 4.0, 0.0), *contacts)
-    found = moments(recorded(lifted), Observation("dropped", "cube", 2.4, contacts=contacts))
+    found = moments(
+        recorded(lifted), Observation("dropped", "cube", 2.4, contacts=contacts)
+    )
     names = [what for _, what in found]
-    assert names == ["start", "part0 touches body0", "cube moves", "part1 touches body1", "dropped: cube", "end"]
+    assert names == [
+        "start",
+        "part0 touches body0",
+        "cube moves",
+        "part1 touches body1",
+        "dropped: cube",
+        "end",
+    ]
     assert [instant for instant, _ in found][1] == 0.9
 
 
 def test_a_strip_of_a_rollout_in_which_nothing_moves_is_even():
     found = moments(recorded(np.zeros_like))
     assert [what for _, what in found] == ["start", "", "", "", "", "end"]
-    assert max(b - a for (a, _), (b, _) in pairwise(found)) <= 2 * min(b - a for (a, _), (b, _) in pairwise(found))
+    assert max(b - a for (a, _), (b, _) in pairwise(found)) <= 2 * min(
+        b - a for (a, _), (b, _) in pairwise(found)
+    )
     short = Recording(
-        np.zeros(1), np.zeros((1, 7)), np.zeros((1, 2)), State((), *(np.zeros((1, 0, n)) for n in (3, 4, 3, 3)))
+        np.zeros(1),
+        np.zeros((1, 7)),
+        np.zeros((1, 2)),
+        State((), *(np.zeros((1, 0, n)) for n in (3, 4, 3, 3))),
     )
     assert [instant for instant, _ in moments(short)] == [0.0] * FRAMES

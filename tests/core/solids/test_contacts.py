@@ -43,8 +43,13 @@ def test_things_are_in_contact_up_to_the_gap_that_engines_leave(shape, most):
 
 def test_what_rests_on_something_from_the_start_is_no_new_contact():
     ground = body("ground", Box((4.0, 4.0, 0.1)), (0, 0, -0.05), mass=0.0)
-    cube, post = body("cube", CUBE, (0, 0, 0.05)), body("post", CUBE, (1.0, 0, 0.05), mass=0.0)
-    found = contacts({"cube": straight((0, 0, 0.05), (0.9, 0, 0.05), 30)}, ground, cube, post)
+    cube, post = (
+        body("cube", CUBE, (0, 0, 0.05)),
+        body("post", CUBE, (1.0, 0, 0.05), mass=0.0),
+    )
+    found = contacts(
+        {"cube": straight((0, 0, 0.05), (0.9, 0, 0.05), 30)}, ground, cube, post
+    )
     assert [contact.other for contact in found.all] == ["post"]
     assert ("body", "cube", "ground") in found.resting
 
@@ -67,12 +72,29 @@ def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
     """Between the two instants the arm turns about its base, so that the rod sweeps over a post, or a link does."""
     joints = np.repeat(ARM.home[None], 21, axis=0)
     joints[:, 0] += np.linspace(-0.5, 0.5, 21)
-    rod = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+    rod = Tool(
+        (
+            Component(
+                "rod",
+                "tool_mount",
+                Pose(np.array([0.0, 0.0, -0.1])),
+                Box((0.02, 0.02, 0.2)),
+            ),
+        )
+    )
     low = body("low", Box((0.05, 0.05, 0.32)), (0.5, 0, 0.16), mass=0.0)
     high = body("high", Box((0.05, 0.05, 0.1)), (0.5, 0, 0.6), mass=0.0)
     aside = body("aside", Box((0.05, 0.05, 0.2)), (0.5, 0, 0.19), mass=0.0)
     free = body("free", Sphere(0.01), (2.0, 0, 0))
-    found = contacts({"free": np.tile([2.0, 0, 0], (21, 1))}, low, high, aside, free, tool=rod, arms=joints)
+    found = contacts(
+        {"free": np.tile([2.0, 0, 0], (21, 1))},
+        low,
+        high,
+        aside,
+        free,
+        tool=rod,
+        arms=joints,
+    )
     assert {(c.kind, c.other) for c in found.all} == {("tool", "low"), ("arm", "high")}
     assert found.with_robot("low")[10]
     assert not found.with_robot("low")[[0, -1]].any()
@@ -85,14 +107,32 @@ def test_touches_before_the_motion_and_between_two_samples_count():
     joints = np.repeat(ARM.home[None], 21, axis=0)
     joints[:, 0] += np.linspace(-0.5, 0.5, 21)
     low = body("low", Box((0.05, 0.05, 0.32)), (0.5, 0, 0.16), mass=0.0)
-    aside, free = body("aside", Sphere(0.01), (0.5, 0.1, 0.1), mass=0.0), body("free", Sphere(0.01), (2.0, 0, 0))
+    aside, free = (
+        body("aside", Sphere(0.01), (0.5, 0.1, 0.1), mass=0.0),
+        body("free", Sphere(0.01), (2.0, 0, 0)),
+    )
     scene = Scene((low, aside, free))
     taken = recording(scene, {"free": np.tile([2.0, 0, 0], (21, 1))}, arms=joints)
-    pressed = {("tool", "aside"): np.eye(21)[18], ("tool", "low"): 30.0 * np.eye(21)[10]}
+    pressed = {
+        ("tool", "aside"): np.eye(21)[18],
+        ("tool", "low"): 30.0 * np.eye(21)[10],
+    }
     trace = make_trace(
-        scene, [find_contacts(scene, PANDA, ROD, replace(taken, times=taken.times - 0.6, forces=pressed))]
+        scene,
+        [
+            find_contacts(
+                scene,
+                PANDA,
+                ROD,
+                replace(taken, times=taken.times - 0.6, forces=pressed),
+            )
+        ],
     )
-    assert trace.touched("low", "robot").tolist() == trace.touched("aside", "tool").tolist() == [True]
+    assert (
+        trace.touched("low", "robot").tolist()
+        == trace.touched("aside", "tool").tolist()
+        == [True]
+    )
     assert trace.first_s("low", "rod").tolist() == [0.0]
     assert trace.force_n("low", "robot").tolist() == [30.0]
     assert trace.first_s("aside", "robot") == pytest.approx([18 / HZ - 0.6])
@@ -101,8 +141,14 @@ def test_touches_before_the_motion_and_between_two_samples_count():
 
 def test_a_body_is_held_by_one_that_the_robot_touches():
     joints = np.repeat(ARM.home[None], 3, axis=0)
-    tray, egg = body("tray", CUBE, (0.5, 0, 0.25)), body("egg", Sphere(0.02), (0.56, 0, 0.32))
-    still = {"tray": np.tile([0.5, 0, 0.25], (3, 1)), "egg": np.tile([0.54, 0, 0.32], (3, 1))}
+    tray, egg = (
+        body("tray", CUBE, (0.5, 0, 0.25)),
+        body("egg", Sphere(0.02), (0.56, 0, 0.32)),
+    )
+    still = {
+        "tray": np.tile([0.5, 0, 0.25], (3, 1)),
+        "egg": np.tile([0.54, 0, 0.32], (3, 1)),
+    }
     found = contacts(still, tray, egg, arms=joints)
     assert not found.with_robot("egg").any()
     assert found.held("egg").all()
@@ -111,32 +157,54 @@ def test_a_body_is_held_by_one_that_the_robot_touches():
 def test_without_motion_or_bodies_nothing_touches():
     assert contacts({"cube": np.zeros((1, 3))}, body("cube", CUBE, (0, 0, 0))).all == ()
     scene = Scene(())
-    assert find_contacts(scene, PANDA, ROD, recording(scene, {"nothing": np.zeros((3, 3))})).all == ()
+    assert (
+        find_contacts(
+            scene, PANDA, ROD, recording(scene, {"nothing": np.zeros((3, 3))})
+        ).all
+        == ()
+    )
 
 
 def test_bodies_that_a_joint_connects_are_in_no_contact():
-    wall, cube = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0), body("cube", CUBE, (0.2, 0, 0))
+    wall, cube = (
+        body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0),
+        body("cube", CUBE, (0.2, 0, 0)),
+    )
     film = recording(Scene((wall, cube)), {"cube": there_and_back(-0.08)})
     assert find_contacts(Scene((wall, cube)), PANDA, ROD, film).all
-    joined = Scene((wall, cube), (Joint("slide", "slider", "cube", "wall", axis=(1, 0, 0)),))
+    joined = Scene(
+        (wall, cube), (Joint("slide", "slider", "cube", "wall", axis=(1, 0, 0)),)
+    )
     assert find_contacts(joined, PANDA, ROD, film).all == ()
     assert findings(joined, PANDA, ROD, film) == []
     assert findings(Scene((wall, cube)), PANDA, ROD, film)
 
 
 def test_a_trace_of_worlds_that_end_at_different_times():
-    wall, cube = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0), body("cube", CUBE, (0.2, 0, 0))
+    wall, cube = (
+        body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0),
+        body("cube", CUBE, (0.2, 0, 0)),
+    )
     scene = Scene((wall, cube))
-    long, short = (recording(scene, {"cube": there_and_back(0)[:count]}, hz=50) for count in (21, 10))
-    long = replace(long, times=long.times - 0.1, forces={("wall", "cube"): np.linspace(0, 20, 21)})
+    long, short = (
+        recording(scene, {"cube": there_and_back(0)[:count]}, hz=50)
+        for count in (21, 10)
+    )
+    long = replace(
+        long, times=long.times - 0.1, forces={("wall", "cube"): np.linspace(0, 20, 21)}
+    )
     worlds = [find_contacts(scene, PANDA, ROD, film) for film in (long, short)]
     trace = make_trace(scene, worlds)
     assert trace.times == pytest.approx(np.arange(9) / 25)
     assert trace.touched("cube", "wall").tolist() == [True, False]
     assert trace.first_s("cube") == pytest.approx([0.1, np.inf], abs=0.021)
-    assert trace.states.position("cube")[0, 0, 0] == pytest.approx(long.states.position("cube")[5, 0], abs=0.021)
+    assert trace.states.position("cube")[0, 0, 0] == pytest.approx(
+        long.states.position("cube")[5, 0], abs=0.021
+    )
     assert np.ptp(trace.states.position("cube")[1, 5:], axis=0).max() == 0
-    assert trace.force_n("cube").tolist() == pytest.approx([19.5, 0])  # the mean of the last two samples
+    assert trace.force_n("cube").tolist() == pytest.approx(
+        [19.5, 0]
+    )  # the mean of the last two samples
     (contact,) = worlds[0].all
     assert contact.force_n == pytest.approx(9.5, abs=1.01)  # while it lasts
     assert "wall" in trace.states.places

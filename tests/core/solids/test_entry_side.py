@@ -9,7 +9,13 @@ from core.geometry import Box, Cylinder, Pose
 from core.scene import Body, Geom, Scene, table
 from core.solids.penetration import findings
 from plugins.results.workshop.tracks import robot_tracks
-from tests.core.solids.test_penetration import ROD, body, penetrations, recording, straight
+from tests.core.solids.test_penetration import (
+    ROD,
+    body,
+    penetrations,
+    recording,
+    straight,
+)
 from tests.panda import ARM, PANDA
 
 HZ = 400.0
@@ -19,7 +25,9 @@ THIN = pytest.mark.parametrize("thick", [0.0005, 0.001, 0.002])
 
 def sheet(thick, low=0.0, rpy=(0, 0, 0)):
     """A square-edged sheet on the table, whose front edge is 10 mm before the cube, and its path into it."""
-    return body("sheet", Box((0.2, 0.2, thick)), (0.5 - 0.135, 0.0, low + thick / 2), rpy=rpy)
+    return body(
+        "sheet", Box((0.2, 0.2, thick)), (0.5 - 0.135, 0.0, low + thick / 2), rpy=rpy
+    )
 
 
 def cube(low=0.0):
@@ -32,9 +40,16 @@ def pushed(scene, way, lifts, hz=HZ, count=80, speed=1.0):
     at, x, z = np.array(lifts, dtype=float).T
     start, other = scene["sheet"].pose.position, scene.free[1].pose.position
     path = start + np.outer(shares * way, (1.0, 0.0, 0.0))
-    moved = other + np.column_stack([np.interp(shares, at, x), 0 * shares, np.interp(shares, at, z)])
+    moved = other + np.column_stack(
+        [np.interp(shares, at, x), 0 * shares, np.interp(shares, at, z)]
+    )
     tilted = {"sheet": scene["sheet"].pose.quaternion}
-    return penetrations(scene, recording(scene, {"sheet": path, scene.free[1].name: moved}, hz=hz, quaternions=tilted))
+    return penetrations(
+        scene,
+        recording(
+            scene, {"sheet": path, scene.free[1].name: moved}, hz=hz, quaternions=tilted
+        ),
+    )
 
 
 # --- what cuts --------------------------------------------------------------------------------------------------
@@ -46,7 +61,9 @@ def test_a_sheet_that_goes_through_the_lowest_layer(thick, speed):
     """The cube stays where it is, and is on top of the sheet after 10 mm."""
     scene = Scene((table(), sheet(thick), cube()))
     lifts = [(0.0, 0, 0), (0.2, 0, 0), (0.4, 0, thick), (1.0, 0, thick)]
-    (found,) = pushed(scene, 0.05, lifts, speed=speed, count=round(0.06 / speed * HZ) + 8)
+    (found,) = pushed(
+        scene, 0.05, lifts, speed=speed, count=round(0.06 / speed * HZ) + 8
+    )
     assert found.startswith("'sheet' cut into 'cube'")
 
 
@@ -72,7 +89,9 @@ def test_a_sheet_that_stands_on_its_edge():
 def test_a_sheet_that_is_pressed_into_a_thick_block(thick):
     """It is wholly inside of the block, 5 mm below its face, and may come out below something on the block."""
     block = body("block", Box((0.5, 0.5, 0.2)), (0.5, 0.0, 0.1), mass=0.0)
-    scene = Scene((block, body("sheet", Box((0.2, 0.2, thick)), (0.5, 0.0, 0.2 + thick / 2))))
+    scene = Scene(
+        (block, body("sheet", Box((0.2, 0.2, thick)), (0.5, 0.0, 0.2 + thick / 2)))
+    )
     down = np.repeat(0.2 + thick / 2 - np.array([0.0, 0.0025, 0.005, 0.0]), 40)
     path = np.column_stack([np.full(160, 0.5), np.zeros(160), down])
     (found,) = penetrations(scene, recording(scene, {"sheet": path}, hz=HZ))
@@ -94,14 +113,18 @@ def test_a_sheet_that_pushes_the_cube_ahead(thick):
     """Its edge is as deep in the cube as two of its thicknesses: less than a cut."""
     scene = Scene((table(), sheet(thick), cube()))
     deep = 0.01 + 2 * thick
-    assert pushed(scene, 0.06, [(0, 0, 0), (deep / 0.06, 0, 0), (1, 0.06 - deep, 0)]) == []
+    assert (
+        pushed(scene, 0.06, [(0, 0, 0), (deep / 0.06, 0, 0), (1, 0.06 - deep, 0)]) == []
+    )
 
 
 @pytest.mark.parametrize("pitch", [0.1, 0.3])
 def test_a_wedge_that_lifts_the_cube(pitch):
     """A tilted plate under the cube's edge: the cube rides up on it, 0.3 mm deep, on and on."""
     size, tilt = (0.2, 0.2, 0.002), (0.0, pitch, 0.0)
-    edge = Pose.xyz_rpy((0.0, 0.0, 0.0), tilt).apply((0.1, 0.0, 0.001))  # the upper front edge, from the middle
+    edge = Pose.xyz_rpy((0.0, 0.0, 0.0), tilt).apply(
+        (0.1, 0.0, 0.001)
+    )  # the upper front edge, from the middle
     wedge = body("sheet", Box(size), np.array([0.465, 0.0, 0.0003]) - edge, rpy=tilt)
     scene = Scene((wedge, cube()))
     rise = 0.05 * np.tan(pitch)
@@ -114,7 +137,9 @@ def test_a_cube_that_falls_onto_a_thin_wall_and_slides_off():
     scene = Scene((wall, body("cube", Box((SIDE, SIDE, SIDE)), (0.52, 0.0, 0.5))))
     low = SIDE / 2 + 0.2
     fall = straight((0.52, 0, 0.5), (0.52, 0, low - 0.006), 26)
-    path = np.vstack([fall, straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20)])
+    path = np.vstack(
+        [fall, straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20)]
+    )
     assert findings(scene, PANDA, ROD, recording(scene, {"cube": path}, hz=HZ)) == []
 
 
@@ -123,11 +148,19 @@ def test_a_sheet_that_cuts_into_a_finger_is_found():
     tool, count = Tool(gripper=True), 80
     arms = np.tile(ARM.home, (count, 1))
     cut = body("cut", Box((0.05, 0.05, 0.001)), (0.0, 0.0, 2.0), mass=0.1)
-    still = recording(Scene((cut,)), {"cut": np.tile([0.0, 0.0, 2.0], (count, 1))}, hz=HZ, arms=arms)
-    boxes = (track for track in robot_tracks(PANDA, tool, still) if isinstance(track.geometry, coal.Box))
+    still = recording(
+        Scene((cut,)), {"cut": np.tile([0.0, 0.0, 2.0], (count, 1))}, hz=HZ, arms=arms
+    )
+    boxes = (
+        track
+        for track in robot_tracks(PANDA, tool, still)
+        if isinstance(track.geometry, coal.Box)
+    )
     fingers = [track for track in boxes if track.name == "left_finger"]
     lowest = min(fingers, key=lambda track: track.low[0, 2])
     middle = (lowest.low[0] + lowest.high[0]) / 2
     path = np.linspace(middle - [0.06, 0.0, 0.0], middle - [0.01, 0.0, 0.0], count)
-    found = penetrations(Scene((cut,)), recording(Scene((cut,)), {"cut": path}, hz=HZ, arms=arms), tool)
+    found = penetrations(
+        Scene((cut,)), recording(Scene((cut,)), {"cut": path}, hz=HZ, arms=arms), tool
+    )
     assert any("'left_finger' " in text for text in found)

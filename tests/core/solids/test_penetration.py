@@ -12,7 +12,15 @@ from scipy.spatial.transform import Rotation
 from core.design import Candidate, Component, Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose, Sphere
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
+from core.interfaces import (
+    JointTrajectory,
+    Outcome,
+    Recording,
+    Rollout,
+    RolloutSettings,
+    Simulator,
+    Task,
+)
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
 from core.solids.penetration import Explosion, findings
@@ -21,7 +29,16 @@ from tests.panda import ARM, PANDA
 from tests.playing import evaluate_batch
 
 HZ = 25.0
-ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+ROD = Tool(
+    (
+        Component(
+            "rod",
+            "tool_mount",
+            Pose(np.array([0.0, 0.0, -0.1])),
+            Box((0.02, 0.02, 0.2)),
+        ),
+    )
+)
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -37,7 +54,11 @@ def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None)
     count = len(arms) if arms is not None else len(next(iter(paths.values())))
     away = np.tile([2.8, *ARM.home[1:]], (count, 1))
     free = scene.free
-    positions = np.array([paths[b.name] for b in free]).reshape(len(free), count, 3).swapaxes(0, 1)
+    positions = (
+        np.array([paths[b.name] for b in free])
+        .reshape(len(free), count, 3)
+        .swapaxes(0, 1)
+    )
     turned = np.zeros((count, len(free), 4))
     turned[..., 0] = 1.0
     for name, values in (quaternions or {}).items():
@@ -45,8 +66,19 @@ def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None)
     speeds = np.zeros(positions.shape)
     for name, values in (velocities or {}).items():
         speeds[:, [b.name for b in free].index(name)] = values
-    states = State(tuple(b.name for b in free), positions, turned, speeds, np.zeros(positions.shape))
-    return Recording(np.arange(count) / hz, arms if arms is not None else away, np.zeros((count, 2)), states)
+    states = State(
+        tuple(b.name for b in free),
+        positions,
+        turned,
+        speeds,
+        np.zeros(positions.shape),
+    )
+    return Recording(
+        np.arange(count) / hz,
+        arms if arms is not None else away,
+        np.zeros((count, 2)),
+        states,
+    )
 
 
 def straight(start, end, count):
@@ -54,7 +86,11 @@ def straight(start, end, count):
 
 
 def penetrations(scene, taken, tool=ROD):
-    return [finding.text for finding in findings(scene, PANDA, tool, taken) if finding.penetration]
+    return [
+        finding.text
+        for finding in findings(scene, PANDA, tool, taken)
+        if finding.penetration
+    ]
 
 
 # --- passing through --------------------------------------------------------------------------------------------
@@ -64,11 +100,15 @@ def test_a_cube_that_creeps_into_a_wall_is_found():
     """It moves by 0.02 mm from sample to sample, less than what counts as motion."""
     cube = body("cube", Box((0.04, 0.04, 0.04)), (0.46, 0.0, 0.25))
     path = straight((0.46, 0, 0.25), (0.5, 0, 0.25), 2000)
-    assert penetrations(Scene((WALL, cube)), recording(Scene((WALL, cube)), {"cube": path}))
+    assert penetrations(
+        Scene((WALL, cube)), recording(Scene((WALL, cube)), {"cube": path})
+    )
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.0, 5.0, 20.0])
-@pytest.mark.parametrize("shape", [Sphere(0.02), Box((0.03, 0.05, 0.02)), Cylinder(0.01, 0.2)])
+@pytest.mark.parametrize(
+    "shape", [Sphere(0.02), Box((0.03, 0.05, 0.02)), Cylinder(0.01, 0.2)]
+)
 def test_a_body_that_goes_through_a_wall_is_found_however_fast(shape, speed):
     scene = Scene((WALL, body("thing", shape, (0.2, 0, 0.25))))
     path = straight((0.2, 0.0, 0.25), (0.8, 0.0, 0.25), max(4, round(0.6 / speed * HZ)))
@@ -78,14 +118,22 @@ def test_a_body_that_goes_through_a_wall_is_found_however_fast(shape, speed):
 
 
 SUNK = (0.5, 0.3, 0.010)  # 15 mm deep
-FALL = np.vstack([np.tile((0.5, 0.3, 0.3), (195, 1)), straight((0.5, 0.3, 0.3), (0.5, 0.3, 0.03), 5)])
+FALL = np.vstack(
+    [np.tile((0.5, 0.3, 0.3), (195, 1)), straight((0.5, 0.3, 0.3), (0.5, 0.3, 0.03), 5)]
+)
 
 
-@pytest.mark.parametrize(("way", "rest", "hz"), [(straight((0.5, 0.3, 0.025), SUNK, 10), 10, HZ), (FALL, 200, 400.0)])
+@pytest.mark.parametrize(
+    ("way", "rest", "hz"),
+    [(straight((0.5, 0.3, 0.025), SUNK, 10), 10, HZ), (FALL, 200, 400.0)],
+)
 def test_a_body_that_gets_in_and_stays(way, rest, hz):
     """It sinks, or is thrown: what rests is not looked at more often, and not less either."""
     scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
-    (found,) = penetrations(scene, recording(scene, {"cube": np.vstack([way, np.tile(SUNK, (rest, 1))])}, hz=hz))
+    (found,) = penetrations(
+        scene,
+        recording(scene, {"cube": np.vstack([way, np.tile(SUNK, (rest, 1))])}, hz=hz),
+    )
     assert "deep inside 'table'" in found
 
 
@@ -104,39 +152,70 @@ def test_a_thrown_body_that_rests_too_deep_is_found_however_deep():
 def test_a_body_that_turns_through_a_wall():
     """Its middle stays where it is; only its end passes."""
     bar = body("bar", Box((0.3, 0.01, 0.01)), (0.4, 0.0, 0.25))
-    turns = Rotation.from_euler("z", np.linspace(0.7, 2.4, 6)[:, None]).as_quat()[:, [3, 0, 1, 2]]
-    scene = Scene((body("wall", Box((0.01, 0.01, 0.5)), (0.4, 0.1, 0.25), mass=0.0), bar))
-    taken = recording(scene, {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))}, quaternions={"bar": turns})
+    turns = Rotation.from_euler("z", np.linspace(0.7, 2.4, 6)[:, None]).as_quat()[
+        :, [3, 0, 1, 2]
+    ]
+    scene = Scene(
+        (body("wall", Box((0.01, 0.01, 0.5)), (0.4, 0.1, 0.25), mass=0.0), bar)
+    )
+    taken = recording(
+        scene, {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))}, quaternions={"bar": turns}
+    )
     assert len(penetrations(scene, taken)) == 1
 
 
 @given(
-    solid=st.sampled_from([Sphere(0.03), Box((0.08, 0.02, 0.05)), Cylinder(0.03, 0.02), Cylinder(0.012, 0.1)]),
+    solid=st.sampled_from(
+        [
+            Sphere(0.03),
+            Box((0.08, 0.02, 0.05)),
+            Cylinder(0.03, 0.02),
+            Cylinder(0.012, 0.1),
+        ]
+    ),
     radius=st.floats(0.005, 0.05),
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(3, 40),
     carried=st.booleans(),
     beside=st.booleans(),
 )
-def test_a_ball_goes_through_a_solid_or_beside_it(solid, radius, seed, count, carried, beside):
+def test_a_ball_goes_through_a_solid_or_beside_it(
+    solid, radius, seed, count, carried, beside
+):
     """From anywhere, spinning; or the ball stands, spins, and the solid comes: the result is the same."""
     random = np.random.default_rng(seed)
     turn, way = Rotation.random(rng=random), Rotation.random(rng=random).as_matrix()
     middle = np.array([1.5, 1.5, 1.0])  # out of the arm's way
     reach = 0.08  # no point of a solid is farther from its middle
     off = (reach + radius + 0.001) * way[1] if beside else np.zeros(3)
-    path = middle + off + np.linspace(-0.3, 0.3 + 0.3 * random.random(), count)[:, None] * way[0]
+    path = (
+        middle
+        + off
+        + np.linspace(-0.3, 0.3 + 0.3 * random.random(), count)[:, None] * way[0]
+    )
     rpy = turn.as_euler("xyz")
     if carried:
-        scene = Scene((body("ball", Sphere(radius), path[0]), body("solid", solid, middle, rpy=rpy)))
+        scene = Scene(
+            (
+                body("ball", Sphere(radius), path[0]),
+                body("solid", solid, middle, rpy=rpy),
+            )
+        )
         turns = np.tile(turn.as_quat(scalar_first=True), (count, 1))
         paths = {"ball": np.tile(path[0], (count, 1)), "solid": middle + path[0] - path}
     else:
-        scene = Scene((body("ball", Sphere(radius), path[0]), body("solid", solid, middle, mass=0.0, rpy=rpy)))
+        scene = Scene(
+            (
+                body("ball", Sphere(radius), path[0]),
+                body("solid", solid, middle, mass=0.0, rpy=rpy),
+            )
+        )
         turns, paths = None, {"ball": path}
     spins = Rotation.random(count, rng=random).as_quat(scalar_first=True)
     quaternions = {"ball": spins} if turns is None else {"ball": spins, "solid": turns}
-    assert len(penetrations(scene, recording(scene, paths, quaternions=quaternions))) == (not beside)
+    assert len(
+        penetrations(scene, recording(scene, paths, quaternions=quaternions))
+    ) == (not beside)
 
 
 def sweep(turn, count):
@@ -148,22 +227,37 @@ def sweep(turn, count):
 
 @pytest.mark.parametrize("count", [4, 12, 60])
 def test_a_tool_that_goes_through_a_wall(count):
-    scene = Scene((body("fence", Box((0.3, 0.01, 0.05)), ARM.forward(ARM.home).apply((0.0, 0.0, -0.15)), mass=0.0),))
+    scene = Scene(
+        (
+            body(
+                "fence",
+                Box((0.3, 0.01, 0.05)),
+                ARM.forward(ARM.home).apply((0.0, 0.0, -0.15)),
+                mass=0.0,
+            ),
+        )
+    )
     (found,) = penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)))
     assert found.startswith("'rod'")
-    assert penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []  # the bare arm is above it
+    assert (
+        penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []
+    )  # the bare arm is above it
 
 
 # --- what is no penetration -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("swing", "through"), [(1.0, True), (0.0, False), (-1.0, False)])
+@pytest.mark.parametrize(
+    ("swing", "through"), [(1.0, True), (0.0, False), (-1.0, False)]
+)
 def test_a_component_with_a_joint_is_followed(swing, through):
     """The arm stays at home; the rod swings to the side where a wall is, or away from it."""
     wall = body("wall", Box((0.5, 0.005, 0.2)), (0.5, 0.06, 0.3), mass=0.0)
     arms = np.tile(ARM.home_for(Pose(np.array([0.5, 0.0, 0.5]))), (26, 1))
     taken = recording(Scene((wall,)), {}, arms=arms)
-    taken = replace(taken, fingers=np.column_stack([taken.fingers, straight(0.0, swing, 26)]))
+    taken = replace(
+        taken, fingers=np.column_stack([taken.fingers, straight(0.0, swing, 26)])
+    )
     assert bool(penetrations(Scene((wall,)), taken, hinged(0.0, hinge()))) is through
 
 
@@ -179,7 +273,9 @@ def test_over_the_wall_and_along_it_is_no_penetration(speed):
 
 def test_a_bounce_and_a_hard_blow_are_no_penetration():
     scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
-    out = straight((0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6)  # 15 mm into the wall for a moment
+    out = straight(
+        (0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6
+    )  # 15 mm into the wall for a moment
     path = np.vstack([out, out[::-1]])
     assert findings(scene, PANDA, ROD, recording(scene, {"ball": path})) == []
 
@@ -196,13 +292,22 @@ def test_what_stands_in_each_other_from_the_start_is_no_penetration():
 def test_a_body_faster_than_the_robot_can_make_it_was_flung():
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     path = {"ball": straight((0.5, 0.0, 1.0), (3.0, 0.0, 1.0), 10)}
-    (found,) = findings(scene, PANDA, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}))
-    assert (found.penetration, "flung" in found.text, "50.0 m/s" in found.text) == (False, True, True)
+    (found,) = findings(
+        scene, PANDA, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)})
+    )
+    assert (found.penetration, "flung" in found.text, "50.0 m/s" in found.text) == (
+        False,
+        True,
+        True,
+    )
     swing = recording(scene, path, arms=sweep(1.0, 10))  # some 5 m/s
     swing.states.linear_velocities[:] = (8.0, 0, 0)
     assert findings(scene, PANDA, ROD, swing) == []
     (found,) = findings(
-        scene, PANDA, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}, arms=sweep(1.0, 10))
+        scene,
+        PANDA,
+        ROD,
+        recording(scene, path, velocities={"ball": (50.0, 0, 0)}, arms=sweep(1.0, 10)),
     )
     robot_speed = float(found.text.split()[-2])
     for times, count in ((2.1, 0), (2.4, 1)):  # an elastic blow gives twice the speed
@@ -215,13 +320,28 @@ def test_a_fall_is_no_fling():
     times = np.arange(75) / HZ
     path = np.column_stack([np.full(75, 0.5), np.zeros(75), 1.0 - 9.81 / 2 * times**2])
     speeds = np.column_stack([np.zeros(75), np.zeros(75), -9.81 * times])
-    assert findings(scene, PANDA, ROD, recording(scene, {"ball": path}, velocities={"ball": speeds})) == []
+    assert (
+        findings(
+            scene,
+            PANDA,
+            ROD,
+            recording(scene, {"ball": path}, velocities={"ball": speeds}),
+        )
+        == []
+    )
 
 
-@pytest.mark.parametrize(("velocity", "why"), [(1e4, "10000 m/s"), (np.nan, "not finite"), (np.inf, "not finite")])
+@pytest.mark.parametrize(
+    ("velocity", "why"),
+    [(1e4, "10000 m/s"), (np.nan, "not finite"), (np.inf, "not finite")],
+)
 def test_an_explosion_is_reported(velocity, why):
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
-    taken = recording(scene, {"ball": np.tile((0.5, 0, 1), (5, 1))}, velocities={"ball": (velocity, 0, 0)})
+    taken = recording(
+        scene,
+        {"ball": np.tile((0.5, 0, 1), (5, 1))},
+        velocities={"ball": (velocity, 0, 0)},
+    )
     with pytest.raises(Explosion, match=why):
         findings(scene, PANDA, ROD, taken)
 
@@ -254,12 +374,22 @@ class Ghostly(Simulator):
 
     def one(self, task, job):
         scene = task.scene(job.seed)
-        detour = [(0.4, 0, 0.02), *([(0.4, 0, 0.8), (0.8, 0, 0.8)] if self.way == "over" else []), (0.8, 0, 0.02)]
+        detour = [
+            (0.4, 0, 0.02),
+            *([(0.4, 0, 0.8), (0.8, 0, 0.8)] if self.way == "over" else []),
+            (0.8, 0, 0.02),
+        ]
         path = np.vstack([straight(a, b, 20) for a, b in itertools.pairwise(detour)])
         velocity = (1e5 if self.way == "explosion" else 0.0, 0, 0)
         film = recording(scene, {"ball": path}, velocities={"ball": velocity})
         states = film.states
-        return Outcome(states[0], states[-1], 0.0, recording=film if job.record_hz else None, warnings=("it creaked",))
+        return Outcome(
+            states[0],
+            states[-1],
+            0.0,
+            recording=film if job.record_hz else None,
+            warnings=("it creaked",),
+        )
 
     def render(self, task, **_):
         raise NotImplementedError
@@ -267,7 +397,9 @@ class Ghostly(Simulator):
 
 def earned(way, penetration):
     candidate = Candidate(ROD, np.array([[0.3, 0.0, 0.8, 0, 0, 0]]))
-    (evaluation,) = evaluate_batch(Fenced(), Ghostly(way), [candidate], 0, RolloutSettings(penetration=penetration))
+    (evaluation,) = evaluate_batch(
+        Fenced(), Ghostly(way), [candidate], 0, RolloutSettings(penetration=penetration)
+    )
     return evaluation
 
 
@@ -282,9 +414,12 @@ def test_by_default_penetration_earns_nothing_and_says_why():
 
 
 @pytest.mark.parametrize(
-    ("way", "penetration", "warnings"), [("through", "warn", 2), ("through", "ignore", 1), ("over", "forbid", 1)]
+    ("way", "penetration", "warnings"),
+    [("through", "warn", 2), ("through", "ignore", 1), ("over", "forbid", 1)],
 )
-def test_or_it_is_only_a_warning_or_not_looked_for_or_not_there(way, penetration, warnings):
+def test_or_it_is_only_a_warning_or_not_looked_for_or_not_there(
+    way, penetration, warnings
+):
     found = earned(way, penetration)
     assert (found.reward, found.reason, len(found.warnings)) == (1.0, "", warnings)
 
@@ -327,9 +462,15 @@ def test_what_a_real_engine_lets_through_is_found():
 
 
 def test_a_recording_does_not_change_what_is_recorded():
-    task, sim = installed().create("task", "BringCube"), installed().create("sim", "pybullet")
+    task, sim = (
+        installed().create("task", "BringCube"),
+        installed().create("sim", "pybullet"),
+    )
     still = Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2)
-    plain, filmed = sim.rollout(task, [still, Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2, record_hz=HZ)])
+    plain, filmed = sim.rollout(
+        task,
+        [still, Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2, record_hz=HZ)],
+    )
     assert np.array_equal(plain.end.positions, filmed.end.positions)
 
 
@@ -337,14 +478,27 @@ def _still(task):
     return JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([0.04]))
 
 
-@pytest.mark.parametrize(("over", "instants", "found"), [(0.013, 20, True), (0.013, 2, False), (0.002, 20, False)])
-def test_a_joint_of_the_tool_that_stays_beyond_its_range_is_found(over, instants, found):
+@pytest.mark.parametrize(
+    ("over", "instants", "found"),
+    [(0.013, 20, True), (0.013, 2, False), (0.002, 20, False)],
+)
+def test_a_joint_of_the_tool_that_stays_beyond_its_range_is_found(
+    over, instants, found
+):
     slider = ToolJoint("slider", (0.0, 0.0, 1.0), 0.0, 0.0065)
-    rod = replace(ROD.components[0], name="slide", parent=ROD.components[0].name, joint=slider)
-    tool, scene = replace(ROD, components=(*ROD.components, rod)), Scene((body("cube", Sphere(0.02), (0.8, 0, 1.0)),))
+    rod = replace(
+        ROD.components[0], name="slide", parent=ROD.components[0].name, joint=slider
+    )
+    tool, scene = (
+        replace(ROD, components=(*ROD.components, rod)),
+        Scene((body("cube", Sphere(0.02), (0.8, 0, 1.0)),)),
+    )
     taken = recording(scene, {"cube": straight((0.8, 0, 1.0), (0.8, 0, 1.0), 100)})
     places = np.zeros((100, 3))
     places[30 : 30 + instants, 2] = 0.0065 + over
     taken = replace(taken, times=np.arange(100) / 50, fingers=places)
     said = [text for text in penetrations(scene, taken, tool) if "joint" in text]
-    assert said == ["'slide' went 0.013 m beyond the range of its joint from 0.60 s on"] * found
+    assert (
+        said
+        == ["'slide' went 0.013 m beyond the range of its joint from 0.60 s on"] * found
+    )

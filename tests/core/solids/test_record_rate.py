@@ -17,7 +17,16 @@ from tests.panda import ARM, PANDA
 
 
 def stick(thick):
-    return Tool((Component("stick", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((thick, thick, 0.2))),))
+    return Tool(
+        (
+            Component(
+                "stick",
+                "tool_mount",
+                Pose(np.array([0, 0, -0.1])),
+                Box((thick, thick, 0.2)),
+            ),
+        )
+    )
 
 
 def turn(seconds):
@@ -28,14 +37,19 @@ def turn(seconds):
 
 
 @pytest.mark.parametrize(
-    ("thick", "seconds", "hz"), [(0.02, 20.0, 25.0), (0.02, 2.0, 25.0), (0.02, 0.5, 100.0), (0.001, 0.5, 1600.0)]
+    ("thick", "seconds", "hz"),
+    [(0.02, 20.0, 25.0), (0.02, 2.0, 25.0), (0.02, 0.5, 100.0), (0.001, 0.5, 1600.0)],
 )
 def test_fast_and_thin_tools_are_looked_at_more_often(thick, seconds, hz):
     assert sample_hz(PANDA, stick(thick), turn(seconds), thin=1.0) == hz
 
 
 def test_samples_are_added_where_they_are_wanted():
-    film = recording(Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))), path(161), hz=400.0)
+    film = recording(
+        Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))),
+        path(161),
+        hz=400.0,
+    )
     few = coarse_samples(film)
     assert few.tolist() == list(range(0, 161, 16))
     wanted = np.ones(10)
@@ -43,7 +57,9 @@ def test_samples_are_added_where_they_are_wanted():
     more = refined_samples(few, wanted)
     assert sorted(set(more) - set(few)) == [52, 56, 60, *range(81, 96)]
     assert np.array_equal(subset(film, more).times, film.times[more])
-    assert np.array_equal(subset(film, more).states.positions, film.states.positions[more])
+    assert np.array_equal(
+        subset(film, more).states.positions, film.states.positions[more]
+    )
 
 
 def path(count):
@@ -55,15 +71,40 @@ def test_what_happens_between_two_rough_samples_is_found():
     thing = body("thing", Box((0.03, 0.03, 0.03)), (0.4, 0, 0.25))
     scene = Scene((WALL, thing))
     still = straight((0.4, 0, 0.25), (0.4, 0, 0.25), 64)
-    there = np.vstack([straight((0.4, 0, 0.25), (0.6, 0, 0.25), 8), straight((0.6, 0, 0.25), (0.4, 0, 0.25), 8)])
+    there = np.vstack(
+        [
+            straight((0.4, 0, 0.25), (0.6, 0, 0.25), 8),
+            straight((0.6, 0, 0.25), (0.4, 0, 0.25), 8),
+        ]
+    )
     film = recording(scene, {"thing": np.vstack([still, there, still])}, hz=400.0)
     (found,) = findings(scene, PANDA, stick(0.02), film)
     assert "passed through 'wall'" in found.text
-    assert findings(scene, PANDA, stick(0.02), subset(film, np.arange(0, 144, round(400 / SAMPLE_HZ)))) == []
+    assert (
+        findings(
+            scene,
+            PANDA,
+            stick(0.02),
+            subset(film, np.arange(0, 144, round(400 / SAMPLE_HZ))),
+        )
+        == []
+    )
 
 
 def test_forces_are_averaged_over_the_time_since_the_sample_before():
-    film = recording(Scene((body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)),)), path(5), hz=100.0)
-    film = replace(film, forces={("tool", "thing"): np.array([1.0, 2.0, 4.0, 8.0, 16.0])})
-    for samples, means in (([0, 2, 4], [1, 3, 12]), ([0, 1, 2, 3, 4], [1, 2, 4, 8, 16]), ([0, 4], [1, 7.5])):
-        assert subset(film, np.array(samples)).forces["tool", "thing"] == pytest.approx(means)
+    film = recording(
+        Scene((body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)),)),
+        path(5),
+        hz=100.0,
+    )
+    film = replace(
+        film, forces={("tool", "thing"): np.array([1.0, 2.0, 4.0, 8.0, 16.0])}
+    )
+    for samples, means in (
+        ([0, 2, 4], [1, 3, 12]),
+        ([0, 1, 2, 3, 4], [1, 2, 4, 8, 16]),
+        ([0, 4], [1, 7.5]),
+    ):
+        assert subset(film, np.array(samples)).forces["tool", "thing"] == pytest.approx(
+            means
+        )

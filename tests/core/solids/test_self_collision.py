@@ -19,7 +19,17 @@ from tests.faults import Faulty, Slide
 from tests.panda import ARM, FINGER_OPEN, PANDA
 from tests.playing import evaluate_batch
 
-ROD = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
+ROD = Tool(
+    (
+        Component(
+            "rod",
+            "tool_mount",
+            Pose.xyz_rpy((0, 0, -0.06)),
+            Box((0.02, 0.02, 0.12)),
+            0.1,
+        ),
+    )
+)
 # The elbow folds, and the forearm goes into the shoulder.
 FOLDED = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]])
 
@@ -27,8 +37,14 @@ FOLDED = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]])
 def moved(*waypoints, tool=None, times=None, fingers=None):
     """Targets that go through joint positions (7,), a second apart."""
     times = np.arange(len(waypoints), dtype=float) if times is None else np.array(times)
-    fingers = np.full(len(waypoints), FINGER_OPEN) if fingers is None else np.array(fingers)
-    return find_self_collision(PANDA, tool or Tool(), JointTrajectory(times, np.array(waypoints, dtype=float), fingers))
+    fingers = (
+        np.full(len(waypoints), FINGER_OPEN) if fingers is None else np.array(fingers)
+    )
+    return find_self_collision(
+        PANDA,
+        tool or Tool(),
+        JointTrajectory(times, np.array(waypoints, dtype=float), fingers),
+    )
 
 
 # --- against dense samples --------------------------------------------------------------------------------------
@@ -37,26 +53,42 @@ def moved(*waypoints, tool=None, times=None, fingers=None):
 @cache
 def model(gripper):
     made = pin.buildModelFromXML(assemble(PANDA, Tool(gripper=gripper), visuals=False))
-    links = {frame.name: frame for frame in made.frames if frame.type == pin.FrameType.BODY}
+    links = {
+        frame.name: frame for frame in made.frames if frame.type == pin.FrameType.BODY
+    }
     return made, made.createData(), links
 
 
 def depths(tool, joints, fingers):
     """The penetration depth of each two parts that may not meet, beyond what is allowed."""
     made, data, links = model(tool.gripper)
-    pin.framesForwardKinematics(made, data, np.array([*joints, *[fingers] * (made.nq - 7)]))
-    places = {name: Pose.from_matrix(data.oMf[made.getFrameId(name)].homogeneous) for name in links}
+    pin.framesForwardKinematics(
+        made, data, np.array([*joints, *[fingers] * (made.nq - 7)])
+    )
+    places = {
+        name: Pose.from_matrix(data.oMf[made.getFrameId(name)].homogeneous)
+        for name in links
+    }
     placed = tool.placed()
     solids = [
-        (s.name, s.name, Solid(s.name, s.geometry, places[s.name] @ s.pose)) for s in robot_solids(PANDA, tool.gripper)
+        (s.name, s.name, Solid(s.name, s.geometry, places[s.name] @ s.pose))
+        for s in robot_solids(PANDA, tool.gripper)
     ]
     for part in tool.components:
         mount, pose = placed[part.name]
-        solids.append((part.name, mount, Solid(part.name, solid_geometry(part.shape), places[mount] @ pose)))
+        solids.append(
+            (
+                part.name,
+                mount,
+                Solid(part.name, solid_geometry(part.shape), places[mount] @ pose),
+            )
+        )
     hand = {"panda_hand", "left_finger", "right_finger"}
     number = {name: min(links[name].parentJoint, 7) for name in links}
     found = {}
-    for (one, bearer, a), (other, others_bearer, b) in itertools.combinations(solids, 2):
+    for (one, bearer, a), (other, others_bearer, b) in itertools.combinations(
+        solids, 2
+    ):
         apart = abs(number[bearer] - number[others_bearer])
         if one in placed or other in placed:
             same = links[bearer].parentJoint == links[others_bearer].parentJoint
@@ -68,7 +100,9 @@ def depths(tool, joints, fingers):
             limit = None if apart < 3 else DEEP_M
         if limit is not None:
             depth = -signed_distance(a, b) - limit
-            found[frozenset((one, other))] = max(depth, found.get(frozenset((one, other)), -np.inf))
+            found[frozenset((one, other))] = max(
+                depth, found.get(frozenset((one, other)), -np.inf)
+            )
     return found
 
 
@@ -77,7 +111,10 @@ def tools():
     places = st.tuples(*[st.floats(-0.25, 0.25)] * 2, st.floats(-0.3, 0.3))
     sides = st.tuples(*[st.sampled_from([0.0005, 0.002, 0.02, 0.15])] * 3)
     boxes = st.builds(
-        lambda at, size, mount: Tool((Component("box", mount, Pose.xyz_rpy(at), Box(size)),), mount != "tool_mount"),
+        lambda at, size, mount: Tool(
+            (Component("box", mount, Pose.xyz_rpy(at), Box(size)),),
+            mount != "tool_mount",
+        ),
         places,
         sides,
         st.sampled_from(["tool_mount", "left_finger"]),
@@ -98,18 +135,34 @@ def test_it_finds_what_dense_samples_find(tool, shares):
     if found is None:
         assert max(max(each.values()) for each in seen) < 0.001
         return
-    here = np.array([np.interp(found.time_s, np.arange(len(path)), column) for column in path.T])
+    here = np.array(
+        [np.interp(found.time_s, np.arange(len(path)), column) for column in path.T]
+    )
     assert depths(tool, here[:7], here[7])[frozenset((found.part, found.other))] > 0
-    first = next((t for t, each in zip(instants, seen, strict=True) if max(each.values()) > 0.001), np.inf)
+    first = next(
+        (
+            t
+            for t, each in zip(instants, seen, strict=True)
+            if max(each.values()) > 0.001
+        ),
+        np.inf,
+    )
     pair = frozenset((found.part, found.other))
-    start = next((t for t, each in zip(instants, seen, strict=True) if each[pair] > -0.001), found.time_s)
+    start = next(
+        (t for t, each in zip(instants, seen, strict=True) if each[pair] > -0.001),
+        found.time_s,
+    )
     assert start <= first + 1 / 40  # the first two that meet are named
 
 
 def test_a_sheet_that_passes_between_two_samples_is_found():
     """Half a millimetre thin, from one side of the forearm to the other in a hundredth of a second."""
-    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0.065, 0)), Box((0.02, 0.13, 0.01)))
-    sheet = Component("sheet", "tool_mount", Pose.xyz_rpy((0, 0.13, 0.15)), Box((0.0005, 0.02, 0.3)))
+    post = Component(
+        "post", "tool_mount", Pose.xyz_rpy((0, 0.065, 0)), Box((0.02, 0.13, 0.01))
+    )
+    sheet = Component(
+        "sheet", "tool_mount", Pose.xyz_rpy((0, 0.13, 0.15)), Box((0.0005, 0.02, 0.3))
+    )
     tool = Tool((post, sheet))
     before, after = ARM.home.copy(), ARM.home.copy()
     before[6], after[6] = -2.0, 0.5
@@ -142,7 +195,12 @@ def test_the_hand_may_not_go_into_the_forearm():
 def halves(inner):
     """A plate on each finger, its inner face ``inner`` metres from the finger's."""
     return tuple(
-        Component(f"plate_{side}", f"{side}_finger", Pose.xyz_rpy((0, y, 0.05)), Box((0.02, 0.01, 0.03)))
+        Component(
+            f"plate_{side}",
+            f"{side}_finger",
+            Pose.xyz_rpy((0, y, 0.05)),
+            Box((0.02, 0.01, 0.03)),
+        )
         for side, y in (("left", 0.005 - inner), ("right", inner - 0.005))
     )
 
@@ -155,11 +213,17 @@ def test_fingers_close_until_their_plates_meet():
 
 def test_a_finger_may_not_drive_its_tool_into_the_hand():
     arch = (
-        Component("arm", "left_finger", Pose.xyz_rpy((0, 0.05, 0.03)), Box((0.02, 0.1, 0.01))),
-        Component("hook", "arm", Pose.xyz_rpy((0, 0.045, -0.05)), Box((0.02, 0.01, 0.1))),
+        Component(
+            "arm", "left_finger", Pose.xyz_rpy((0, 0.05, 0.03)), Box((0.02, 0.1, 0.01))
+        ),
+        Component(
+            "hook", "arm", Pose.xyz_rpy((0, 0.045, -0.05)), Box((0.02, 0.01, 0.1))
+        ),
     )
     tool = Tool(arch, gripper=True)
-    assert moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, FINGER_OPEN]) is None
+    assert (
+        moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, FINGER_OPEN]) is None
+    )
     found = moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, 0.0])
     assert {found.part, found.other} == {"hook", "panda_hand"}
     assert found.with_tool
@@ -185,5 +249,9 @@ def test_the_setting_decides():
     assert "on the way to waypoint 2; move or turn this waypoint" in rejected.reason
     warned = evaluated("warn", Faulty())
     assert warned.status == "ok"
-    assert [warning for warning in warned.warnings if "inside the arm's 'panda_link" in warning]
+    assert [
+        warning
+        for warning in warned.warnings
+        if "inside the arm's 'panda_link" in warning
+    ]
     assert evaluated("ignore", Faulty()).warnings == ()

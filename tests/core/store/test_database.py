@@ -32,7 +32,9 @@ def files(folder):
 
 def rewards(folder):
     with reading(folder) as database:
-        return [row["reward"] for row in database.execute("SELECT reward FROM evaluations")]
+        return [
+            row["reward"] for row in database.execute("SELECT reward FROM evaluations")
+        ]
 
 
 def test_a_log_in_a_folder_that_cannot_be_written(unfinished, sealed):
@@ -43,13 +45,25 @@ def test_a_log_in_a_folder_that_cannot_be_written(unfinished, sealed):
     before = files(folder)
     assert rewards(folder) == [0.3]
     assert read_run(folder).reason.startswith("1 generations and 1 candidates done")
-    assert configured([f"designs={folder}"]).task.name == stored_config(folder)["task"]["name"] == "BringCube"
-    assert installed().create("vlm", "replay", {"run": str(folder)}).model.startswith("replay of ")
+    assert (
+        configured([f"designs={folder}"]).task.name
+        == stored_config(folder)["task"]["name"]
+        == "BringCube"
+    )
+    assert (
+        installed()
+        .create("vlm", "replay", {"run": str(folder)})
+        .model.startswith("replay of ")
+    )
     assert files(folder) == before
 
 
 def test_a_killed_run_that_was_copied_without_its_index(unfinished, tmp_path):
-    folder = shutil.copytree(unfinished, tmp_path / "copy", ignore=shutil.ignore_patterns("*-shm", "run.lock"))
+    folder = shutil.copytree(
+        unfinished,
+        tmp_path / "copy",
+        ignore=shutil.ignore_patterns("*-shm", "run.lock"),
+    )
     assert rewards(folder) == [0.3]
 
 
@@ -57,11 +71,15 @@ def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     writer = Database(tmp_path)
     with writer.transaction():
         writer.create()
-        writer.insert("generations", number=0, summary=json.dumps(FIGURES | {"index": 0}))
+        writer.insert(
+            "generations", number=0, summary=json.dumps(FIGURES | {"index": 0})
+        )
     query = "SELECT number FROM generations"
     with reading(tmp_path) as database:
         with writer.transaction():
-            writer.insert("generations", number=1, summary=json.dumps(FIGURES | {"index": 1}))
+            writer.insert(
+                "generations", number=1, summary=json.dumps(FIGURES | {"index": 1})
+            )
             assert [row["number"] for row in database.execute(query)] == [0]
         assert [row["number"] for row in database.execute(query)] == [0, 1]
     writer.close()
@@ -71,7 +89,10 @@ def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     ("content", "said"),
     [
         (None, "holds no run: there is no run.sqlite in it"),
-        (b"no database at all, only text " * 50, "can't be read: file is not a database"),
+        (
+            b"no database at all, only text " * 50,
+            "can't be read: file is not a database",
+        ),
         (b"SQLite format 3\0" + bytes(9000), "can't be read: "),
     ],
 )
@@ -87,7 +108,10 @@ def test_what_cannot_be_read_is_one_line(tmp_path, content, said):
 
 def test_a_statement_that_fails_is_one_line_too(tmp_path):
     folder = write_run(tmp_path / "run")
-    with pytest.raises(UserError, match=r"can't be read: no such table: songs"), reading(folder) as database:
+    with (
+        pytest.raises(UserError, match=r"can't be read: no such table: songs"),
+        reading(folder) as database,
+    ):
         database.execute("SELECT * FROM songs")
 
 

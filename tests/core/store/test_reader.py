@@ -9,7 +9,9 @@ from tests.core.run_folders import edit, write_run
 
 
 def test_a_run_is_read_as_values(tmp_path):
-    store = StoredRun(write_run(tmp_path, rewards=[[0.2, None], [0.5, 0.5]], cost_usd=0.25))
+    store = StoredRun(
+        write_run(tmp_path, rewards=[[0.2, None], [0.5, 0.5]], cost_usd=0.25)
+    )
     assert store.config()["budget"]["name"] == "quick"
     assert store.result().best.reward == 0.5
     assert (len(store.generations()), store.seconds() > 0) == (2, True)
@@ -19,7 +21,9 @@ def test_a_run_is_read_as_values(tmp_path):
         ("g1-a0-s0-p0", "ok", 0.5),
         ("g1-a0-s1-p0", "ok", 0.5),
     ]
-    assert {key: design.parents for key, design in store.designs().items() if design.parents} == {
+    assert {
+        key: design.parents for key, design in store.designs().items() if design.parents
+    } == {
         (1, 0, 0): ("g0-a0-s0-p0",),
         (1, 0, 1): ("g0-a0-s0-p0",),
     }
@@ -29,10 +33,21 @@ def test_a_run_is_read_as_values(tmp_path):
 
 def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
     store = StoredRun(write_run(tmp_path, rewards=[[0.2], [0.5]]))
-    edit(tmp_path, "UPDATE requests SET id = 'g1-critic0', elites = '[\"g0-a0-s0-p0\"]' WHERE generation = 1")
+    edit(
+        tmp_path,
+        "UPDATE requests SET id = 'g1-critic0', elites = '[\"g0-a0-s0-p0\"]' WHERE generation = 1",
+    )
     unanswered, answered = store.requests()
-    assert (unanswered.critique, unanswered.elites, unanswered.reply) == (True, ("g0-a0-s0-p0",), None)
-    assert (answered.id, answered.critique, answered.reply.text) == ("g0-a0", False, "{}")
+    assert (unanswered.critique, unanswered.elites, unanswered.reply) == (
+        True,
+        ("g0-a0-s0-p0",),
+        None,
+    )
+    assert (answered.id, answered.critique, answered.reply.text) == (
+        "g0-a0",
+        False,
+        "{}",
+    )
     assert store.answers() == [(answered, answered.reply)]
     assert RunCost.of([unanswered]) == (1, 0, 0, None, None, None)
 

@@ -26,13 +26,34 @@ from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.core.run_folders import keep_trials
 
-ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
+ROD = Tool(
+    (
+        Component(
+            "rod",
+            "tool_mount",
+            Pose(np.array([0.0, 0.0, -0.1])),
+            Box((0.02, 0.02, 0.2)),
+        ),
+    ),
+    name="rod",
+)
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1]])
 URDF = installed().create("tool", "urdf")
 
 
 def request() -> Request:
-    brief = Brief(BringCube(), 0, URDF, False, 1, 1, generation=0, agent=1, seed=5, actions=WaypointActions())
+    brief = Brief(
+        BringCube(),
+        0,
+        URDF,
+        False,
+        1,
+        1,
+        generation=0,
+        agent=1,
+        seed=5,
+        actions=WaypointActions(),
+    )
     parts = (Text("What is seen:"), Picture(b"png"))
     return Request("g0-a1", brief, (Message("user", parts),), {"type": "object"}, 0.75)
 
@@ -53,7 +74,16 @@ def opened(tmp_path):
         "evolution": "vlmgineer",
         "fitness": "nominal",
     }
-    run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
+    run = Run(
+        store.folder,
+        config,
+        parts,
+        "a can",
+        BringCube(),
+        URDF,
+        Budget(1, 1, 3, 0, 5, 0.6),
+        7,
+    )
     events.hook.run_started(run=run)
     yield store, events, run
     events.hook.run_ended()
@@ -71,7 +101,9 @@ def test_request_and_reply_are_on_disk_at_once(opened):
     text = (store.folder / "requests" / "g0-a1.md").read_text()
     assert "What is seen:" in text
     assert "../scene.png" in text
-    assert json.loads((store.folder / "requests" / "g0-a1.schema.json").read_text()) == {"type": "object"}
+    assert json.loads(
+        (store.folder / "requests" / "g0-a1.schema.json").read_text()
+    ) == {"type": "object"}
     reply = Reply("g0-a1", "{not json", "a model", prompt_tokens=7)
     events.hook.reply_received(request=request(), reply=reply)
     assert (store.folder / "replies" / "g0-a1.txt").read_text() == "{not json"
@@ -83,14 +115,17 @@ def test_request_and_reply_are_on_disk_at_once(opened):
 def test_evaluations_and_their_design_once(opened):
     store, events, _ = opened
     for action in range(3):
-        candidate = Candidate(ROD, PLAN + action, 1, 2, 3, action, parents=("g0-a0-s0-p0",))
+        candidate = Candidate(
+            ROD, PLAN + action, 1, 2, 3, action, parents=("g0-a0-s0-p0",)
+        )
         evaluation = tried_once(candidate, "ok", reward=0.25 * action, distance_m=1.0)
         keep_trials(store, evaluation)
         events.hook.candidate_evaluated(evaluation=evaluation)
     rejected = Candidate(None, np.zeros((0, 6)), 1, 2, 4, problem="no boxes")
     events.hook.candidate_evaluated(evaluation=Evaluation(rejected))
     found = rows(
-        store, "SELECT candidate, status, reason, reward, distance_m, waypoints FROM evaluations ORDER BY rowid"
+        store,
+        "SELECT candidate, status, reason, reward, distance_m, waypoints FROM evaluations ORDER BY rowid",
     )
     assert [row[:4] for row in found] == [
         ("g1-a2-s3-p0", "ok", "", 0.0),
@@ -102,7 +137,9 @@ def test_evaluations_and_their_design_once(opened):
     assert found[3][4] is None
     ((parents, design),) = rows(store, "SELECT parents, design FROM strategies")
     assert json.loads(parents) == ["g0-a0-s0-p0"]
-    assert URDF.parse(json.loads(design), gripper=False).components[0].shape == Box((0.02, 0.02, 0.2))
+    assert URDF.parse(json.loads(design), gripper=False).components[0].shape == Box(
+        (0.02, 0.02, 0.2)
+    )
 
 
 def test_result_and_generations(opened):
@@ -113,7 +150,10 @@ def test_result_and_generations(opened):
         (
             tried_once(candidates[0], "ok", reward=0.5, distance_m=2.0),
             tried_once(candidates[1], "failed", reason="it blew up"),
-            replace(tried_once(candidates[0], "ok", reward=0.1, distance_m=1.0), candidate=candidates[2]),
+            replace(
+                tried_once(candidates[0], "ok", reward=0.1, distance_m=1.0),
+                candidate=candidates[2],
+            ),
         ),
     )
     events.hook.generation_finished(generation=generation)
@@ -143,7 +183,13 @@ def test_result_and_generations(opened):
         "material": "paper",
         "budget": "quick",
         "seed": 7,
-        "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0", "margin": None},
+        "best": {
+            "reward": 0.5,
+            "distance_m": 2.0,
+            "generation": 0,
+            "candidate": "g0-a0-s0-p0",
+            "margin": None,
+        },
         "unseen": None,
         "effort": None,
         "finalists": {},
@@ -159,17 +205,26 @@ def test_result_and_generations(opened):
 
 def test_a_folder_holds_one_run(opened):
     store, events, _ = opened
-    with pytest.raises(UserError, match=r"another process is at work on the run in .*run; wait for its end"):
+    with pytest.raises(
+        UserError,
+        match=r"another process is at work on the run in .*run; wait for its end",
+    ):
         RunStore.create(store.folder, {})
     events.hook.run_ended()
-    with pytest.raises(UserError, match=r"already holds a run; go on with it with resume=.*run, or choose another"):
+    with pytest.raises(
+        UserError,
+        match=r"already holds a run; go on with it with resume=.*run, or choose another",
+    ):
         RunStore.create(store.folder, {})
 
 
 def test_numbers_come_back_to_the_last_bit(opened):
     store, events, _ = opened
     seen = Observation(
-        "tipped", "cube", left=("cube",), moved={"cube": Moved((0.1, 0.0, 1 / 3), (1.0, 0.0, 0.0), 20.0)}
+        "tipped",
+        "cube",
+        left=("cube",),
+        moved={"cube": Moved((0.1, 0.0, 1 / 3), (1.0, 0.0, 0.0), 20.0)},
     )
     trials = (
         Trial(
@@ -187,7 +242,12 @@ def test_numbers_come_back_to_the_last_bit(opened):
             observation=seen,
             figures={"width_m": 1 / 3},
         ),
-        Trial(Where("Task", "a", 4, 1), status="failed", reason="no", goals=(("door", 1 / 3), ("can", 0.0))),
+        Trial(
+            Where("Task", "a", 4, 1),
+            status="failed",
+            reason="no",
+            goals=(("door", 1 / 3), ("can", 0.0)),
+        ),
     )
     finals = (Trial(Where("Task", "mujoco", 5), reward=1 / 7),)
     score = Score(0.1 + 0.2, {"x": 1 / 9}, 1, ("it is wide",), "it is too wide")
@@ -201,7 +261,11 @@ def test_numbers_come_back_to_the_last_bit(opened):
     (back,) = StoredRun(store.folder).evaluations()
     assert (back.trials, back.score, back.finals) == (trials, score, finals)
     again = back.of(candidate)
-    assert (again.candidate, again.reward, again.reason) == (candidate, 0.1 + 0.2, "it is too wide")
+    assert (again.candidate, again.reward, again.reason) == (
+        candidate,
+        0.1 + 0.2,
+        "it is too wide",
+    )
     assert again.trials[0].ik_error_m == float(np.float32(0.1))
     assert again.distance_m == stored.distance_m == 1 / 3
 
@@ -211,9 +275,10 @@ def test_a_trial_is_stored_when_it_ends_and_is_known_when_the_run_goes_on(opened
     key = Candidate(ROD, PLAN).content, Where("Task", "mujoco", 3)
     trial = Trial(key[1], "g0-a0-s0-p0", reward=0.1 + 0.2)
     store.keep_trial(key, trial)
-    assert rows(store, "SELECT number, content, task, engine, layout, change, reward FROM trials") == [
-        (1, key[0], "Task", "mujoco", 3, None, 0.1 + 0.2)
-    ]
+    assert rows(
+        store,
+        "SELECT number, content, task, engine, layout, change, reward FROM trials",
+    ) == [(1, key[0], "Task", "mujoco", 3, None, 0.1 + 0.2)]
     events.hook.run_ended()
 
     again = RunStore.open(store.folder)
@@ -225,7 +290,11 @@ def test_a_trial_is_stored_when_it_ends_and_is_known_when_the_run_goes_on(opened
 def test_versions_name_every_installed_requirement():
     found = versions()
     declared = (Path(__file__).parents[3] / "pyproject.toml").read_text()
-    names = {name for name in re.findall(r'"([A-Za-z][\w.-]*)[^"\n]*[><=]=', declared) if name != "hatchling"}
+    names = {
+        name
+        for name in re.findall(r'"([A-Za-z][\w.-]*)[^"\n]*[><=]=', declared)
+        if name != "hatchling"
+    }
     assert {"jinja2", "manifold3d", "numpy"} < names
     installed = {distribution.name.lower() for distribution in metadata.distributions()}
     for name in names & installed:

@@ -27,19 +27,29 @@ def said_of(folder):
         with pytest.raises(UserError) as error:
             door(folder)
         lines.append(str(error.value))
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    assert {
+        path: path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    } == before
     assert not any("\n" in line for line in lines)
     return lines
 
 
 @pytest.mark.parametrize(
-    "statement", ["UPDATE run SET schema_version = 4", "ALTER TABLE evaluations DROP COLUMN details"]
+    "statement",
+    [
+        "UPDATE run SET schema_version = 4",
+        "ALTER TABLE evaluations DROP COLUMN details",
+    ],
 )
-def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(tmp_path, statement):
+def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
+    tmp_path, statement
+):
     folder = write_run(tmp_path / "run")
     edit(folder, statement)
     data = (folder / "run.sqlite").read_bytes()
-    said = "written by another version" if "4" in statement else "details: Field required"
+    said = (
+        "written by another version" if "4" in statement else "details: Field required"
+    )
     assert all(said in line for line in said_of(folder))
     for _ in range(2):  # the lock is free again
         with pytest.raises(UserError, match=said) as refused:
@@ -51,21 +61,61 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(tmp_pa
 @pytest.mark.parametrize(
     ("statement", "value", "said"),
     [
-        ("UPDATE evaluations SET reward = ?", 1e308, "reward: Input should be less than or equal to 1"),
-        ("UPDATE evaluations SET reward = ?", "much", "reward: Input should be a valid number"),
-        ("UPDATE evaluations SET distance_m = ?", float("inf"), "distance_m: Input should be a finite number"),
-        ("UPDATE evaluations SET status = ?", "done", "status: Input should be 'ok', 'rejected' or 'failed'"),
-        ("UPDATE evaluations SET waypoints = ?", "[[1, 2, 3]]", "waypoints: 6 or 7 numbers are needed"),
+        (
+            "UPDATE evaluations SET reward = ?",
+            1e308,
+            "reward: Input should be less than or equal to 1",
+        ),
+        (
+            "UPDATE evaluations SET reward = ?",
+            "much",
+            "reward: Input should be a valid number",
+        ),
+        (
+            "UPDATE evaluations SET distance_m = ?",
+            float("inf"),
+            "distance_m: Input should be a finite number",
+        ),
+        (
+            "UPDATE evaluations SET status = ?",
+            "done",
+            "status: Input should be 'ok', 'rejected' or 'failed'",
+        ),
+        (
+            "UPDATE evaluations SET waypoints = ?",
+            "[[1, 2, 3]]",
+            "waypoints: 6 or 7 numbers are needed",
+        ),
         ("UPDATE evaluations SET waypoints = ?", "[1, 2, 3, 4, 5, 6]", "waypoints."),
-        ("UPDATE evaluations SET waypoints = ?", '[["a", 2, 3, 4, 5, 6]]', "waypoints."),
-        ("UPDATE evaluations SET waypoints = ?", '[{"offset": [1, 2, 3]}]', "waypoints."),
+        (
+            "UPDATE evaluations SET waypoints = ?",
+            '[["a", 2, 3, 4, 5, 6]]',
+            "waypoints.",
+        ),
+        (
+            "UPDATE evaluations SET waypoints = ?",
+            '[{"offset": [1, 2, 3]}]',
+            "waypoints.",
+        ),
         ("UPDATE evaluations SET waypoints = ?", '{"plan": []}', "waypoints."),
         ("UPDATE evaluations SET waypoints = ?", "[[", "waypoints: Expecting value"),
-        ("UPDATE evaluations SET plan = ?", -1, "plan: Input should be greater than or equal to 0"),
+        (
+            "UPDATE evaluations SET plan = ?",
+            -1,
+            "plan: Input should be greater than or equal to 0",
+        ),
         ("UPDATE evaluations SET details = ?", DEEP, "details: is nested too deep"),
         ("UPDATE evaluations SET details = ?", b"\xff", "details: "),
-        ("UPDATE evaluations SET details = ?", '{"score": {"reward": 2}, "trials": {}}', "details.trials: "),
-        ("UPDATE evaluations SET details = ?", '{"score": {}, "trials": [1]}', "details.score.reward: Field required"),
+        (
+            "UPDATE evaluations SET details = ?",
+            '{"score": {"reward": 2}, "trials": {}}',
+            "details.trials: ",
+        ),
+        (
+            "UPDATE evaluations SET details = ?",
+            '{"score": {}, "trials": [1]}',
+            "details.score.reward: Field required",
+        ),
         (
             "UPDATE evaluations SET details = ?",
             '{"score": {"reward": 1, "shown": 1}, "trials": [1]}',
@@ -76,24 +126,68 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(tmp_pa
             '{"score": {"reward": 1}, "trials": [1], "finals": [99]}',
             "evaluations: trial 99 of g0-a0-s0-p0 has no row in trials",
         ),
-        ("DELETE FROM trials WHERE number = ?", 2, "evaluations: trial 2 of g0-a0-s1-p0 has no row in trials"),
-        ("UPDATE trials SET details = ?", '{"observation": {"result": "lost"}}', "observation.result: Input should be"),
-        ("UPDATE trials SET details = ?", '{"moved_m": {"cube": "far"}}', "moved_m.cube: Input should be a valid numb"),
+        (
+            "DELETE FROM trials WHERE number = ?",
+            2,
+            "evaluations: trial 2 of g0-a0-s1-p0 has no row in trials",
+        ),
+        (
+            "UPDATE trials SET details = ?",
+            '{"observation": {"result": "lost"}}',
+            "observation.result: Input should be",
+        ),
+        (
+            "UPDATE trials SET details = ?",
+            '{"moved_m": {"cube": "far"}}',
+            "moved_m.cube: Input should be a valid numb",
+        ),
         ("UPDATE trials SET details = ?", DEEP, "is nested too deep"),
-        ("UPDATE trials SET status = ?", "done", "status: Input should be 'ok', 'rejected' or 'failed'"),
-        ("UPDATE trials SET layout = ?", "first", "where.2: Input should be a valid integer"),
+        (
+            "UPDATE trials SET status = ?",
+            "done",
+            "status: Input should be 'ok', 'rejected' or 'failed'",
+        ),
+        (
+            "UPDATE trials SET layout = ?",
+            "first",
+            "where.2: Input should be a valid integer",
+        ),
         ("UPDATE strategies SET design = ?", "[]", "design: "),
-        ("UPDATE strategies SET design = ?", '{"tool_urdf": ""}', "design.gripper: Field required"),
+        (
+            "UPDATE strategies SET design = ?",
+            '{"tool_urdf": ""}',
+            "design.gripper: Field required",
+        ),
         ("UPDATE strategies SET parents = ?", '{"a": 1}', "parents: "),
-        ("DELETE FROM strategies WHERE strategy = ?", 1, "evaluations: g0-a0-s1-p0 has no row in strategies"),
-        ("UPDATE replies SET prompt_tokens = ?", 2**63 - 1, "prompt_tokens: Input should be less than"),
-        ("UPDATE replies SET text = CAST(? AS TEXT)", b"two\nlines \xff\xfe", "Could not decode to UTF-8"),
+        (
+            "DELETE FROM strategies WHERE strategy = ?",
+            1,
+            "evaluations: g0-a0-s1-p0 has no row in strategies",
+        ),
+        (
+            "UPDATE replies SET prompt_tokens = ?",
+            2**63 - 1,
+            "prompt_tokens: Input should be less than",
+        ),
+        (
+            "UPDATE replies SET text = CAST(? AS TEXT)",
+            b"two\nlines \xff\xfe",
+            "Could not decode to UTF-8",
+        ),
         ("UPDATE requests SET gripper = ?", 7, "gripper: "),
         ("UPDATE sessions SET versions = ?", "[1]", "versions: "),
-        ("UPDATE generations SET summary = ?", '{"index": 0}', "summary.best_reward: Field required"),
+        (
+            "UPDATE generations SET summary = ?",
+            '{"index": 0}',
+            "summary.best_reward: Field required",
+        ),
         ("UPDATE run SET config = ?", "3", "config: "),
         ("UPDATE run SET config = ?", '{"task": {}}', "config.task: has no name"),
-        ("UPDATE run SET config = ?", '{"budget": {"n_agent": [1]}}', "config.budget.n_agent: "),
+        (
+            "UPDATE run SET config = ?",
+            '{"budget": {"n_agent": [1]}}',
+            "config.budget.n_agent: ",
+        ),
         ("UPDATE run SET result = ?", '{"task": 1}', "result.task: "),
         ("DROP TABLE generations", None, "no such table: generations"),
     ],

@@ -23,12 +23,16 @@ def signals(monkeypatch):
     monkeypatch.setattr(cli._Interrupt, "first", math.inf)
     monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
     monkeypatch.setattr(cli.os, "_exit", lambda code: happened.update(left=code))
-    monkeypatch.setattr(cli, "remove_scratch", lambda: None)  # engines of other tests keep files there
+    monkeypatch.setattr(
+        cli, "remove_scratch", lambda: None
+    )  # engines of other tests keep files there
     return happened
 
 
 @pytest.mark.parametrize(("after_s", "left"), [(0.5, None), (1.5, 130)])
-def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(signals, after_s, left):
+def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(
+    signals, after_s, left
+):
     """Unless it is the same one, to the process and its group, as timeout sends it: what tidies up goes on."""
     with pytest.raises(KeyboardInterrupt):
         cli._Interrupt()(signal.SIGTERM, None)
@@ -39,14 +43,24 @@ def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(signals, aft
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]], ids=" ".join)
-@pytest.mark.parametrize("buffering", rare([[], ["-u"]], []), ids=["buffered", "unbuffered"])
+@pytest.mark.parametrize(
+    "words",
+    [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]],
+    ids=" ".join,
+)
+@pytest.mark.parametrize(
+    "buffering", rare([[], ["-u"]], []), ids=["buffered", "unbuffered"]
+)
 def test_output_that_is_closed_at_its_other_end(words, buffering):
     """As with ``| head``."""
     read, write = os.pipe()
     os.close(read)
     with os.fdopen(write, "w") as output:
-        done = subprocess.run([sys.executable, *buffering, "-m", *words], stdout=output, stderr=subprocess.PIPE)
+        done = subprocess.run(
+            [sys.executable, *buffering, "-m", *words],
+            stdout=output,
+            stderr=subprocess.PIPE,
+        )
     assert (done.returncode, done.stderr) == (1, b"")
 
 
@@ -57,10 +71,24 @@ def test_output_that_can_not_be_written():
     assert (done.returncode, done.stderr.strip()) == (1, said)
 
 
-SLOW = {"scipy", "trimesh", "coal", "pinocchio", "matplotlib", "rerun", "mujoco", "pybullet", "sapien", "litellm"}
+SLOW = {
+    "scipy",
+    "trimesh",
+    "coal",
+    "pinocchio",
+    "matplotlib",
+    "rerun",
+    "mujoco",
+    "pybullet",
+    "sapien",
+    "litellm",
+}
 
 
-@pytest.mark.parametrize(("words", "said"), [(["core", "--help"], "conformance"), (["core.plugins"], "BringCube")])
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["core", "--help"], "conformance"), (["core.plugins"], "BringCube")],
+)
 def test_lists_import_nothing_that_only_runs_need(words, said):
     program = f"""
 import atexit, runpy, sys
@@ -68,7 +96,9 @@ atexit.register(lambda: sys.stderr.write(" ".join({SLOW | {"ray"}} & sys.modules
 sys.argv = {words}
 runpy.run_module({words[0]!r}, run_name="__main__", alter_sys=True)
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True
+    )
     assert said in done.stdout
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -86,9 +116,21 @@ def test_a_line_shows_what_is_not_printable(capsys):
 @pytest.mark.parametrize(
     ("fault", "code", "shown"),
     [
-        ("from core.errors import UserError; raise UserError('a\\x1b[2J\\u202eb')", 1, r"error: a\x1b[2J\u202eb"),
-        ("from core.support.cli import say; say('\u2717 a\u202eb')", 0, r"\u2717 a\u202eb"),
-        ("from core.support.cli import print_table; print_table(['\u2717'], [])", 0, r"\u2717"),
+        (
+            "from core.errors import UserError; raise UserError('a\\x1b[2J\\u202eb')",
+            1,
+            r"error: a\x1b[2J\u202eb",
+        ),
+        (
+            "from core.support.cli import say; say('\u2717 a\u202eb')",
+            0,
+            r"\u2717 a\u202eb",
+        ),
+        (
+            "from core.support.cli import print_table; print_table(['\u2717'], [])",
+            0,
+            r"\u2717",
+        ),
         ("print('\u2717')", 0, r"\u2717"),
     ],
 )
@@ -96,7 +138,9 @@ def test_a_line_shows_what_is_not_printable(capsys):
 def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding):
     program = f"from core.support.cli import command\ndef main(words):\n    {fault}\ncommand(main)"
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, env={**os.environ, "PYTHONIOENCODING": encoding}
+        [sys.executable, "-c", program],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": encoding},
     )
     assert done.returncode == code
     assert (done.stdout + done.stderr).decode(encoding).splitlines()[-1] == shown
@@ -104,12 +148,20 @@ def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding)
 
 def test_an_override_that_hydra_cannot_read():
     """Such as a folder's name that is not UTF-8; in quotes it is read."""
-    with pytest.raises(UsageError, match="can't read designs=r\udcff; put its value in quotes: 'designs="):
+    with pytest.raises(
+        UsageError,
+        match="can't read designs=r\udcff; put its value in quotes: 'designs=",
+    ):
         load("evaluate", ["task=BringCube", "designs=r\udcff"])
-    assert load("evaluate", ["task=BringCube", 'designs="r\udcff"']).designs == "r\udcff"
+    assert (
+        load("evaluate", ["task=BringCube", 'designs="r\udcff"']).designs == "r\udcff"
+    )
 
 
-ROWS = [["OneBook", "tool=none and a long name of a method " * 3, "0.029 ± 0.012"], ["[b]x[/]\x1b[31m", "", "1"]]
+ROWS = [
+    ["OneBook", "tool=none and a long name of a method " * 3, "0.029 ± 0.012"],
+    ["[b]x[/]\x1b[31m", "", "1"],
+]
 
 
 def test_a_table_in_a_pipe_has_a_line_per_row(capsys):
@@ -150,4 +202,7 @@ def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
     (tmp_path / "seed=1").mkdir()
     (tmp_path / "[x]").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert cli.folders_and_overrides("usage: ", ["seed=1", "runs=[x]"]) == ([Path("seed=1"), Path("[x]")], [])
+    assert cli.folders_and_overrides("usage: ", ["seed=1", "runs=[x]"]) == (
+        [Path("seed=1"), Path("[x]")],
+        [],
+    )

@@ -69,7 +69,9 @@ def test_a_change_of_the_same_length_and_date_is_noticed(tmp_path: Path) -> None
     assert (after.size, after.modified_ns) == (before.size, before.modified_ns)
 
 
-def test_what_others_made_is_read_if_it_is_a_regular_file_of_bounded_size(tmp_path: Path) -> None:
+def test_what_others_made_is_read_if_it_is_a_regular_file_of_bounded_size(
+    tmp_path: Path,
+) -> None:
     file, link, pipe = tmp_path / "made", tmp_path / "link", tmp_path / "pipe"
     file.write_bytes(b"12345")
     link.symlink_to(file)
@@ -81,7 +83,9 @@ def test_what_others_made_is_read_if_it_is_a_regular_file_of_bounded_size(tmp_pa
         Path("/dev/zero"): "/dev/zero is no regular file",
         tmp_path / "none": "none can't be read: No such file",
         tmp_path / "a\0b": "can't be a file's name: embedded null byte",
-        Path("/proc/version"): r"/proc/version has .* at most 4e-06 MB are read",  # its size is 0, and it has bytes
+        Path(
+            "/proc/version"
+        ): r"/proc/version has .* at most 4e-06 MB are read",  # its size is 0, and it has bytes
         file: "made has 0.0 MB; at most 4e-06 MB are read",
     }.items():
         with pytest.raises(UserError, match=reason) as caught:

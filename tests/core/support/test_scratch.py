@@ -34,7 +34,12 @@ command(main)
 def ended(folder, way):
     """Run the program, which ends in this way; return its folder."""
     environment = os.environ | {"TMPDIR": str(folder)}
-    done = subprocess.run([sys.executable, "-c", PROGRAM, way], env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, way],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
     assert "AssertionError" not in done.stderr
     made = Path(done.stdout.split()[0])
     assert made.parent == folder
@@ -58,7 +63,10 @@ def test_a_folder_that_is_deleted_is_made_again(monkeypatch, tmp_path):
 def test_no_room_is_a_line(monkeypatch, tmp_path):
     monkeypatch.setattr("core.support.scratch._folder", None)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
-    with pytest.raises(UserError, match=r"no temporary folder can be made: .*; make room, or set TMPDIR"):
+    with pytest.raises(
+        UserError,
+        match=r"no temporary folder can be made: .*; make room, or set TMPDIR",
+    ):
         temporary_folder()
 
 

@@ -11,10 +11,37 @@ from hypothesis import strategies as st
 from core.support.secrets import Scrubbed, holds_secret, is_secret_name, remember, scrub
 
 KEY = "sk-pl/an+ted+0123=45"
-FORMS = [KEY, repr(KEY), json.dumps({"key": KEY}), f"Bearer {KEY}", quote(KEY, safe=""), f"https://me:{KEY}@host"]
-NAMES = ["OPENAI_API_KEY", "WATSONX_APIKEY", "AWS_BEARER_TOKEN_BEDROCK", "VERTEXAI_CREDENTIALS", "SNOWFLAKE_JWT"]
-NAMES += ["AWS_SECRET_ACCESS_KEY", "HF_TOKEN", "GIGACHAT_CREDENTIALS", "DB_PASSWORD", "x-api-key", "x-goog-api-key"]
-NAMES += ["Authorization", "api-key", "x-amz-security-token", "SUPABASE_KEY", "WATSONX_ZENAPIKEY", "SLACK_WEBHOOK_URL"]
+FORMS = [
+    KEY,
+    repr(KEY),
+    json.dumps({"key": KEY}),
+    f"Bearer {KEY}",
+    quote(KEY, safe=""),
+    f"https://me:{KEY}@host",
+]
+NAMES = [
+    "OPENAI_API_KEY",
+    "WATSONX_APIKEY",
+    "AWS_BEARER_TOKEN_BEDROCK",
+    "VERTEXAI_CREDENTIALS",
+    "SNOWFLAKE_JWT",
+]
+NAMES += [
+    "AWS_SECRET_ACCESS_KEY",
+    "HF_TOKEN",
+    "GIGACHAT_CREDENTIALS",
+    "DB_PASSWORD",
+    "x-api-key",
+    "x-goog-api-key",
+]
+NAMES += [
+    "Authorization",
+    "api-key",
+    "x-amz-security-token",
+    "SUPABASE_KEY",
+    "WATSONX_ZENAPIKEY",
+    "SLACK_WEBHOOK_URL",
+]
 
 
 @pytest.fixture
@@ -46,7 +73,17 @@ def test_names_of_secrets(name):
     assert is_secret_name(name)
 
 
-@pytest.mark.parametrize("name", ["PATH", "TOKENIZERS_PARALLELISM", "MAX_TOKENS", "KEYBOARD", "MONKEY", "content-type"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "PATH",
+        "TOKENIZERS_PARALLELISM",
+        "MAX_TOKENS",
+        "KEYBOARD",
+        "MONKEY",
+        "content-type",
+    ],
+)
 def test_other_names(name):
     assert not is_secret_name(name)
 
@@ -59,13 +96,17 @@ def test_short_values_and_paths_are_no_keys(value, monkeypatch):
 
 
 def test_long_words_of_a_value_and_passwords_in_addresses(monkeypatch):
-    monkeypatch.setenv("PRIVATE_KEY", "BEGIN KEY\nMIIEvAIBADANBgkqhkiG\n9w0BAQEFAASCBKYwggSi")
+    monkeypatch.setenv(
+        "PRIVATE_KEY", "BEGIN KEY\nMIIEvAIBADANBgkqhkiG\n9w0BAQEFAASCBKYwggSi"
+    )
     monkeypatch.setenv("HTTPS_PROXY", "http://me:pass-word@proxy.example:3128")
     assert scrub("BEGIN 9w0BAQEFAASCBKYwggSi and pass-word") == "BEGIN *** and ***"
 
 
 def test_a_variable_that_is_not_utf8_is_scrubbed_too(monkeypatch):
-    monkeypatch.setenv("SOME_TOKEN", b"0123\xff456789".decode("utf-8", "surrogateescape"))
+    monkeypatch.setenv(
+        "SOME_TOKEN", b"0123\xff456789".decode("utf-8", "surrogateescape")
+    )
     assert scrub("a 0123\udcff456789 b") == "a *** b"
     assert scrub("nothing") == "nothing"
 
@@ -94,7 +135,11 @@ def test_a_commands_traceback_is_scrubbed():
         "command(fail)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], env={"SOME_TOKEN": "0123456789abcdef"}, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", code],
+        env={"SOME_TOKEN": "0123456789abcdef"},
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert done.stdout == "out ***\n"
     assert "ValueError: in ***" in done.stderr

@@ -16,7 +16,10 @@ def test_clean_keeps_what_can_be_printed():
 def test_any_text_becomes_printable_and_short(text, longest, lines):
     cleaned = clean(text, longest, lines=lines)
     assert len(cleaned) <= longest
-    assert all(character.isprintable() or (lines and character == "\n") for character in cleaned)
+    assert all(
+        character.isprintable() or (lines and character == "\n")
+        for character in cleaned
+    )
 
 
 @pytest.mark.parametrize(
@@ -46,4 +49,7 @@ def test_numbers_are_short_and_never_minus_zero():
 
 
 def test_no_text_of_a_cell_ends_its_cell_or_row():
-    assert table(["a", "b"], [["x|y", "1\n| 2"]]) == "| a | b |\n| --- | --- |\n| x\\|y | 1 \\| 2 |"
+    assert (
+        table(["a", "b"], [["x|y", "1\n| 2"]])
+        == "| a | b |\n| --- | --- |\n| x\\|y | 1 \\| 2 |"
+    )

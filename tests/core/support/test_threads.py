@@ -5,7 +5,10 @@ import pytest
 from core.support.threads import run_in_thread
 
 
-@pytest.mark.parametrize("error", [ValueError("no"), SystemExit("enough"), KeyboardInterrupt(), GeneratorExit()])
+@pytest.mark.parametrize(
+    "error",
+    [ValueError("no"), SystemExit("enough"), KeyboardInterrupt(), GeneratorExit()],
+)
 def test_however_a_function_ends_its_end_arrives(error):
     def fail():
         raise error

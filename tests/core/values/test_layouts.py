@@ -14,8 +14,12 @@ RANGES = {**around("cube", (0.5, 0.1, 0.0), 0.1, 0.2), "cube.mass": (1.0, 2.0)}
 def test_a_number_is_in_its_range_and_depends_on_seed_and_name_alone(seed):
     draw = Draw(RANGES, seed)
     drawn = {name: draw(name, 9.0) for name in RANGES}
-    assert all(RANGES[name][0] <= value <= RANGES[name][1] for name, value in drawn.items())
-    assert {name: Draw({name: RANGES[name]}, seed)(name, 9.0) for name in reversed(RANGES)} == drawn
+    assert all(
+        RANGES[name][0] <= value <= RANGES[name][1] for name, value in drawn.items()
+    )
+    assert {
+        name: Draw({name: RANGES[name]}, seed)(name, 9.0) for name in reversed(RANGES)
+    } == drawn
     assert len(set(drawn.values())) == len(drawn)
 
 

@@ -25,6 +25,8 @@ def test_1_is_far_0_is_at_the_limit_and_below_0_it_failed(made, margin):
 
 
 def test_the_least_comes_first_and_what_is_no_number_is_left_out():
-    near, far, none = (Margin.at_most("x", value, 1, "m") for value in (0.9, 0.1, math.nan))
+    near, far, none = (
+        Margin.at_most("x", value, 1, "m") for value in (0.9, 0.1, math.nan)
+    )
     assert least_first([far, none, near]) == (near, far)
     assert str(near) == "x 0.9 m, limit 1 m"

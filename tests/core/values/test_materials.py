@@ -33,25 +33,36 @@ def material_of(*words):
 def test_a_box_is_weighed_by_its_walls_and_infill():
     """A cube of 20 mm with walls of 2 mm: 8000 mm^3, of which 16^3 are inside."""
     cube = Box((0.02, 0.02, 0.02))
-    assert Material("m", 1000, 0.25, 2.0).volume_of(cube) == pytest.approx((8000 - 0.75 * 4096) * 1e-9)
+    assert Material("m", 1000, 0.25, 2.0).volume_of(cube) == pytest.approx(
+        (8000 - 0.75 * 4096) * 1e-9
+    )
     assert Material("m", 1000).volume_of(cube) == pytest.approx(8e-6)
-    assert Material("m", 1000, 0.25, 10.0).volume_of(cube) == pytest.approx(8e-6)  # all wall
+    assert Material("m", 1000, 0.25, 10.0).volume_of(cube) == pytest.approx(
+        8e-6
+    )  # all wall
     tool = Tool((Component("a", "tool_mount", Pose(), cube, 0.9),))
     assert Material("m", 1000).made(tool).mass == pytest.approx(0.008)
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 @given(infill=st.floats(0.01, 1), wall_mm=st.floats(0, 50))
-def test_no_component_weighs_more_than_solid_or_less_than_its_infill(shape, infill, wall_mm):
+def test_no_component_weighs_more_than_solid_or_less_than_its_infill(
+    shape, infill, wall_mm
+):
     volume = Material("m", 1000, infill, wall_mm).volume_of(shape)
     assert infill * shape.volume * (1 - 1e-9) <= volume <= shape.volume * (1 + 1e-9)
 
 
 def test_paper_leaves_a_tool_as_it_is():
-    tool = Tool((Component("a", "tool_mount", Pose(), Box((0.1, 0.1, 0.1))),), friction=0.9)
+    tool = Tool(
+        (Component("a", "tool_mount", Pose(), Box((0.1, 0.1, 0.1))),), friction=0.9
+    )
     assert PAPER.made(tool) is tool
     made = PLA.made(tool)
-    assert (made.friction, made.mass) == (0.5, pytest.approx(1240 * (1e-3 - 0.8 * 0.0976**3)))
+    assert (made.friction, made.mass) == (
+        0.5,
+        pytest.approx(1240 * (1e-3 - 0.8 * 0.0976**3)),
+    )
     assert replace(PAPER, friction=0.2).made(tool) == replace(tool, friction=0.2)
 
 
@@ -59,19 +70,46 @@ def test_paper_leaves_a_tool_as_it_is():
     ("words", "reason"),
     [
         (["material=wood"], "no material 'wood'; possible: abs, "),
-        (["material=pla", "material.density_kg_m3=-5"], "material.density_kg_m3 must be positive and finite, got -5"),
+        (
+            ["material=pla", "material.density_kg_m3=-5"],
+            "material.density_kg_m3 must be positive and finite, got -5",
+        ),
         (
             ["material=pla", "material.density_kg_m3=inf"],
             "material.density_kg_m3 must be positive and finite, got inf",
         ),
-        (["material=pla", "material.young_pa=0"], "material.young_pa must be positive and finite, got 0"),
-        (["material=pla", "material.strength_pa=nan"], "material.strength_pa must be positive and finite, got nan"),
-        (["material=pla", "material.infill=2"], "material.infill is a share, 0.01 to 1, got 2"),
-        (["material=pla", "material.infill=0"], "material.infill is a share, 0.01 to 1, got 0"),
-        (["material=pla", "material.wall_mm=-1"], "material.wall_mm must be 0 or greater, and finite, got -1"),
-        (["material.friction=-0.1"], "material.friction must be 0 or greater, and finite, got -0.1"),
-        (["material=pla", "material.infill=lots"], "Error merging override material.infill=lots: Value 'lots' "),
-        (["material=pla", "material.colour=red"], "no key 'colour' in material; possible: density_kg_m3, friction, "),
+        (
+            ["material=pla", "material.young_pa=0"],
+            "material.young_pa must be positive and finite, got 0",
+        ),
+        (
+            ["material=pla", "material.strength_pa=nan"],
+            "material.strength_pa must be positive and finite, got nan",
+        ),
+        (
+            ["material=pla", "material.infill=2"],
+            "material.infill is a share, 0.01 to 1, got 2",
+        ),
+        (
+            ["material=pla", "material.infill=0"],
+            "material.infill is a share, 0.01 to 1, got 0",
+        ),
+        (
+            ["material=pla", "material.wall_mm=-1"],
+            "material.wall_mm must be 0 or greater, and finite, got -1",
+        ),
+        (
+            ["material.friction=-0.1"],
+            "material.friction must be 0 or greater, and finite, got -0.1",
+        ),
+        (
+            ["material=pla", "material.infill=lots"],
+            "Error merging override material.infill=lots: Value 'lots' ",
+        ),
+        (
+            ["material=pla", "material.colour=red"],
+            "no key 'colour' in material; possible: density_kg_m3, friction, ",
+        ),
     ],
 )
 def test_hostile_settings_get_one_line(words, reason):
@@ -81,7 +119,10 @@ def test_hostile_settings_get_one_line(words, reason):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("stored", ["pla", [1], {"name": "pla", "mass": 3}, {"infill": "much"}, {"infill": 7}])
+@pytest.mark.parametrize(
+    "stored",
+    ["pla", [1], {"name": "pla", "mass": 3}, {"infill": "much"}, {"infill": 7}],
+)
 def test_a_stored_material_that_is_none_gets_one_line(stored):
     with pytest.raises(UserError, match="material") as error:
         tool_part(OmegaConf.create({"tool": {"name": "urdf"}, "material": stored}))
@@ -91,8 +132,20 @@ def test_a_stored_material_that_is_none_gets_one_line(stored):
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("material") / "run"
-    words = ["task=BringCube", "material=pla", "material.infill=0.3", "film=false", "listener=[]"]
-    words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1", "executor.workers=1"]
+    words = [
+        "task=BringCube",
+        "material=pla",
+        "material.infill=0.3",
+        "film=false",
+        "listener=[]",
+    ]
+    words += [
+        "budget.n_agent=1",
+        "budget.n_tool=2",
+        "budget.n_action=1",
+        "budget.n_iteration=1",
+        "executor.workers=1",
+    ]
     return folder, run(load("config", words), folder)
 
 
@@ -103,10 +156,15 @@ def test_a_run_is_of_its_material(ran):
     for component in tool.components:
         assert component.mass == pytest.approx(1240 * filled.volume_of(component.shape))
     assert json.loads((folder / "result.json").read_text())["material"] == "pla"
-    masses = re.findall(r'mass value="(.*?)"', (folder / "best" / "tool.urdf").read_text())
+    masses = re.findall(
+        r'mass value="(.*?)"', (folder / "best" / "tool.urdf").read_text()
+    )
     assert sum(map(float, masses)) == pytest.approx(tool.mass)
     prompt = next((folder / "requests").glob("g0-*.md")).read_text()
-    assert "Tools are made of pla, 1240 kg/m^3, walls of 1.2 mm, filled to 30% inside" in prompt
+    assert (
+        "Tools are made of pla, 1240 kg/m^3, walls of 1.2 mm, filled to 30% inside"
+        in prompt
+    )
     assert "a mass that you write is ignored" in " ".join(prompt.split())
     assert "<mass" not in prompt
 
@@ -117,5 +175,8 @@ def test_a_stored_run_is_read_with_its_material(ran):
     assert best.tool.mass == pytest.approx(result.best.candidate.tool.mass)
     assert best.material == replace(PLA, infill=0.3)
     assert configured([f"designs={folder}"]).material.infill == 0.3
-    assert configured([f"designs={folder}", "material=steel"]).material == load("evaluate", ["material=steel"]).material
+    assert (
+        configured([f"designs={folder}", "material=steel"]).material
+        == load("evaluate", ["material=steel"]).material
+    )
     assert configured([f"designs={folder}", "material.infill=1"]).material.infill == 1

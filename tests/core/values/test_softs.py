@@ -3,17 +3,38 @@
 import numpy as np
 import pytest
 
-from core.scene import Body, Box, Cloth, Cylinder, Elastic, Filling, Joint, Pose, Rope, Scene, Soft, Sphere, State
+from core.scene import (
+    Body,
+    Box,
+    Cloth,
+    Cylinder,
+    Elastic,
+    Filling,
+    Joint,
+    Pose,
+    Rope,
+    Scene,
+    Soft,
+    Sphere,
+    State,
+)
 from core.values.softs import sizes
 
 RED = (0.8, 0.2, 0.2, 1.0)
 SPONGE = Elastic(300, 5e4)
 ROPE = Rope(((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.3, 0.1, 0.0)), 21, thickness=0.01)
-FORMS = [ROPE, Cloth((0.3, 0.2), (7, 5)), Filling(Box((0.1, 0.2, 0.05)), (3, 4, 3)), Filling(Sphere(0.04), (4, 4, 4))]
+FORMS = [
+    ROPE,
+    Cloth((0.3, 0.2), (7, 5)),
+    Filling(Box((0.1, 0.2, 0.05)), (3, 4, 3)),
+    Filling(Sphere(0.04), (4, 4, 4)),
+]
 
 
 def soft(form, elastic=SPONGE, at=(0.5, 0.0, 0.1), **given):
-    return Soft.make("it", form, elastic, Pose.xyz_rpy(at, (0.0, 0.0, 0.3)), color=RED, **given)
+    return Soft.make(
+        "it", form, elastic, Pose.xyz_rpy(at, (0.0, 0.0, 0.3)), color=RED, **given
+    )
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.kind)
@@ -29,7 +50,9 @@ def test_a_body_weighs_what_its_material_does():
     assert soft(ROPE).mass == pytest.approx(300 * 0.4 * np.pi * 0.005**2, rel=0.02)
 
 
-@pytest.mark.parametrize("shape", [Box((0.1, 0.2, 0.05)), Cylinder(0.04, 0.1), Sphere(0.04)])
+@pytest.mark.parametrize(
+    "shape", [Box((0.1, 0.2, 0.05)), Cylinder(0.04, 0.1), Sphere(0.04)]
+)
 def test_outer_nodes_lie_on_the_surface_of_the_shape(shape):
     mesh = soft(Filling(shape, (5, 5, 5))).visuals[0].shape.to_trimesh()
     assert mesh.is_volume
@@ -44,8 +67,14 @@ def test_outer_nodes_lie_on_the_surface_of_the_shape(shape):
         (lambda: Elastic(300, 1e4, poisson=0.5), "poisson must be from 0 to 0.45"),
         (lambda: Cloth((0.3, 0.3), (20, 20)), "at most 150 in all"),
         (lambda: Cloth((0.3, 0.0)), "two of its nodes are in one place"),
-        (lambda: Rope(((0.0, 0.0, 0.0), (0.1, 0.0, 0.0)), thickness=0.001), "lighter, softer material"),
-        (lambda: soft(FORMS[2], Elastic(300, 1e6)), "Young's modulus of a solid can be 300000 Pa at most"),
+        (
+            lambda: Rope(((0.0, 0.0, 0.0), (0.1, 0.0, 0.0)), thickness=0.001),
+            "lighter, softer material",
+        ),
+        (
+            lambda: soft(FORMS[2], Elastic(300, 1e6)),
+            "Young's modulus of a solid can be 300000 Pa at most",
+        ),
         (lambda: soft(ROPE, pinned=(21,)), "pinned nodes have numbers from 0 to 20"),
     ],
 )

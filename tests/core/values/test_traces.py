@@ -28,7 +28,10 @@ ONE = Trace.of(
         ("body", "tray", "table"): flags(0, 1),
         ("body", "tray", "cube"): flags(0, 3),
     },
-    forces={("tool", "cube"): np.array([0, 2.0, 5.0, 0]), ("tray", "cube"): np.array([9.0, 0, 0, 1.0])},
+    forces={
+        ("tool", "cube"): np.array([0, 2.0, 5.0, 0]),
+        ("tray", "cube"): np.array([9.0, 0, 0, 1.0]),
+    },
 )
 NEVER = Trace.of(*[SCENE.state()] * 4, touching={}, forces={})
 
@@ -74,18 +77,37 @@ def test_what_touches_a_body_and_when(body, by, instants):
 
 def test_what_the_robot_passes_on_through_bodies_presses_too():
     """As much as the weakest contact of a chain bears, without the weight that rests from the start."""
-    chain = {("tool", "cube"): [0, 20, 20, 0], ("tray", "cube"): [0, 12, 12, 9], ("table", "tray"): [3, 3, 18, 12]}
-    trace = Trace.of(*[SCENE.state()] * 4, forces={pair: np.array(force, float) for pair, force in chain.items()})
+    chain = {
+        ("tool", "cube"): [0, 20, 20, 0],
+        ("tray", "cube"): [0, 12, 12, 9],
+        ("table", "tray"): [3, 3, 18, 12],
+    }
+    trace = Trace.of(
+        *[SCENE.state()] * 4,
+        forces={pair: np.array(force, float) for pair, force in chain.items()},
+    )
     assert trace.passed_on("table", "robot").tolist() == [0, 0, 12, 0]
-    assert [trace.force_n("table", by) for by in ("robot", "tool", "cube", None)] == [12, 12, 0, 18]
+    assert [trace.force_n("table", by) for by in ("robot", "tool", "cube", None)] == [
+        12,
+        12,
+        0,
+        18,
+    ]
     assert trace.force_n("tray", "robot") == 12
     assert trace.force_n("cube", "robot") == 20
 
 
 def test_the_largest_force_of_one_thing():
-    assert ONE.force_n("cube", "robot") == ONE.force_n("cube", "tool") == ONE.force_n("cube", "blade") == 5
+    assert (
+        ONE.force_n("cube", "robot")
+        == ONE.force_n("cube", "tool")
+        == ONE.force_n("cube", "blade")
+        == 5
+    )
     assert ONE.force_n("cube", "other component") == 0
-    assert ONE.force_n("cube") == ONE.force_n("tray") == ONE.force_n("cube", "tray") == 9
+    assert (
+        ONE.force_n("cube") == ONE.force_n("tray") == ONE.force_n("cube", "tray") == 9
+    )
     assert ONE.force_n("tray", "robot") == 0
     assert both().force_n("cube").tolist() == [9, 0]
     with pytest.raises(ValueError, match="no forces"):
@@ -93,12 +115,18 @@ def test_the_largest_force_of_one_thing():
 
 
 def test_held_is_by_the_robot_and_off_all_that_is_fixed():
-    assert np.flatnonzero(ONE.held("cube")).tolist() == [1, 2, 3]  # at last by the tray, which the link carries
+    assert np.flatnonzero(ONE.held("cube")).tolist() == [
+        1,
+        2,
+        3,
+    ]  # at last by the tray, which the link carries
     assert np.flatnonzero(ONE.held("tray")).tolist() == [2, 3]
     assert both().held("cube").tolist() == [[False, True, True, True], [False] * 4]
 
 
 def test_a_body_that_is_not_there():
     for ask in (ONE.touched, ONE.force_n, ONE.held):
-        with pytest.raises(KeyError, match="no body 'dog' in the trace; there are: tray, cube, table"):
+        with pytest.raises(
+            KeyError, match="no body 'dog' in the trace; there are: tray, cube, table"
+        ):
             ask("dog")

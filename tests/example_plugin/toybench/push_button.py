@@ -16,7 +16,9 @@ TRAVEL = 0.1
 
 @lru_cache(maxsize=1)
 def button() -> Mesh:
-    return Mesh.from_trimesh(trimesh.load_mesh(Path(__file__).parent / "assets/button.stl"))
+    return Mesh.from_trimesh(
+        trimesh.load_mesh(Path(__file__).parent / "assets/button.stl")
+    )
 
 
 class PushButton(Task):
@@ -25,13 +27,21 @@ class PushButton(Task):
         "A red button with a diameter of 0.1 m stands on the table 0.9 m in front of the robot. Push it 0.1 m forward, "
         "against the grey stop."
     )
-    goals = (Goal(bodies=("button",), place=(START[0] + TRAVEL, 0.0, None), tolerance=0.02),)
+    goals = (
+        Goal(bodies=("button",), place=(START[0] + TRAVEL, 0.0, None), tolerance=0.02),
+    )
     camera = Camera(position=(1.45, -1.1, 0.9), target=(0.6, 0.0, 0.2))
 
     def scene(self, seed: int) -> Scene:
         cap = Body.of("button", button(), START, mass=0.3, color=(0.8, 0.1, 0.1, 1.0))
         behind = START[0] + TRAVEL + 0.05 + 0.01
-        stop = Body.of("stop", Box((0.02, 0.3, 0.08)), (behind, 0.0, 0.04), mass=0.0, color=(0.5, 0.5, 0.5, 1.0))
+        stop = Body.of(
+            "stop",
+            Box((0.02, 0.3, 0.08)),
+            (behind, 0.0, 0.04),
+            mass=0.0,
+            color=(0.5, 0.5, 0.5, 1.0),
+        )
         return Scene((floor(), table(), stop, cap))
 
     def reward(self, start: State, end: State) -> Array:

@@ -19,7 +19,9 @@ class Restarts(EvolutionStrategy):
     def ask(self):
         if self._rng.uniform() < self.chance:
             self._pool = []
-        return self.designer.design(self._generation, best_first(self._pool)[: self.budget.k_top])
+        return self.designer.design(
+            self._generation, best_first(self._pool)[: self.budget.k_top]
+        )
 
     def tell(self, evaluations):
         self._generation += 1

@@ -20,7 +20,9 @@ class Rows:
 
     @hookimpl
     def candidate_evaluated(self, evaluation):
-        self._rows.writerow((evaluation.candidate.id, evaluation.status, evaluation.reward))
+        self._rows.writerow(
+            (evaluation.candidate.id, evaluation.status, evaluation.reward)
+        )
 
     @hookimpl
     def run_ended(self):

@@ -26,7 +26,17 @@ class ToySimulator(Simulator):
         return ToyWorld(task, tool, seed, self.time_step, self.radius)
 
     def render(
-        self, task, *, seed=0, tool=None, arm=None, fingers=None, state=None, camera=None, width=640, height=480
+        self,
+        task,
+        *,
+        seed=0,
+        tool=None,
+        arm=None,
+        fingers=None,
+        state=None,
+        camera=None,
+        width=640,
+        height=480,
     ):
         """From above, x up and y to the left, 1 m to either side of (0.6, 0): bodies red, the tool blue."""
         picture = np.full((height, width, 3), 235, dtype=np.uint8)
@@ -51,8 +61,13 @@ class ToySimulator(Simulator):
 def boxes(robot, tool, joints, opening):
     """Yield pose in the world and shape of each of the tool's boxes."""
     hand = arm_of(robot).forward(joints)
-    left, right = (Pose(np.array([0.0, side * opening, -0.045])) for side in (1, -1))  # roughly where fingers are
-    mounts = {RIGID_MOUNT: hand, **dict(zip(GRIPPER_MOUNTS, (hand @ left, hand @ right), strict=True))}
+    left, right = (
+        Pose(np.array([0.0, side * opening, -0.045])) for side in (1, -1)
+    )  # roughly where fingers are
+    mounts = {
+        RIGID_MOUNT: hand,
+        **dict(zip(GRIPPER_MOUNTS, (hand @ left, hand @ right), strict=True)),
+    }
     placed = tool.placed()
     for component in tool.components:
         mount, pose = placed[component.name]
@@ -69,7 +84,10 @@ class ToyWorld:
         self._start = task.scene(seed).state()
         self._positions = self._start.positions.copy()
         self._velocities = np.zeros_like(self._positions)
-        self._joints, self._fingers = arm_of(task.robot).home_for(task.home), task.robot.opening_m
+        self._joints, self._fingers = (
+            arm_of(task.robot).home_for(task.home),
+            task.robot.opening_m,
+        )
 
     def step(self, arm, fingers, speeds, finger_speed):
         before = list(boxes(self._robot, self._tool, self._joints, self._fingers))
@@ -87,8 +105,16 @@ class ToyWorld:
 
     def joints(self):
         count = len(self._robot.finger_joints)
-        return self._joints, np.full(count, self._fingers if self._tool.gripper else 0.0)
+        return self._joints, np.full(
+            count, self._fingers if self._tool.gripper else 0.0
+        )
 
     def state(self):
         start = self._start
-        return State(start.names, self._positions, start.quaternions, self._velocities, np.zeros_like(self._velocities))
+        return State(
+            start.names,
+            self._positions,
+            start.quaternions,
+            self._velocities,
+            np.zeros_like(self._velocities),
+        )

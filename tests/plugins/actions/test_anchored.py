@@ -43,11 +43,15 @@ def first(*steps, **how):
 
 def test_by_default_the_axes_are_the_worlds():
     np.testing.assert_allclose(first({"offset": [0.5, 0, 0.4]}), [0.5, 0, 0.4, 0, 0, 0])
-    np.testing.assert_allclose(first({"anchor": "cube", "offset": [0, 0, 0.1]}), [0.6, 0.1, 0.12, 0, 0, 0])
+    np.testing.assert_allclose(
+        first({"anchor": "cube", "offset": [0, 0, 0.1]}), [0.6, 0.1, 0.12, 0, 0, 0]
+    )
 
 
 def test_the_anchors_axes_turn_with_it():
-    row = first({"anchor": "cube", "axes": "anchor", "offset": [0.1, 0, 0], "rpy": [0, 0, 0.2]})
+    row = first(
+        {"anchor": "cube", "axes": "anchor", "offset": [0.1, 0, 0], "rpy": [0, 0, 0.2]}
+    )
     np.testing.assert_allclose(row[:3], CUBE.apply(np.array([0.1, 0, 0])))
     np.testing.assert_allclose(row[3:], [0, 0, 0.7], atol=1e-12)
 
@@ -57,12 +61,22 @@ def test_toward_turns_x_to_the_other_anchor():
     np.testing.assert_allclose(row, [0.6, 0.0, 0.32, 0, 0, -np.pi / 2], atol=1e-12)
 
 
-@given(st.floats(-3, 3), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.sampled_from(["anchor", "toward"]))
+@given(
+    st.floats(-3, 3),
+    st.floats(-0.2, 0.2),
+    st.floats(-0.2, 0.2),
+    st.sampled_from(["anchor", "toward"]),
+)
 def test_a_plan_moves_with_the_scene(yaw, x, y, how):
     """Turned and moved as a whole, the scene's plan is the same motion in its own frame."""
     move = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, yaw))
     where = {"axes": "anchor"} if how == "anchor" else {"toward": "goal"}
-    step = {"anchor": "cube", "offset": [0.05, -0.03, 0.1], "rpy": [0.1, 0.2, 0.3], **where}
+    step = {
+        "anchor": "cube",
+        "offset": [0.05, -0.03, 0.1],
+        "rpy": [0.1, 0.2, 0.3],
+        **where,
+    }
     there = Seen({name: move @ pose for name, pose in SEEN.poses.items()})
     before, after = (plan(step).resolve(seen).poses[0] for seen in (SEEN, there))
     np.testing.assert_allclose(move.apply(before[:3]), after[:3], atol=1e-9)
@@ -81,18 +95,26 @@ ANCHORS = [
 
 
 @given(
-    st.lists(st.tuples(*[st.floats(-1, 1)] * 3, *[st.floats(-3, 3)] * 3, st.floats(0, 1)), min_size=6, max_size=6),
+    st.lists(
+        st.tuples(*[st.floats(-1, 1)] * 3, *[st.floats(-3, 3)] * 3, st.floats(0, 1)),
+        min_size=6,
+        max_size=6,
+    ),
     st.permutations(ANCHORS),
     st.booleans(),
 )
 def test_anchored_waypoints_are_the_same_ones_in_their_layout(rows, anchors, gripper):
     literal = Waypoints(np.array(rows)[:, : 7 if gripper else 6])
-    read = ACTIONS.parse(json.loads(json.dumps(ACTIONS.anchor(literal, anchors, SEEN))), gripper=gripper)
+    read = ACTIONS.parse(
+        json.loads(json.dumps(ACTIONS.anchor(literal, anchors, SEEN))), gripper=gripper
+    )
     resolved = read.resolve(SEEN)
     assert read.anchors == tuple(anchors)
     np.testing.assert_allclose(resolved.poses[:, :3], literal.poses[:, :3], atol=1e-4)
     np.testing.assert_array_equal(resolved.grips, literal.grips)
-    before, after = (Rotation.from_euler("xyz", plan.poses[:, 3:6]) for plan in (literal, resolved))
+    before, after = (
+        Rotation.from_euler("xyz", plan.poses[:, 3:6]) for plan in (literal, resolved)
+    )
     assert (before.inv() * after).magnitude().max() < 1e-4
 
 
@@ -117,7 +139,9 @@ def test_tempo_comes_along():
 
 def test_the_gripper_is_the_seventh_number():
     assert first({"offset": [0.5, 0, 0.4], "grip": 0.5}, gripper=True)[6] == 0.5
-    with pytest.raises(DesignError, match="waypoint 1: 'grip' needs a tool on the gripper"):
+    with pytest.raises(
+        DesignError, match="waypoint 1: 'grip' needs a tool on the gripper"
+    ):
         plan({"offset": [0.5, 0, 0.4], "grip": 0.5})
 
 
@@ -133,11 +157,17 @@ GOOD = {"offset": [0.5, 0.0, 0.4]}
         ([GOOD, [0.5, 0, 0.4, 0, 0, 0]], "waypoint 2 must be an object with an offset"),
         ([{}], "waypoint 1: offset"),
         ([{"offset": [0.5, 0]}], r"waypoint 1: offset\.2"),
-        ([{"offset": [0.5, 0, "0.4"]}], r"waypoint 1: offset\.2: Input should be a valid number"),
+        (
+            [{"offset": [0.5, 0, "0.4"]}],
+            r"waypoint 1: offset\.2: Input should be a valid number",
+        ),
         ([{"offset": [0.5, 0, True]}], r"waypoint 1: offset\.2"),
         ([{"offset": [0.5, 0, 99]}], r"waypoint 1: offset\.2"),
         ([{"offset": [0.5, 0, float("nan")]}], r"waypoint 1: offset\.2"),
-        ([GOOD | {"ofset": 1}], r"no field 'ofset' in waypoint 1 \(did you mean 'offset'\?\)"),
+        (
+            [GOOD | {"ofset": 1}],
+            r"no field 'ofset' in waypoint 1 \(did you mean 'offset'\?\)",
+        ),
         ([GOOD | {"anchor": "__import__('os')", "speed": -1}], "waypoint 1: speed"),
         ([GOOD | {"axes": "cube"}], "waypoint 1: axes"),
         ([GOOD | {"speed": 1, "seconds": 1}], "speed or seconds, not both"),
@@ -169,20 +199,42 @@ def test_an_anchor_that_is_not_there(step, problem):
 
 def test_a_designs_file_names_the_representation_and_reads_back():
     task = on_panda(BringCube())
-    document = json.loads(json.dumps({"strategies": [BARE | {"action": "anchored", "action_sets": [[GOOD, NEAR]]}]}))
+    document = json.loads(
+        json.dumps(
+            {
+                "strategies": [
+                    BARE | {"action": "anchored", "action_sets": [[GOOD, NEAR]]}
+                ]
+            }
+        )
+    )
     rules = SpawnRules(task, 0)
     bare = installed().create("tool", "none")
     (candidate,) = read_designs(document, bare, rules)
     assert isinstance(candidate.plan, AnchoredPlan)
     (again,) = read_designs({"strategies": [dump_design(candidate, bare)]}, bare, rules)
-    assert again.content == candidate.content == pickle.loads(pickle.dumps(candidate)).content
+    assert (
+        again.content
+        == candidate.content
+        == pickle.loads(pickle.dumps(candidate)).content
+    )
     numbers = 7 if bare.given(task).gripper else 6
     (literal,) = read_designs(
-        {"strategies": [BARE | {"action_sets": [[[0.5, 0, 0.4, 0, 0, 0, 1][:numbers]]]}]}, bare, rules
+        {
+            "strategies": [
+                BARE | {"action_sets": [[[0.5, 0, 0.4, 0, 0, 0, 1][:numbers]]]}
+            ]
+        },
+        bare,
+        rules,
     )
     assert isinstance(literal.plan, Waypoints)
     assert "action" not in dump_design(literal, bare)
-    (unknown,) = read_designs({"strategies": [BARE | {"action": "dance", "action_sets": [[GOOD]]}]}, bare, rules)
+    (unknown,) = read_designs(
+        {"strategies": [BARE | {"action": "dance", "action_sets": [[GOOD]]}]},
+        bare,
+        rules,
+    )
     assert "no action 'dance'" in unknown.problem
 
 
@@ -196,7 +248,9 @@ def test_it_is_played_and_what_was_slowed_is_reported():
         Candidate(installed().create("tool", "none").given(task), plan(*steps))
         for steps in ([GOOD, NEAR], [GOOD | {"anchor": "nowhere"}])
     ]
-    played, lost = evaluate_batch(task, installed().create("sim", "mujoco"), candidates, 0, RolloutSettings())
+    played, lost = evaluate_batch(
+        task, installed().create("sim", "mujoco"), candidates, 0, RolloutSettings()
+    )
     assert played.status == "ok"
     assert any("waypoint 2: the arm's limits" in warning for warning in played.warnings)
     assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
@@ -221,19 +275,38 @@ SWING = [{"offset": [0.5, 0.3 * (-1) ** k, 0.4], "speed": 5.0} for k in range(60
     [
         ([GOOD | {"speed": 1e-6}], "waypoint 1: a speed of 1e-06 is too small"),
         ([GOOD | {"seconds": 5e-324}], "waypoint 1: a time of"),
-        ([GOOD | {"rpy": [0, 0, 3.0 * (k % 2)], "through": k < 198} for k in range(199)], "and 594 rad long; at most"),
+        (
+            [
+                GOOD | {"rpy": [0, 0, 3.0 * (k % 2)], "through": k < 198}
+                for k in range(199)
+            ],
+            "and 594 rad long; at most",
+        ),
         ([GOOD | {"wait": 60}] * 3, "the plan asks for 180 s; at most 120 s"),
-        (SWING, "99 parts would be looked at 1600 times a second for 4[0-9] s, .* at most 2e[+]06 are computed"),
+        (
+            SWING,
+            "99 parts would be looked at 1600 times a second for 4[0-9] s, .* at most 2e[+]06 are computed",
+        ),
     ],
 )
 def test_what_would_cost_too_much_is_refused_before_it_is_spent(steps, reason):
     sheets = [
-        Component(f"c{k}", "tool_mount", Pose(np.array([0.0002 * k, 0.0, -0.01])), Box((0.0005, 0.02, 0.02)), 0.0005)
+        Component(
+            f"c{k}",
+            "tool_mount",
+            Pose(np.array([0.0002 * k, 0.0, -0.01])),
+            Box((0.0005, 0.02, 0.02)),
+            0.0005,
+        )
         for k in range(99)
     ]
     began = time.process_time()
     (lost,) = evaluate_batch(
-        on_panda(BringCube()), Never(), [Candidate(Tool(tuple(sheets)), plan(*steps))], 0, RolloutSettings()
+        on_panda(BringCube()),
+        Never(),
+        [Candidate(Tool(tuple(sheets)), plan(*steps))],
+        0,
+        RolloutSettings(),
     )
     assert lost.status == "rejected"
     assert re.search(reason, lost.reason)
@@ -242,15 +315,26 @@ def test_what_would_cost_too_much_is_refused_before_it_is_spent(steps, reason):
 
 def test_a_hundred_warnings_are_a_line():
     steps = [{"offset": [0.5, 0.05 * (-1) ** k, 0.4], "speed": 5.0} for k in range(20)]
-    slowed = plan_task_motion(plan(*steps).resolve(SEEN), on_panda(BringCube()), RolloutSettings()).slowdowns()
+    slowed = plan_task_motion(
+        plan(*steps).resolve(SEEN), on_panda(BringCube()), RolloutSettings()
+    ).slowdowns()
     assert len(slowed) == 1
-    assert re.search(r"waypoints 1, 2, 3 and 17 more: .* their ways up to \d+\.\d times slower than asked", slowed[0])
+    assert re.search(
+        r"waypoints 1, 2, 3 and 17 more: .* their ways up to \d+\.\d times slower than asked",
+        slowed[0],
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
 def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
-    words = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "listener=[]"]
+    words = [
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=2",
+        "budget.n_iteration=0",
+        "listener=[]",
+    ]
     words += ["sim=mujoco", "action=anchored", "rollout.perception.position=0.005"]
     words += ["film=false", "prompt.picture=false"]
     cfg = load("config", words)
@@ -258,15 +342,31 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     representation = tool_part(cfg).create()
     rules = SpawnRules(on_panda(BringCube()), 0)
     stored = stored_evaluations(tmp_path / "run", representation, rules)
-    assert all(isinstance(evaluation.candidate.plan, AnchoredPlan) for evaluation in stored)
-    plans = {evaluation.candidate.id: evaluation.candidate.plan.dump() for evaluation in stored}
+    assert all(
+        isinstance(evaluation.candidate.plan, AnchoredPlan) for evaluation in stored
+    )
+    plans = {
+        evaluation.candidate.id: evaluation.candidate.plan.dump()
+        for evaluation in stored
+    }
     winner = best_tool(read_run(tmp_path / "run"))
-    assert (winner.design["action"], winner.design["action_sets"]) == ("anchored", [plans[winner.candidate]])
+    assert (winner.design["action"], winner.design["action_sets"]) == (
+        "anchored",
+        [plans[winner.candidate]],
+    )
     resume(tmp_path / "run", ["budget.n_iteration=1"])
-    assert len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2
+    assert (
+        len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2
+    )
 
 
-GUARDED = {"anchor": "cube", "offset": [0, 0, 0.1], "until": "force", "newtons": 5, "otherwise": "end"}
+GUARDED = {
+    "anchor": "cube",
+    "offset": [0, 0, 0.1],
+    "until": "force",
+    "newtons": 5,
+    "otherwise": "end",
+}
 HERE = {"anchor": "here", "offset": [0, 0, 0.02]}
 HOVER = {"anchor": "cube", "offset": [0, 0, 0.3]}
 
@@ -274,7 +374,9 @@ HOVER = {"anchor": "cube", "offset": [0, 0, 0.3]}
 def test_here_is_where_the_last_guard_ended():
     steps = plan(GUARDED, HERE, GUARDED, HERE)
     nominal = steps.resolve(SEEN)
-    np.testing.assert_allclose(nominal.poses[[1, 3], :3], nominal.poses[[0, 2], :3] + [0, 0, 0.02])
+    np.testing.assert_allclose(
+        nominal.poses[[1, 3], :3], nominal.poses[[0, 2], :3] + [0, 0, 0.02]
+    )
     felt = Pose(np.array([0.5, 0.0, 0.3]))
     again = steps.resolve(Seen(SEEN.poses, (None, felt)))
     np.testing.assert_allclose(again.poses[:3], nominal.poses[:3])
@@ -282,7 +384,13 @@ def test_here_is_where_the_last_guard_ended():
     assert [guard and guard.newtons for guard in again.guards] == [5, None, 5, None]
 
 
-FINDING = {"anchor": "cube", "offset": [0, 0, 0.1], "until": "touch", "corrects": ["cube", "goal"], "beyond": 0.02}
+FINDING = {
+    "anchor": "cube",
+    "offset": [0, 0, 0.1],
+    "until": "touch",
+    "corrects": ["cube", "goal"],
+    "beyond": 0.02,
+}
 
 
 def test_a_touch_corrects_bodies_along_the_way_that_led_to_it():
@@ -292,25 +400,40 @@ def test_a_touch_corrects_bodies_along_the_way_that_led_to_it():
         *({"anchor": a, "offset": [0, 0, 0]} for a in ("cube", "goal", "world")),
     )
     nominal = steps.resolve(SEEN).poses
-    lower = Pose(nominal[1, :3] + [0.004, 0.003, 0.015])  # 5 mm lower than 2 cm above; aside counts for nothing
+    lower = Pose(
+        nominal[1, :3] + [0.004, 0.003, 0.015]
+    )  # 5 mm lower than 2 cm above; aside counts for nothing
     found = steps.resolve(Seen(SEEN.poses, (lower,))).poses
     shifts = found[:, :3] - nominal[:, :3]
-    np.testing.assert_allclose(shifts, [[0] * 3, [0] * 3, [0, 0, -0.005], [0, 0, -0.005], [0] * 3], atol=1e-9)
-    np.testing.assert_array_equal(steps.resolve(Seen(SEEN.poses, (None,))).poses, nominal)
+    np.testing.assert_allclose(
+        shifts, [[0] * 3, [0] * 3, [0, 0, -0.005], [0, 0, -0.005], [0] * 3], atol=1e-9
+    )
+    np.testing.assert_array_equal(
+        steps.resolve(Seen(SEEN.poses, (None,))).poses, nominal
+    )
     assert ACTIONS.parse(steps.dump(), gripper=False) == steps
 
 
 def test_a_second_touch_corrects_what_the_first_has_corrected():
     aside = {**FINDING, "offset": [0.1, 0, 0.1]}
-    steps = plan({"anchor": "cube", "offset": [0, 0, 0.3]}, FINDING, aside, {"anchor": "cube", "offset": [0, 0, 0]})
+    steps = plan(
+        {"anchor": "cube", "offset": [0, 0, 0.3]},
+        FINDING,
+        aside,
+        {"anchor": "cube", "offset": [0, 0, 0]},
+    )
     nominal = steps.resolve(SEEN).poses
     first = Pose(nominal[1, :3] + [0, 0, 0.03])
     between = steps.resolve(Seen(SEEN.poses, (first,))).poses
     second = Pose(between[2, :3] - [0.03, 0, 0])
     way = between[2, :3] - between[1, :3]
-    shift = 0.02 * way / np.linalg.norm(way) + (second.position - between[2, :3]) @ way * way / (way @ way)
+    shift = 0.02 * way / np.linalg.norm(way) + (
+        second.position - between[2, :3]
+    ) @ way * way / (way @ way)
     found = steps.resolve(Seen(SEEN.poses, (first, second))).poses
-    np.testing.assert_allclose(found[3, :3], nominal[3, :3] + [0, 0, 0.01] + shift, atol=1e-9)
+    np.testing.assert_allclose(
+        found[3, :3], nominal[3, :3] + [0, 0, 0.01] + shift, atol=1e-9
+    )
 
 
 def test_a_plan_with_guards_is_written_as_it_is_read():
@@ -318,8 +441,14 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
     assert ACTIONS.parse(steps.dump(), gripper=False) == steps
     waypoints = steps.resolve(SEEN)
     written = ACTIONS.anchor(waypoints, steps.anchors, SEEN)
-    np.testing.assert_allclose(ACTIONS.parse(written, gripper=False).resolve(SEEN).poses, waypoints.poses, atol=2e-5)
-    assert ACTIONS.parse(written, gripper=False).resolve(SEEN).guards == waypoints.guards
+    np.testing.assert_allclose(
+        ACTIONS.parse(written, gripper=False).resolve(SEEN).poses,
+        waypoints.poses,
+        atol=2e-5,
+    )
+    assert (
+        ACTIONS.parse(written, gripper=False).resolve(SEEN).guards == waypoints.guards
+    )
 
 
 @pytest.mark.parametrize(
@@ -331,10 +460,16 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
         ([HOVER, {**FINDING, "until": ""}], "'corrects' is for a guard"),
         ([HOVER, {**FINDING, "corrects": []}], "'beyond' for what it corrects"),
         ([HOVER, {**FINDING, "corrects": ["world"]}], "not for 'world' or 'here'"),
-        ([HOVER, {**FINDING, "corrects": ["cube"] * 51}], "corrects: Tuple should have at most 50 items"),
+        (
+            [HOVER, {**FINDING, "corrects": ["cube"] * 51}],
+            "corrects: Tuple should have at most 50 items",
+        ),
         ([{**GUARDED, "newtons": 0}], "until 'force' needs 'newtons' above 0"),
         ([{**GUARDED, "until": "touch"}], "nothing else has them"),
-        ([{**GUARDED, "newtons": -1}], "newtons: Input should be greater than or equal to 0"),
+        (
+            [{**GUARDED, "newtons": -1}],
+            "newtons: Input should be greater than or equal to 0",
+        ),
         ([{**GUARDED, "through": True}], "passed through has no guard"),
         ([{"offset": [0.5, 0, 0.4], "otherwise": "end"}], "give 'until', too"),
         ([{"offset": [0.5, 0, 0.4], "until": "smell"}], "until: Input should be"),
@@ -349,7 +484,9 @@ def test_guards_that_mean_nothing_are_refused(steps, said):
 def test_the_model_hears_of_guards_only_where_it_may_use_them():
     told = AnchoredActions(guards=True)
     silent = AnchoredActions()
-    assert {"until", "newtons", "otherwise"} <= {*told.schema(gripper=False)["items"]["properties"]}
+    assert {"until", "newtons", "otherwise"} <= {
+        *told.schema(gripper=False)["items"]["properties"]
+    }
     assert "until" not in silent.schema(gripper=False)["items"]["properties"]
     brief = SimpleNamespace(task=BringCube(), scene_seed=0, gripper=False)
     assert "`until`" in told.instructions(brief)

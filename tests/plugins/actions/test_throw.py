@@ -53,13 +53,45 @@ class Throw(Task):
     home = Pose(np.array([0.45, -0.3, 0.7]))
 
     def scene(self, seed):
-        ground = Body.of("ground", Box((8.0, 8.0, 0.1)), (0.0, 0.0, FLOOR - 0.05), mass=0.0, color=GRAY)
+        ground = Body.of(
+            "ground",
+            Box((8.0, 8.0, 0.1)),
+            (0.0, 0.0, FLOOR - 0.05),
+            mass=0.0,
+            color=GRAY,
+        )
         height = TOP - FLOOR
-        post = Body.of("post", Box((0.016, 0.016, height)), (*CUBE[:2], TOP - height / 2), mass=0.0, color=GRAY)
-        cube = Body.of("cube", Box((SIDE,) * 3), CUBE, mass=0.05, color=(0.8, 0.1, 0.1, 1.0), friction=0.8)
+        post = Body.of(
+            "post",
+            Box((0.016, 0.016, height)),
+            (*CUBE[:2], TOP - height / 2),
+            mass=0.0,
+            color=GRAY,
+        )
+        cube = Body.of(
+            "cube",
+            Box((SIDE,) * 3),
+            CUBE,
+            mass=0.05,
+            color=(0.8, 0.1, 0.1, 1.0),
+            friction=0.8,
+        )
         walls = open_box(TRAY, TRAY, 0.12, WALL, (0.2, 0.4, 0.7, 1.0))
-        tray = Body("tray", Pose.xyz_rpy((*(CUBE[:2] + AWAY), FLOOR)), 0.0, walls, walls, friction=1.0)
-        block = Body.of("block", Box((0.3, 0.3, -FLOOR)), (0.0, 0.0, FLOOR / 2 - 0.002), mass=0.0, color=GRAY)
+        tray = Body(
+            "tray",
+            Pose.xyz_rpy((*(CUBE[:2] + AWAY), FLOOR)),
+            0.0,
+            walls,
+            walls,
+            friction=1.0,
+        )
+        block = Body.of(
+            "block",
+            Box((0.3, 0.3, -FLOOR)),
+            (0.0, 0.0, FLOOR / 2 - 0.002),
+            mass=0.0,
+            color=GRAY,
+        )
         return Scene((ground, block, post, cube, tray))
 
     def reward(self, start, end):
@@ -72,16 +104,23 @@ def throw(tempo):
     turns = np.radians(np.linspace(-35, 29, 8)).tolist()
     yaws = np.radians(np.linspace(-105, 49, 8)).tolist()
     swing = [
-        {"offset": [0.5 * np.cos(turn), 0.5 * np.sin(turn), 0.8], "rpy": [0.0, 0.0, yaw]}
+        {
+            "offset": [0.5 * np.cos(turn), 0.5 * np.sin(turn), 0.8],
+            "rpy": [0.0, 0.0, yaw],
+        }
         for turn, yaw in zip(turns, yaws, strict=True)
     ]
-    fast = [place | {"speed": 3.0, "through": k < 6} for k, place in enumerate(swing[1:])]
+    fast = [
+        place | {"speed": 3.0, "through": k < 6} for k, place in enumerate(swing[1:])
+    ]
     take = [
         {"anchor": "cube", "offset": [-REACH, -0.12, RAIL - 0.035]},
         {"anchor": "cube", "offset": [-REACH, 0.02, RAIL - 0.035]},
         {"anchor": "cube", "offset": [-REACH, 0.02, RAIL + 0.12]},
     ]
-    return AnchoredActions().parse([*take, swing[0], *(fast if tempo else swing[1:])], gripper=False)
+    return AnchoredActions().parse(
+        [*take, swing[0], *(fast if tempo else swing[1:])], gripper=False
+    )
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "sapien", "mujoco"])
@@ -89,10 +128,20 @@ def test_a_throw_needs_its_tempo(engine):
     task = on_panda(Throw())
     settings = RolloutSettings(hold_s=2.0)
     assert np.linalg.norm(AWAY) >= 1.99
-    candidates = [Candidate(FORK, throw(tempo=True)), Candidate(FORK, throw(tempo=False), action=1)]
-    thrown, carried = evaluate_batch(task, installed().create("sim", engine), candidates, 0, settings)
+    candidates = [
+        Candidate(FORK, throw(tempo=True)),
+        Candidate(FORK, throw(tempo=False), action=1),
+    ]
+    thrown, carried = evaluate_batch(
+        task, installed().create("sim", engine), candidates, 0, settings
+    )
     assert (thrown.status, thrown.reward) == ("ok", 1.0)
     assert (carried.status, carried.reward) == ("ok", 0.0)
     motion, _ = prepare(task, candidates[0], 0, settings)
-    speeds = np.abs(np.diff(motion.trajectory.arm, axis=0)) / np.diff(motion.trajectory.times)[:, None]
-    assert (speeds.max(axis=0) <= 1.001 * 0.95 * np.array([2.175] * 4 + [2.61] * 3)).all()
+    speeds = (
+        np.abs(np.diff(motion.trajectory.arm, axis=0))
+        / np.diff(motion.trajectory.times)[:, None]
+    )
+    assert (
+        speeds.max(axis=0) <= 1.001 * 0.95 * np.array([2.175] * 4 + [2.61] * 3)
+    ).all()

@@ -21,7 +21,9 @@ class Otherwise(Simulator):
         self.engine, self.change, self.robot = simulator(engine), change, robot
 
     def rollout(self, task, jobs):
-        return self.engine.rollout(Bodies(*map(self.change, task.scene(0).bodies), robot=self.robot), jobs)
+        return self.engine.rollout(
+            Bodies(*map(self.change, task.scene(0).bodies), robot=self.robot), jobs
+        )
 
     def render(self, task, views):
         raise NotImplementedError
@@ -48,12 +50,18 @@ def test_wrong_friction_or_restitution_is_found(engine, change):
 
 def test_friction_that_stops_slip_too_slowly_is_found():
     with pytest.raises(AssertionError):
-        impacts.check_oblique_impact_on_a_slope(installed().create("sim", "mujoco", slip_rate=20.0))
+        impacts.check_oblique_impact_on_a_slope(
+            installed().create("sim", "mujoco", slip_rate=20.0)
+        )
 
 
 @pytest.mark.parametrize("engine", SIMULATORS)
 def test_a_wrist_without_its_motors_inertia_is_found(engine):
     """As it was in PyBullet and SAPIEN: a light stick's blow had hardly anything behind it but the motor's torque."""
     light = replace(PANDA, motor_inertia=(1e-3,) * 7)
-    with pytest.raises(AssertionError, match=r"the speed of a puck of .* after a blow of the wrist"):
-        impacts.check_blow_of_the_wrist_has_its_motor_behind_it(Otherwise(engine, robot=light))
+    with pytest.raises(
+        AssertionError, match=r"the speed of a puck of .* after a blow of the wrist"
+    ):
+        impacts.check_blow_of_the_wrist_has_its_motor_behind_it(
+            Otherwise(engine, robot=light)
+        )

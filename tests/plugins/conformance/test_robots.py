@@ -32,8 +32,15 @@ def turned(joint: int, by: float) -> tuple[float, ...]:
 WEAK = [(f'effort="{old}"', 'effort="0.5"') for old in (150, 28)]
 WRONG = {
     "an endless joint": (
-        lambda: rewritten(('name="wrist_3_joint" type="revolute"', 'name="wrist_3_joint" type="continuous"')),
-        {"limits are there": "joint 'wrist_3_joint' is continuous; it must be revolute, with limits"},
+        lambda: rewritten(
+            (
+                'name="wrist_3_joint" type="revolute"',
+                'name="wrist_3_joint" type="continuous"',
+            )
+        ),
+        {
+            "limits are there": "joint 'wrist_3_joint' is continuous; it must be revolute, with limits"
+        },
     ),
     "no torque": (
         lambda: rewritten(('effort="28"', 'effort="0"')),
@@ -41,11 +48,15 @@ WRONG = {
     ),
     "a mount askew": (
         lambda: ur5(home=turned(5, 0.1)),
-        {"home points the mount down": "the turn of the mount at home from the base's axes, rad: 0.1; it must be"},
+        {
+            "home points the mount down": "the turn of the mount at home from the base's axes, rad: 0.1; it must be"
+        },
     ),
     "a home beyond the limits": (
         lambda: ur5(home=turned(0, 7.0)),
-        {"home points the mount down": "home of 'shoulder_pan_joint' within its limits, rad: 6.78"},
+        {
+            "home points the mount down": "home of 'shoulder_pan_joint' within its limits, rad: 6.78"
+        },
     ),
     "the inertia of the wrist as ROS has it": (
         lambda: rewritten(
@@ -53,19 +64,27 @@ WRONG = {
             ('iyy="0.0021942"', 'iyy="0.111172755531"'),
             ('izz="0.00201389"', 'izz="0.21942"'),
         ),
-        {"inertias are physical": "'wrist_1_link' lies from the middle of its shapes on average, m: 0.4"},
+        {
+            "inertias are physical": "'wrist_1_link' lies from the middle of its shapes on average, m: 0.4"
+        },
     ),
     "an inertia of no body": (
         lambda: rewritten(('izz="0.004095"', 'izz="0.09"')),
-        {"inertias are physical": "inertias 0.0312168, 0.0312168, 0.09 of 'forearm_link': no body has"},
+        {
+            "inertias are physical": "inertias 0.0312168, 0.0312168, 0.09 of 'forearm_link': no body has"
+        },
     ),
     "a mass far away": (
         lambda: rewritten(('xyz="0 0.0912 0.01634"', 'xyz="0 0.9 0"')),
-        {"inertias are physical": "lies from the middle of its shapes on average, m: 0.8"},
+        {
+            "inertias are physical": "lies from the middle of its shapes on average, m: 0.8"
+        },
     ),
     "an outstretched arm": (
         lambda: ur5(home=(0.0, -1.5708, 0.0, -1.5708, -1e-4, 0.0)),
-        {"straight lines are reached": "choose a home away from limits and from an outstretched arm"},
+        {
+            "straight lines are reached": "choose a home away from limits and from an outstretched arm"
+        },
     ),
     "weak motors": (
         lambda: rewritten(*WEAK),
@@ -76,7 +95,9 @@ WRONG = {
     ),
     "a payload of 200 kg": (
         lambda: ur5(payload_kg=200.0),
-        {"every engine holds the arm at home": "the arm with 200 kg sags at home, rad: "},
+        {
+            "every engine holds the arm at home": "the arm with 200 kg sags at home, rad: "
+        },
     ),
 }
 

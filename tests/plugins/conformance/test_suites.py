@@ -36,7 +36,10 @@ pytestmark = pytest.mark.slow
 PARTS = [("task", name) for name in installed().ready("task")]
 PARTS += [("tool", name) for name in installed().ready("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
-PARTS += [("fitness", "nominal"), pytest.param("fitness", "robust", marks=pytest.mark.slow)]
+PARTS += [
+    ("fitness", "nominal"),
+    pytest.param("fitness", "robust", marks=pytest.mark.slow),
+]
 PARTS += [("command", name) for name in installed().names("command")]
 PARTS += [("listener", "progress"), ("listener", "summary")]
 PARTS += [pytest.param("listener", "rerun", marks=pytest.mark.slow)]
@@ -55,8 +58,12 @@ def test_built_in_parts_conform(kind, name):
 
 
 def test_a_task_whose_reward_reads_a_trace_conforms():
-    problems = {verdict.check: verdict.problem for verdict in examine("task", on_panda(Grasp()))}
-    assert {check: problem for check, problem in problems.items() if problem is not None} == {}
+    problems = {
+        verdict.check: verdict.problem for verdict in examine("task", on_panda(Grasp()))
+    }
+    assert {
+        check: problem for check, problem in problems.items() if problem is not None
+    } == {}
 
 
 def test_the_local_executor_conforms():
@@ -88,8 +95,17 @@ class RollsHome(Task):
     goals = (Goal(bodies=("ball",), place=(0.6, None, None)),)
 
     def scene(self, seed):
-        ramp = Body.of("ramp", Box((1.0, 0.4, 0.02)), (0.9, 0, 0.16), mass=0, color=GREY, rpy=(0, -0.2, 0))
-        ball = Body.of("ball", Sphere(0.04), ramp.pose.apply([0.2, 0, 0.051]), mass=0.3, color=GREY)
+        ramp = Body.of(
+            "ramp",
+            Box((1.0, 0.4, 0.02)),
+            (0.9, 0, 0.16),
+            mass=0,
+            color=GREY,
+            rpy=(0, -0.2, 0),
+        )
+        ball = Body.of(
+            "ball", Sphere(0.04), ramp.pose.apply([0.2, 0, 0.051]), mass=0.3, color=GREY
+        )
         return Scene((floor(), table(), ramp, ball))
 
     def reward(self, start, end):
@@ -101,12 +117,22 @@ class Grasp(Task):
     """Its reward reads a trace."""
 
     name = "Grasp"
-    description = "A cube on a table must be held at the end, and the table not be touched."
+    description = (
+        "A cube on a table must be held at the end, and the table not be touched."
+    )
     goals = (Goal(bodies=("cube",), held=True, rest=True), Goal(untouched=("table",)))
     every = True
 
     def scene(self, seed):
-        return Scene((floor(), table(), Body.of("cube", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=GREY)))
+        return Scene(
+            (
+                floor(),
+                table(),
+                Body.of(
+                    "cube", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=GREY
+                ),
+            )
+        )
 
     def reward(self, start, end, trace):
         return goals_reward(self, start, end, trace)
@@ -119,11 +145,16 @@ class Afar(Grasp):
 
 class Crammed(Task):
     name = "Crammed"
-    description = "Two cubes are put into one place, from which an engine throws them apart."
+    description = (
+        "Two cubes are put into one place, from which an engine throws them apart."
+    )
     goals = ()
 
     def scene(self, seed):
-        cubes = (Body.of(name, Box((0.1, 0.1, 0.1)), (0.6, 0, z), mass=1, color=GREY) for name, z in CRAMMED)
+        cubes = (
+            Body.of(name, Box((0.1, 0.1, 0.1)), (0.6, 0, z), mass=1, color=GREY)
+            for name, z in CRAMMED
+        )
         return Scene((floor(), table(), *cubes))
 
     def reward(self, start, end):
@@ -144,7 +175,16 @@ class Floating(GivenTools):
     """Gives a box in the air, far from the flange."""
 
     def given(self, task):
-        return Tool((Component("box", "tool_mount", Pose.xyz_rpy((0.0, 0.0, -0.2)), Box((0.1, 0.1, 0.1))),))
+        return Tool(
+            (
+                Component(
+                    "box",
+                    "tool_mount",
+                    Pose.xyz_rpy((0.0, 0.0, -0.2)),
+                    Box((0.1, 0.1, 0.1)),
+                ),
+            )
+        )
 
 
 class Forgetful(ToolRepresentation):
@@ -164,7 +204,10 @@ class Forgetful(ToolRepresentation):
 class Moody(EvolutionStrategy):
     def ask(self):
         rng = np.random.default_rng()
-        return (candidate for candidate in list(self.designer.design(int(rng.integers(1000)))))
+        return (
+            candidate
+            for candidate in list(self.designer.design(int(rng.integers(1000))))
+        )
 
     def tell(self, evaluations):
         pass
@@ -251,7 +294,9 @@ WRONG = {
     ("task", RollsHome): {
         "nothing happens while the arm waits": "in mujoco 'ball' moves",
     },
-    ("task", Crammed): {"nothing overlaps at spawn": "with seed 0 'high' starts 80.0 mm inside 'low'"},
+    ("task", Crammed): {
+        "nothing overlaps at spawn": "with seed 0 'high' starts 80.0 mm inside 'low'"
+    },
     ("task", Idle): {
         "one seed gives one layout": "nothing in the scene can move",
         "rewards work for one world or many": "the reward of 5 worlds has the shape (3,), not (5,)",
@@ -284,7 +329,11 @@ def offered(monkeypatch):
     """Offer a part under the name ``wrong``."""
 
     def offer(kind, part):
-        monkeypatch.setitem(installed().offers, (kind, "wrong"), Offer(kind, "wrong", "tests", "tests", part))
+        monkeypatch.setitem(
+            installed().offers,
+            (kind, "wrong"),
+            Offer(kind, "wrong", "tests", "tests", part),
+        )
         return PluginPart(kind, "wrong")
 
     return offer
@@ -292,7 +341,10 @@ def offered(monkeypatch):
 
 @pytest.mark.parametrize(("kind", "part"), WRONG)
 def test_what_is_wrong_is_reported(offered, kind, part):
-    problems = {verdict.check: verdict.problem for verdict in examine(kind, subject(offered(kind, part)))}
+    problems = {
+        verdict.check: verdict.problem
+        for verdict in examine(kind, subject(offered(kind, part)))
+    }
     assert len(problems) == len(SUITES[kind])
     for check, problem in WRONG[kind, part].items():
         assert problems[check] is not None, check
@@ -301,9 +353,17 @@ def test_what_is_wrong_is_reported(offered, kind, part):
 
 def test_a_home_out_of_reach_is_reported_once():
     verdicts = list(examine("task", on_panda(Afar())))
-    (problem,) = [verdict.problem for verdict in verdicts if verdict.problem is not None]
+    (problem,) = [
+        verdict.problem for verdict in verdicts if verdict.problem is not None
+    ]
     assert "can't reach the task's home (3, 0, 0.5)" in problem
-    assert sum(verdict.remark == "left out: the arm does not reach home" for verdict in verdicts) == 1
+    assert (
+        sum(
+            verdict.remark == "left out: the arm does not reach home"
+            for verdict in verdicts
+        )
+        == 1
+    )
 
 
 def test_listeners_are_checked_by_name(monkeypatch, capsys):
@@ -321,18 +381,25 @@ def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "tool none\n" in out
     assert "one seed gives one layout: FAILED: nothing in the scene can move" in out
-    assert "(" in next(line for line in out.splitlines() if "TypeError" in line)  # with the place in the code
+    assert "(" in next(
+        line for line in out.splitlines() if "TypeError" in line
+    )  # with the place in the code
 
 
 def test_something_must_be_named(monkeypatch):
-    with pytest.raises(UsageError, match=r"name a part to check; usage: vlmgineer conformance \{sim\|task\|"):
+    with pytest.raises(
+        UsageError,
+        match=r"name a part to check; usage: vlmgineer conformance \{sim\|task\|",
+    ):
         conformance.main([])
 
 
 def test_no_check_is_forgotten():
     """A check that stands in no list is never run."""
     listed = {check for checks in SUITES.values() for check in checks}
-    for info in pkgutil.iter_modules(plugins.conformance.__path__, "plugins.conformance."):
+    for info in pkgutil.iter_modules(
+        plugins.conformance.__path__, "plugins.conformance."
+    ):
         for name, check in vars(importlib.import_module(info.name)).items():
             if name.startswith("check_") and check.__module__ == info.name:
                 assert check in listed, f"{info.name}.{name}"

@@ -5,7 +5,8 @@ from plugins.executors.dispatch import dispatch, time_limit
 
 
 @pytest.mark.parametrize(
-    ("chunk", "limit"), [("a", 10), ("a" * CHUNK, 10), ("a" * (CHUNK + 1), 20), ([], 10), (None, 10)]
+    ("chunk", "limit"),
+    [("a", 10), ("a" * CHUNK, 10), ("a" * (CHUNK + 1), 20), ([], 10), (None, 10)],
 )
 def test_a_chunk_has_no_more_time_than_one(chunk, limit):
     assert time_limit(10.0, chunk) == limit
@@ -26,7 +27,9 @@ def test_chunks_are_read_no_faster_than_they_are_worked_on():
     assert sorted(results) == [(n, n * n) for n in range(1, 20)]
 
 
-@pytest.mark.parametrize("end", [SystemExit("enough"), OSError("no space"), MemoryError()])
+@pytest.mark.parametrize(
+    "end", [SystemExit("enough"), OSError("no space"), MemoryError()]
+)
 @pytest.mark.parametrize("where", ["chunks", "worker"])
 def test_a_thread_that_ends_is_not_waited_for(end, where):
     """A plugin may call sys.exit, in a worker's thread or in that which reads the chunks."""

@@ -79,11 +79,23 @@ def test_each_chunk_comes_with_its_result(workers):
         again = list(pool.map(double, chunks[:2]))
     assert sorted(found) == [(chunk, [2 * x for x in chunk]) for chunk in chunks]
     assert len(again) == 2
-    assert all(any(chunk is own for own in chunks) for chunk, _ in found)  # the very chunk, not a copy that travelled
+    assert all(
+        any(chunk is own for own in chunks) for chunk, _ in found
+    )  # the very chunk, not a copy that travelled
 
 
 def test_what_befalls_a_chunk_befalls_no_other():
-    chunks = [["a"], ["raise"], ["b"], ["exit"], ["c"], ["kill"], ["d"], ["hang"], ["e"]]
+    chunks = [
+        ["a"],
+        ["raise"],
+        ["b"],
+        ["exit"],
+        ["c"],
+        ["kill"],
+        ["d"],
+        ["hang"],
+        ["e"],
+    ]
     with executor(workers=2, timeout_s=3.0) as pool:
         found = {chunk[0]: result for chunk, result in pool.map(misfortune, chunks)}
         assert list(pool.map(double, [[1]])) == [([1], [2])]  # and the pool goes on
@@ -101,12 +113,19 @@ def test_what_befalls_a_chunk_befalls_no_other():
 
 @pytest.mark.parametrize(
     ("fate", "why"),
-    [("leave", "died (exit code 0)"), ("system exit", "SystemExit: enough"), ("unreadable", "Unreadable: a and b")],
+    [
+        ("leave", "died (exit code 0)"),
+        ("system exit", "SystemExit: enough"),
+        ("unreadable", "Unreadable: a and b"),
+    ],
 )
 def test_a_chunk_that_ends_its_worker_in_an_odd_way_is_not_waited_for(fate, why):
     """A pool that expects no exit code 0, or an exception that can't travel, would wait for ever."""
     with executor(workers=1) as pool:
-        found = {chunk[0]: result for chunk, result in pool.map(misfortune, [["a"], [fate], ["b"]])}
+        found = {
+            chunk[0]: result
+            for chunk, result in pool.map(misfortune, [["a"], [fate], ["b"]])
+        }
     assert found["a"] == ["a"]
     assert found["b"] == ["b"]
     assert isinstance(found[fate], Exception)
@@ -118,7 +137,11 @@ def test_a_worker_that_dies_while_it_has_no_work_breaks_nothing():
     with executor(workers=2) as pool:
         for pid in {pid for _, pid in pool.map(who, [[i] for i in range(8)])}:
             os.kill(pid, signal.SIGKILL)
-        assert sorted(pool.map(double, [[1], [2], [3]])) == [([1], [2]), ([2], [4]), ([3], [6])]
+        assert sorted(pool.map(double, [[1], [2], [3]])) == [
+            ([1], [2]),
+            ([2], [4]),
+            ([3], [6]),
+        ]
 
 
 def test_processes_that_cannot_be_used_end_the_run(monkeypatch):
@@ -143,7 +166,9 @@ if __name__ == "__main__":
 
 def test_workers_do_not_outlive_a_process_that_was_killed(tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)
-    parent = subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True)
+    parent = subprocess.Popen(
+        [sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True
+    )
     workers = [int(pid) for pid in parent.stdout.readline().split()]
     assert workers
     assert set(workers) <= set(living())
@@ -169,7 +194,9 @@ class Batching:
 
 def test_one_worker_serves_an_engine_that_batches_unless_more_are_asked_for():
     with executor(workers=None) as pool:
-        assert len({pid for _, pid in pool.map(Batching(), [[i] for i in range(4)])}) == 1
+        assert (
+            len({pid for _, pid in pool.map(Batching(), [[i] for i in range(4)])}) == 1
+        )
         assert len(pool._pool) == 1
     with executor(workers=2) as pool:
         list(pool.map(Batching(), [[0]]))
@@ -239,12 +266,16 @@ def doze(chunk):
 
 def test_what_only_a_process_lacks_another_one_has():
     with executor(workers=1) as pool:
-        assert [result for _, result in pool.map(misfortune, [["a"], ["spoilt"], ["b"]])] == [["a"], ["spoilt"], ["b"]]
+        assert [
+            result for _, result in pool.map(misfortune, [["a"], ["spoilt"], ["b"]])
+        ] == [["a"], ["spoilt"], ["b"]]
 
 
 def test_what_the_machine_lacks_is_told_from_what_a_chunk_does():
     with executor(workers=1) as pool:
-        (_, before), (_, fault), (_, after) = pool.map(misfortune, [["a"], ["no room"], ["b"]])
+        (_, before), (_, fault), (_, after) = pool.map(
+            misfortune, [["a"], ["no room"], ["b"]]
+        )
     assert (before, after) == (["a"], ["b"])
     assert isinstance(fault, Fault)
     assert str(fault) == "OSError: [Errno 28] No space left on device: '/somewhere'"
@@ -259,7 +290,10 @@ class Unready:
 
 
 def test_what_keeps_a_worker_from_starting_is_said(capfd):
-    with executor(workers=1) as pool, pytest.raises(UserError, match=r"can't be used: ImportError: libEngine\.so"):
+    with (
+        executor(workers=1) as pool,
+        pytest.raises(UserError, match=r"can't be used: ImportError: libEngine\.so"),
+    ):
         list(pool.map(Unready(), [[1]]))
     assert capfd.readouterr().err == ""
 
@@ -281,7 +315,14 @@ def test_a_worker_keeps_its_temporary_files_with_those_of_the_run():
 
 
 @pytest.mark.parametrize(
-    ("setting", "value"), [("memory_mb", 0), ("workers", 0), ("workers", -2), ("timeout_s", 0), ("timeout_s", -1)]
+    ("setting", "value"),
+    [
+        ("memory_mb", 0),
+        ("workers", 0),
+        ("workers", -2),
+        ("timeout_s", 0),
+        ("timeout_s", -1),
+    ],
 )
 def test_numbers_that_make_no_sense(setting, value):
     with pytest.raises(UserError, match=setting):

@@ -43,11 +43,23 @@ def listens_on(pids):
                 sockets.add(str(link.readlink()))
             except OSError:
                 continue
-    rows = [row.split() for table in ("tcp", "tcp6") for row in Path(f"/proc/net/{table}").read_text().splitlines()]
-    return {row[1].partition(":")[0] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
+    rows = [
+        row.split()
+        for table in ("tcp", "tcp6")
+        for row in Path(f"/proc/net/{table}").read_text().splitlines()
+    ]
+    return {
+        row[1].partition(":")[0]
+        for row in rows
+        if row[3] == "0A" and f"socket:[{row[9]}]" in sockets
+    }
 
 
-LOOPBACK = {"0100007F", "0000000000000000FFFF00000100007F", "00000000000000000000000001000000"}
+LOOPBACK = {
+    "0100007F",
+    "0000000000000000FFFF00000100007F",
+    "00000000000000000000000001000000",
+}
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +67,9 @@ def cluster():
     """Two nodes with a core each."""
     from ray.cluster_utils import Cluster
 
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    cluster = Cluster(
+        initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
+    )
     try:
         cluster.add_node(num_cpus=1)
         yield cluster
@@ -90,7 +104,9 @@ def test_what_befalls_a_chunk_befalls_no_other():
 def test_chunks_do_not_wait_for_workers_that_find_no_room(cluster):
     chunks = [[number] for number in range(8)]
     with executor(address=cluster.address, workers=4) as pool:
-        assert sorted(result for _, result in pool.map(double, chunks)) == [[2 * number] for number in range(8)]
+        assert sorted(result for _, result in pool.map(double, chunks)) == [
+            [2 * number] for number in range(8)
+        ]
 
 
 class Many:
@@ -112,12 +128,17 @@ def test_an_engine_that_batches_has_one_worker_or_one_per_graphics_card(cluster)
         found = {answer for _, result in pool.map(Many(), chunks) for answer in result}
         assert {cards for _, cards in found} == {()}
         assert len(found) == 1
-    with executor(address=cluster.address, num_gpus=1) as pool, pytest.raises(UserError, match="has 0 graphics cards"):
+    with (
+        executor(address=cluster.address, num_gpus=1) as pool,
+        pytest.raises(UserError, match="has 0 graphics cards"),
+    ):
         list(pool.map(Many(), chunks))
     cards = cluster.add_node(num_cpus=2, num_gpus=2)
     try:
         with executor(address=cluster.address, num_gpus=1) as pool:
-            found = {answer for _, result in pool.map(Many(), chunks) for answer in result}
+            found = {
+                answer for _, result in pool.map(Many(), chunks) for answer in result
+            }
     finally:
         cluster.remove_node(cards)
     assert len({pid for pid, _ in found}) <= 2
@@ -159,7 +180,9 @@ def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     coarse = PluginPart("sim", "pybullet", (("time_step", 0.004),))
     fitness = Nominal(Condition(PluginPart("task", "BringCube"), coarse))
     with installed().create("executor", "local", {"workers": 1}) as pool:
-        here = {e.candidate.id: e.trials for e in Trials(pool).evaluate(candidates, fitness)}
+        here = {
+            e.candidate.id: e.trials for e in Trials(pool).evaluate(candidates, fitness)
+        }
     there = {}
     doomed = cluster.add_node(num_cpus=1)
     mark = tmp_path / "begun"
@@ -175,10 +198,29 @@ def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
 
 @pytest.mark.thorough
 def test_ctrl_c_leaves_nothing_behind(tmp_path):
-    words = ["executor=ray", "executor.workers=1", "evolution=sampling", "budget.n_agent=1", "budget.n_tool=1"]
-    words += ["budget.n_action=1", "budget.n_iteration=1000", "film=false", "~listener.rerun"]
-    command = [sys.executable, "-m", "core.run", *words, f"hydra.run.dir={tmp_path / 'run'}"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    words = [
+        "executor=ray",
+        "executor.workers=1",
+        "evolution=sampling",
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+    ]
+    words += [
+        "budget.n_action=1",
+        "budget.n_iteration=1000",
+        "film=false",
+        "~listener.rerun",
+    ]
+    command = [
+        sys.executable,
+        "-m",
+        "core.run",
+        *words,
+        f"hydra.run.dir={tmp_path / 'run'}",
+    ]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     for line in process.stderr:
         if line.startswith("generation 0 "):
             break

@@ -8,7 +8,12 @@ from core.search.trials import Trials
 from tests.executors import Inline
 
 
-def judged(fitness: Fitness, *candidates: Candidate, executor: Inline | None = None) -> list[Evaluation]:
+def judged(
+    fitness: Fitness, *candidates: Candidate, executor: Inline | None = None
+) -> list[Evaluation]:
     """Evaluate candidates, and return their evaluations in the same order; ``executor`` keeps what was tried."""
-    found = {e.candidate.key: e for e in Trials(executor or Inline()).evaluate(candidates, fitness)}
+    found = {
+        e.candidate.key: e
+        for e in Trials(executor or Inline()).evaluate(candidates, fitness)
+    }
     return [found[candidate.key] for candidate in candidates]

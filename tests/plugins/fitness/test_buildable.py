@@ -61,7 +61,12 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
     assert found.figures["safety_factor"] > 2
     assert found.figures["clearance_m"] > 0.005
     assert " of all trials" not in describe(found)
-    robust = {"name": "robust", "sims": ["mujoco"], "seeds": [4], "perturbation": {"position": 0.0001}}
+    robust = {
+        "name": "robust",
+        "sims": ["mujoco"],
+        "seeds": [4],
+        "perturbation": {"position": 0.0001},
+    }
     (found,) = judged(fitness(plate_mm=PLATE, of=robust), scoop)
     assert list(found.by_engine) == ["mujoco"]
 
@@ -69,14 +74,19 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"safety": 20.0}, r"not buildable: strength, \w+: .* at least 20 is asked for; ball loads it .* as thick"),
+        (
+            {"safety": 20.0},
+            r"not buildable: strength, \w+: .* at least 20 is asked for; ball loads it .* as thick",
+        ),
         (
             {"margin_m": 0.19},
             r"not buildable: clearance: the arm comes as near as \d+ mm to (table|itself); at least 190",
         ),
     ],
 )
-def test_what_breaks_or_comes_too_near_earns_nothing_and_says_why(scoop, settings, said):
+def test_what_breaks_or_comes_too_near_earns_nothing_and_says_why(
+    scoop, settings, said
+):
     (found,) = judged(fitness(plate_mm=PLATE, **settings), scoop)
     assert (found.status, found.reward) == ("ok", 0.0)
     assert re.match(said, found.reason), found.reason
@@ -84,8 +94,16 @@ def test_what_breaks_or_comes_too_near_earns_nothing_and_says_why(scoop, setting
 
 
 def test_neighbours_are_judged_each_for_itself(scoop):
-    thin = Component("wall", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), Box((0.0006, 0.1, 0.1)), 0.01)
-    stay = Candidate(Tool((thin,)), Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])), action=1)
+    thin = Component(
+        "wall",
+        "tool_mount",
+        Pose(np.array([0.0, 0.0, -0.05])),
+        Box((0.0006, 0.1, 0.1)),
+        0.01,
+    )
+    stay = Candidate(
+        Tool((thin,)), Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])), action=1
+    )
     unread = Candidate(None, stay.plan, action=2, problem="the tool is missing")
     found = judged(fitness(plate_mm=PLATE), stay, unread, scoop)
     assert [evaluation.status for evaluation in found] == ["rejected", "rejected", "ok"]
@@ -96,7 +114,10 @@ def test_neighbours_are_judged_each_for_itself(scoop):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"of": "buildable"}, "fitness.of: buildable can't judge for itself; name another fitness"),
+        (
+            {"of": "buildable"},
+            "fitness.of: buildable can't judge for itself; name another fitness",
+        ),
         ({"of": "layots"}, "no fitness 'layots' .did you mean 'layouts'"),
         ({"of": {}}, "fitness: {} names no fitness"),
         ({"plate_mm": [200.0, 200.0]}, "plate_mm must be three lengths"),
@@ -110,8 +131,15 @@ def test_a_wrong_setting_is_reported(settings, said):
 
 
 def test_the_prompt_names_the_constraints():
-    words = ["task=MoveBall", "material=pla", "fitness=buildable", "fitness.of={name: robust, seeds: [0, 1]}"]
-    text = "".join(as_markdown(message) for message in compose(load("prompt", words)).messages)
+    words = [
+        "task=MoveBall",
+        "material=pla",
+        "fitness=buildable",
+        "fitness.of={name: robust, seeds: [0, 1]}",
+    ]
+    text = "".join(
+        as_markdown(message) for message in compose(load("prompt", words)).messages
+    )
     for said in (
         "2 times in each of the engines",
         "no wall thinner than 0.8 mm. It fits into 250 x 210 x 220 mm",

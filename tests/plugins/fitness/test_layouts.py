@@ -25,13 +25,30 @@ from plugins.results.pages.runs import read_run
 from tests.plugins.fitness.judging import judged
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
-WIDE = Condition(PluginPart("task", "BringCube", (("variation", "wide"),)), PluginPart("sim", "mujoco"), 3, QUICK)
-STICK = Tool((Component("stick", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2)), 0.005),))
+WIDE = Condition(
+    PluginPart("task", "BringCube", (("variation", "wide"),)),
+    PluginPart("sim", "mujoco"),
+    3,
+    QUICK,
+)
+STICK = Tool(
+    (
+        Component(
+            "stick",
+            "tool_mount",
+            Pose(np.array([0.0, 0.0, -0.1])),
+            Box((0.02, 0.02, 0.2)),
+            0.005,
+        ),
+    )
+)
 STAY = Candidate(STICK, Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])))
 
 
 def fitness(condition=WIDE, **settings):
-    return part("fitness", OmegaConf.create({"name": "layouts", **settings})).create(condition=condition)
+    return part("fitness", OmegaConf.create({"name": "layouts", **settings})).create(
+        condition=condition
+    )
 
 
 @pytest.mark.parametrize(
@@ -53,17 +70,23 @@ def test_a_wrong_setting_is_reported(settings, said):
 
 def test_no_search_may_begin_among_the_unseen_layouts():
     for seed, layouts in ((UNSEEN, 5), (UNSEEN - 4, 5), (0, UNSEEN)):
-        with pytest.raises(UserError, match=r"fitness.layouts and fitness.final together must be at most 999000"):
+        with pytest.raises(
+            UserError,
+            match=r"fitness.layouts and fitness.final together must be at most 999000",
+        ):
             fitness(replace(WIDE, layout=seed), layouts=layouts)
 
 
 def test_layouts_that_are_all_the_same_are_refused():
     usual = replace(WIDE, task=PluginPart("task", "BringCube"))
     with pytest.raises(
-        UserError, match=r"all layouts of BringCube are the same; add task.variation=near or task.varia"
+        UserError,
+        match=r"all layouts of BringCube are the same; add task.variation=near or task.varia",
     ):
         fitness(usual)
-    fitness(replace(WIDE, task=PluginPart("task", "CleanTable")))  # its dust lies at random in any variation
+    fitness(
+        replace(WIDE, task=PluginPart("task", "CleanTable"))
+    )  # its dust lies at random in any variation
 
 
 def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
@@ -71,7 +94,10 @@ def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
     rewards = [evaluation.reward for evaluation in alone]
     (mean,) = judged(fitness(layouts=2), STAY)
     (lowest,) = judged(fitness(layouts=2, combine="worst"), STAY)
-    assert (mean.reward, lowest.reward) == (pytest.approx(np.mean(rewards)), min(rewards))
+    assert (mean.reward, lowest.reward) == (
+        pytest.approx(np.mean(rewards)),
+        min(rewards),
+    )
     assert mean.by_engine["mujoco"] == rewards
     poor = combined_figures(mean, WIDE.task.shared())["poor_layouts"]
     assert [layout["layout"] for layout in poor] in ([3, 4], [4, 3])
@@ -86,7 +112,10 @@ def test_a_tenth_of_a_reward_may_be_for_the_least_margin():
         least = min((margin.margin for margin in trial.margins), default=1.0)
         counted.append(trial.reward * (0.9 + 0.1 * max(least, 0.0)))
     assert weighed.reward == pytest.approx(np.mean(counted))
-    assert "a share of 0.1 is for the least margin" in fitness(combine="margin").instructions()
+    assert (
+        "a share of 0.1 is for the least margin"
+        in fitness(combine="margin").instructions()
+    )
 
 
 @given(rewards=st.lists(st.floats(0, 1), min_size=1, max_size=40))
@@ -98,19 +127,33 @@ def test_the_worst_quarter(rewards):
 
 def test_a_tool_that_overlaps_some_layouts_at_spawn_is_rejected_there_and_tried_in_the_others():
     beside = Pose(np.array([0.25, -0.04, -0.48]))
-    tool = Tool((Component("bar", "tool_mount", beside, Box((0.5, 0.02, 0.02)), 0.005),))
-    boxes = Condition(PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
+    tool = Tool(
+        (Component("bar", "tool_mount", beside, Box((0.5, 0.02, 0.02)), 0.005),)
+    )
+    boxes = Condition(
+        PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK
+    )
     (found,) = judged(fitness(boxes, layouts=3), replace(STAY, tool=tool))
-    assert [(trial.layout, trial.status) for trial in found.trials] == [(0, "ok"), (1, "rejected"), (2, "rejected")]
+    assert [(trial.layout, trial.status) for trial in found.trials] == [
+        (0, "ok"),
+        (1, "rejected"),
+        (2, "rejected"),
+    ]
     assert (found.status, found.rollouts) == ("ok", 1)
     assert found.reward == pytest.approx(found.trials[0].reward / 3)
-    assert found.warnings[-1].startswith("mujoco, layout 3 of 3: rejected: component 'bar' starts")
+    assert found.warnings[-1].startswith(
+        "mujoco, layout 3 of 3: rejected: component 'bar' starts"
+    )
 
 
 def test_a_tool_that_overlaps_every_layout_at_spawn_is_rejected():
     inside = Pose(np.array([0.25, 0.0, -0.48]))
-    tool = Tool((Component("bar", "tool_mount", inside, Box((0.5, 0.02, 0.02)), 0.005),))
-    boxes = Condition(PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
+    tool = Tool(
+        (Component("bar", "tool_mount", inside, Box((0.5, 0.02, 0.02)), 0.005),)
+    )
+    boxes = Condition(
+        PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK
+    )
     (found,) = judged(fitness(boxes, layouts=3), replace(STAY, tool=tool))
     assert (found.status, found.reward, found.rollouts) == ("rejected", 0.0, 0)
     assert "component 'bar' starts" in found.reason
@@ -118,7 +161,12 @@ def test_a_tool_that_overlaps_every_layout_at_spawn_is_rejected():
 
 def test_unseen_layouts_are_none_of_the_search_and_the_same_for_every_run():
     made = fitness(unseen=4)
-    assert [condition.layout for condition in made.unseen()] == [UNSEEN, UNSEEN + 1, UNSEEN + 2, UNSEEN + 3]
+    assert [condition.layout for condition in made.unseen()] == [
+        UNSEEN,
+        UNSEEN + 1,
+        UNSEEN + 2,
+        UNSEEN + 3,
+    ]
     assert made.unseen() == fitness(replace(WIDE, layout=9), unseen=4).unseen()
     assert fitness(unseen=0).unseen() == []
     assert pickle.loads(pickle.dumps(made.unseen())) == made.unseen()
@@ -128,7 +176,11 @@ def test_unseen_layouts_may_be_in_engines_of_their_own():
     set_up = replace(WIDE, sim=PluginPart("sim", "mujoco", (("time_step", 0.001),)))
     made = fitness(set_up, unseen=1, unseen_sims=["mujoco", "sapien"])
     mujoco, sapien = made.unseen()
-    assert [mujoco.where.engine, sapien.where.engine] == [mujoco.sim.name, sapien.sim.name] == ["mujoco", "sapien"]
+    assert (
+        [mujoco.where.engine, sapien.where.engine]
+        == [mujoco.sim.name, sapien.sim.name]
+        == ["mujoco", "sapien"]
+    )
     assert dict(mujoco.sim.settings)["time_step"] > 0.001
     assert "tried in 1 others, in each of mujoco, sapien." in made.instructions()
     assert "in each" not in fitness(unseen=1).instructions().replace("In each", "")
@@ -136,19 +188,27 @@ def test_unseen_layouts_may_be_in_engines_of_their_own():
 
 def test_finals_follow_the_layouts_of_the_search_each_in_all_engines():
     finals = [*fitness(layouts=2, final=2, unseen_sims=["mujoco", "sapien"]).finals()]
-    places = [[(condition.where.engine, condition.layout) for condition in alike] for alike in finals]
+    places = [
+        [(condition.where.engine, condition.layout) for condition in alike]
+        for alike in finals
+    ]
     assert places == [[("mujoco", seed), ("sapien", seed)] for seed in (5, 6)]
     assert [*fitness(final=0).finals()] == []
 
 
 def test_the_prompt_says_how_exactly_plans_see():
     noisy = replace(WIDE, settings=replace(QUICK, perception=Perception(0.002, 0.01)))
-    assert "the standard deviations are 0.002 in x and in y, and 0.01 of yaw" in fitness(noisy).instructions()
+    assert (
+        "the standard deviations are 0.002 in x and in y, and 0.01 of yaw"
+        in fitness(noisy).instructions()
+    )
     assert "standard deviations" not in fitness().instructions()
 
 
 def test_the_prompt_says_what_varies_and_what_counts():
-    text = fitness(layouts=4, combine="worst", sims=["mujoco", "pybullet"]).instructions()
+    text = fitness(
+        layouts=4, combine="worst", sims=["mujoco", "pybullet"]
+    ).instructions()
     assert "in 4 layouts in each of the engines mujoco, pybullet" in text
     assert "cube.x from 0.85 to 1.05" in text
     assert "its lowest reward, in the engine where that is the lowest" in text
@@ -158,25 +218,46 @@ def test_the_prompt_says_what_varies_and_what_counts():
 @pytest.mark.usefixtures("inline")
 def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
     words = [
-        *("task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=2", "fitness.unseen=3"),
-        *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"),
+        *(
+            "task.variation=near",
+            "sim=mujoco",
+            "fitness=layouts",
+            "fitness.layouts=2",
+            "fitness.unseen=3",
+        ),
+        *(
+            "budget.n_agent=1",
+            "budget.n_tool=1",
+            "budget.n_action=2",
+            "budget.n_iteration=0",
+        ),
         *("film=false", "listener=[]", "prompt.picture=false", "evolution.tie=1"),
     ]
     result = run(load("config", words), tmp_path / "run")
     found = json.loads((tmp_path / "run/result.json").read_text())
     assert [*map(len, found["finalists"].values())] == [1, 1]
-    assert found["rollouts"] == sum(len(e["mujoco"]) for e in found["finalists"].values()) + 2 * 2
+    assert (
+        found["rollouts"]
+        == sum(len(e["mujoco"]) for e in found["finalists"].values()) + 2 * 2
+    )
     stored = found["unseen"]
     assert stored["engines"] == {"mujoco": list(result.unseen["mujoco"])}
     assert (stored["layouts"], stored["worst"]) == (3, min(result.unseen["mujoco"]))
-    again = [play(condition, [result.best.candidate])[0].reward for condition in _unseen(words)]
+    again = [
+        play(condition, [result.best.candidate])[0].reward
+        for condition in _unseen(words)
+    ]
     assert again == stored["rewards"]
-    assert read_run(tmp_path / "run").figures.unseen.mean == pytest.approx(stored["mean"])
+    assert read_run(tmp_path / "run").figures.unseen.mean == pytest.approx(
+        stored["mean"]
+    )
     resume(tmp_path / "run")
     assert f"in 3 unseen layouts mean {stored['mean']:.3f}" in capsys.readouterr().out
 
 
 def _unseen(words):
     cfg = load("config", words)
-    condition = Condition(PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
+    condition = Condition(
+        PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim)
+    )
     return part("fitness", cfg.fitness).create(condition=condition).unseen()

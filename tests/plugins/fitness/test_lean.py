@@ -21,7 +21,9 @@ def fitness(references=NUMBERS, **settings) -> Lean:
 
 def score(reward, seconds):
     """Score a candidate whose only trial earns so much in so many seconds."""
-    return fitness().score(STAY, [Trial(WIDE.where, STAY.id, reward=reward, motion_s=seconds)])
+    return fitness().score(
+        STAY, [Trial(WIDE.where, STAY.id, reward=reward, motion_s=seconds)]
+    )
 
 
 def test_what_holds_earns_by_its_effort_and_more_than_what_does_not():
@@ -42,9 +44,15 @@ def test_a_trial_says_its_time_and_the_prompt_what_it_is_compared_with():
 @pytest.mark.parametrize(
     ("references", "said"),
     [
-        ({}, r"no reference for BringCube; add \[SECONDS, KILOGRAMS, MARGIN\], as in \+fitness.references.BringCube="),
+        (
+            {},
+            r"no reference for BringCube; add \[SECONDS, KILOGRAMS, MARGIN\], as in \+fitness.references.BringCube=",
+        ),
         ({"BringCube": [4.0]}, "fitness.references.BringCube must be"),
-        ({"BringCube": [-4.0, 1.0, None]}, "an effort has finite numbers from 0 on, got -4"),
+        (
+            {"BringCube": [-4.0, 1.0, None]},
+            "an effort has finite numbers from 0 on, got -4",
+        ),
     ],
 )
 def test_a_reference_that_is_missing_or_wrong_is_reported(references, said):
@@ -54,4 +62,8 @@ def test_a_reference_that_is_missing_or_wrong_is_reported(references, said):
 
 def test_the_protocol_composes():
     config = load("config", ["protocol=lean", "task=InsertPlug"])
-    assert (config.fitness.name, config.fitness.unseen, config.action.name) == ("lean", 20, "anchored")
+    assert (config.fitness.name, config.fitness.unseen, config.action.name) == (
+        "lean",
+        20,
+        "anchored",
+    )

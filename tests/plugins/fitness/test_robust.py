@@ -34,15 +34,23 @@ def fitness(config):
 def test_transfer_and_robust_begin_alike():
     transfer = yaml.safe_load((ROOT / "conf" / "transfer.yaml").read_text())
     robust = load("config", ["fitness=robust"]).fitness
-    assert all(transfer[key] == robust[key] for key in ("sims", "seeds", "perturbation"))
+    assert all(
+        transfer[key] == robust[key] for key in ("sims", "seeds", "perturbation")
+    )
 
 
 def test_the_prompt_says_what_counts():
     ranges = {"position": 0.01, "yaw": 0.1, "mass": 0.2, "friction": 0.3}
-    many = {"name": "robust", "sims": ["pybullet", {"name": "pybullet", "time_step": 0.002}], "perturbation": ranges}
+    many = {
+        "name": "robust",
+        "sims": ["pybullet", {"name": "pybullet", "time_step": 0.002}],
+        "perturbation": ranges,
+    }
     text = fitness(many).instructions()
     assert "3 times in each of the engines pybullet, pybullet time_step=0.002" in text
-    assert "moved by up to 0.01 m along x and along y and turned by up to 0.1 rad" in text
+    assert (
+        "moved by up to 0.01 m along x and along y and turned by up to 0.1 rad" in text
+    )
     assert "masses differ by up to 20%, friction by up to 30%" in text
     assert "the lowest of the engines' mean rewards" in text
     one = fitness({"name": "robust", "sims": ["pybullet"], "seeds": [4]}).instructions()
@@ -77,24 +85,38 @@ def test_a_wrong_setting_is_reported(config, said):
 
 def test_a_wrong_key_is_reported():
     with pytest.raises(
-        UserError, match=r"no key 'weight' in fitness.perturbation; possible: friction, mass, position, yaw"
+        UserError,
+        match=r"no key 'weight' in fitness.perturbation; possible: friction, mass, position, yaw",
     ):
         load("config", ["fitness=robust", "fitness.perturbation.weight=1"])
 
 
 @pytest.mark.thorough
 def test_robust_tries_every_change_in_every_engine():
-    config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
+    config = {
+        "name": "robust",
+        "sims": ["pybullet", COARSE],
+        "seeds": [3, 5],
+        "perturbation": {"position": 0.02},
+    }
     earns = fitness(config)
     assert pickle.loads(pickle.dumps(earns.conditions())) == earns.conditions()
     candidate = solution()
-    slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan.poses, candidate.plan.poses[-1:]]))
+    slower = replace(
+        candidate,
+        action=1,
+        plan=np.concatenate([candidate.plan.poses, candidate.plan.poses[-1:]]),
+    )
     evaluations = judged(earns, candidate, slower)
     for evaluation in evaluations:
         rewards = evaluation.by_engine
-        for (engine, sim), draw in zip(engines(config["sims"]).items(), [0, 1], strict=True):
+        for (engine, sim), draw in zip(
+            engines(config["sims"]).items(), [0, 1], strict=True
+        ):
             change = Perturbation(PerturbationRange(position=0.02), [3, 5][draw])
-            (alone,) = play(replace(CONDITION, sim=sim, change=change), [evaluation.candidate])
+            (alone,) = play(
+                replace(CONDITION, sim=sim, change=change), [evaluation.candidate]
+            )
             assert rewards[engine][draw] == alone.reward
         assert evaluation.reward == min(map(np.mean, rewards.values()))
         assert evaluation.distance_m > 0.3

@@ -32,12 +32,16 @@ def test_engines_are_set_as_the_configuration_says_but_for_what_an_entry_says():
     found = engines(["pybullet", COARSE])
     assert list(found) == ["pybullet", "pybullet time_step=0.004"]
     assert found["pybullet"] == usual
-    assert dict(found["pybullet time_step=0.004"].settings) == dict(usual.settings) | {"time_step": 0.004}
+    assert dict(found["pybullet time_step=0.004"].settings) == dict(usual.settings) | {
+        "time_step": 0.004
+    }
 
 
 def test_engines_may_be_named_within_a_job_of_hydras():
     with initialize_config_module("conf", version_base="1.3"):
-        assert engines(["pybullet"])["pybullet"] == part("sim", load("evaluate", []).sim)
+        assert engines(["pybullet"])["pybullet"] == part(
+            "sim", load("evaluate", []).sim
+        )
 
 
 def test_the_engine_of_a_run_keeps_its_settings():
@@ -53,7 +57,9 @@ CANDIDATE = Candidate(Tool(), Waypoints(np.zeros((1, 6))))
 
 
 def earned(reward, engine="one", change=0, **fields):
-    return Trial(Where("BringCube", engine, 0, change), CANDIDATE.id, reward=reward, **fields)
+    return Trial(
+        Where("BringCube", engine, 0, change), CANDIDATE.id, reward=reward, **fields
+    )
 
 
 def evaluated(*trials):
@@ -62,18 +68,27 @@ def evaluated(*trials):
 
 def test_the_worst_engines_mean_counts():
     good = earned(1.0, distance_m=3.0), earned(0.8, distance_m=4.0)
-    bad = earned(0.2, "other", distance_m=3.0, ik_error_m=0.5), earned(0.6, "other", distance_m=6.0)
+    bad = (
+        earned(0.2, "other", distance_m=3.0, ik_error_m=0.5),
+        earned(0.6, "other", distance_m=6.0),
+    )
     evaluation = evaluated(*good, *bad)
     assert evaluation.status == "ok"
     assert evaluation.reward == pytest.approx(0.4)
-    assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (4.0, 0.5)  # the mean, and the worst trial's
+    assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (
+        4.0,
+        0.5,
+    )  # the mean, and the worst trial's
     assert not evaluation.warnings
     assert evaluation.combined
     assert evaluation.by_engine == {"one": [1.0, 0.8], "other": [0.2, 0.6]}
 
 
 def test_of_equal_trials_the_one_with_the_least_margin_is_shown():
-    trials = [earned(1.0, margins=(Margin.clearance("vase", gap),)) for gap in (0.01, 0.004, 0.01)]
+    trials = [
+        earned(1.0, margins=(Margin.clearance("vase", gap),))
+        for gap in (0.01, 0.004, 0.01)
+    ]
     assert score_by_worst_engine(trials).shown == 1
 
 
@@ -87,15 +102,24 @@ def test_a_trial_that_fails_counts_nothing_and_is_reported():
 
 
 def test_what_is_refused_everywhere_is_refused():
-    refused = [earned(0.0, engine, status="rejected", reason="too long") for engine in ("one", "other")]
+    refused = [
+        earned(0.0, engine, status="rejected", reason="too long")
+        for engine in ("one", "other")
+    ]
     evaluation = evaluated(*refused)
-    assert (evaluation.status, evaluation.reason, evaluation.reward) == ("rejected", "too long", 0.0)
+    assert (evaluation.status, evaluation.reason, evaluation.reward) == (
+        "rejected",
+        "too long",
+        0.0,
+    )
     assert (evaluation.warnings, evaluation.rollouts) == ((), 0)
 
 
 def test_the_worst_trial_is_the_one_that_is_shown():
     seen = Observation("missed")
-    others = [earned(reward, "other", number) for number, reward in enumerate((0.9, 0.2, 0.5))]
+    others = [
+        earned(reward, "other", number) for number, reward in enumerate((0.9, 0.2, 0.5))
+    ]
     others[1] = replace(others[1], observation=seen)
     found = evaluated(earned(1.0), *others)
     assert (found.shown.engine, found.shown.change) == ("other", 1)
@@ -109,18 +133,34 @@ def test_the_worst_trial_is_the_one_that_is_shown():
 def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     """One that ends a millimetre from the cube's near face: some changes bring the cube nearer."""
     home = TASK.shared().home
-    reach, down, thick = 1.0 - 0.035 - 0.001 - home.position[0], home.position[2] - 0.035, 0.01
-    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -down / 2)), Box((thick, thick, down)))
-    bar = Component("bar", "post", Pose.xyz_rpy((reach / 2, 0, -down / 2)), Box((reach, thick, thick)))
+    reach, down, thick = (
+        1.0 - 0.035 - 0.001 - home.position[0],
+        home.position[2] - 0.035,
+        0.01,
+    )
+    post = Component(
+        "post", "tool_mount", Pose.xyz_rpy((0, 0, -down / 2)), Box((thick, thick, down))
+    )
+    bar = Component(
+        "bar",
+        "post",
+        Pose.xyz_rpy((reach / 2, 0, -down / 2)),
+        Box((reach, thick, thick)),
+    )
     tool = Tool((post, bar))
     SpawnRules(TASK.shared(), 0).check(tool)  # clear of the scene as it is
     still = Candidate(tool, Waypoints(np.array([[*home.position, *home.rpy]])))
     ranges = PerturbationRange(position=0.005, yaw=0.0)
-    conditions = [replace(CONDITION, change=Perturbation(ranges, draw)) for draw in range(8)]
+    conditions = [
+        replace(CONDITION, change=Perturbation(ranges, draw)) for draw in range(8)
+    ]
     tried = [play(condition, [still])[0] for condition in conditions]
     refused = {draw for draw, trial in enumerate(tried) if trial.status == "rejected"}
     cubes = [condition.scene()["cube"].pose.position for condition in conditions]
     near = {draw for draw, (x, _, _) in enumerate(cubes) if x < 1.0 - 0.001}
     assert refused == near
     assert 0 < len(refused) < 8
-    assert all(tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts") for draw in near)
+    assert all(
+        tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts")
+        for draw in near
+    )

@@ -25,11 +25,18 @@ pytestmark = pytest.mark.slow
 
 DESIGNS = ROOT / "tests/tasks/solutions"
 SOLVED = [f"RoboToolBench/{file.stem}" for file in sorted(DESIGNS.glob("*.json"))]
-HARD = ("HardToolBench/StopCart", "HardToolBench/TwoStations")  # one reads a trace and moves, one has joints
+HARD = (
+    "HardToolBench/StopCart",
+    "HardToolBench/TwoStations",
+)  # one reads a trace and moves, one has joints
 
 
 def test_the_twelve_are_environments():
-    names = {spec.name for spec in gymnasium.registry.values() if spec.namespace == "RoboToolBench"}
+    names = {
+        spec.name
+        for spec in gymnasium.registry.values()
+        if spec.namespace == "RoboToolBench"
+    }
     assert names == {file.stem for file in DESIGNS.glob("*.json")}
 
 
@@ -37,15 +44,22 @@ def test_tasks_of_other_distributions_have_a_namespace_of_their_own(monkeypatch)
     """Names are fitted to what Gymnasium's grammar allows."""
     offers = {
         ("task", "MoveBall2"): Offer("task", "MoveBall2", "mine", "my.tasks", MoveBall),
-        ("task", "odd name"): Offer("task", "odd name", "harder", "vlmgineer", MoveBall),
+        ("task", "odd name"): Offer(
+            "task", "odd name", "harder", "vlmgineer", MoveBall
+        ),
     }
     monkeypatch.setattr(installed(), "offers", offers)
     monkeypatch.setattr(gymnasium.envs.registration, "registry", {})
     plugins.gym.register_tasks()
-    assert set(gymnasium.envs.registration.registry) == {"my-tasks/MoveBall2-v0", "vlmgineer/odd-name-v0"}
+    assert set(gymnasium.envs.registration.registry) == {
+        "my-tasks/MoveBall2-v0",
+        "vlmgineer/odd-name-v0",
+    }
 
 
-@pytest.mark.filterwarnings("ignore:.*observation space m..imum value")  # bodies may be flung anywhere
+@pytest.mark.filterwarnings(
+    "ignore:.*observation space m..imum value"
+)  # bodies may be flung anywhere
 @pytest.mark.parametrize("name", rare([*SOLVED, *HARD], SOLVED[0], HARD[0]))
 def test_gymnasiums_checker_passes(name):
     task = name.split("/")[1]
@@ -66,15 +80,20 @@ def test_soft_bodies_are_observed_by_their_nodes_or_refused_where_contacts_count
     env = gymnasium.make("SoftToolBench/PullRope-v0", words=["sim=mujoco"])
     observed, _ = env.reset(seed=1)
     assert observed.shape == (9 + 13 + 3 * 22,)
-    np.testing.assert_allclose(observed[9:12], observed[22:].reshape(22, 3).mean(axis=0), atol=0.01)
+    np.testing.assert_allclose(
+        observed[9:12], observed[22:].reshape(22, 3).mean(axis=0), atol=0.01
+    )
     with pytest.raises(
-        UserError, match="HangCloth can't be stepped: the trace has no forces, by which contacts of soft"
+        UserError,
+        match="HangCloth can't be stepped: the trace has no forces, by which contacts of soft",
     ):
         gymnasium.make("SoftToolBench/HangCloth-v0", words=["sim=mujoco"]).reset()
 
 
 def test_observations_have_what_the_docstring_says():
-    env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", size=(80, 60))
+    env = gymnasium.make(
+        "RoboToolBench/BringCube-v0", render_mode="rgb_array", size=(80, 60)
+    )
     observed, info = env.reset(seed=1)
     assert observed.shape == (9 + 13,)
     np.testing.assert_allclose(observed[9:12], (1.0, 0.0, 0.035), atol=1e-3)
@@ -87,7 +106,9 @@ def test_observations_have_what_the_docstring_says():
 def test_a_variation_draws_the_layout_and_shows_its_marks():
     env = gymnasium.make("RoboToolBench/BringCube-v0", words=["task.variation=wide"])
     seen = [env.reset(seed=seed)[0] for seed in (0, 0, 1)]
-    assert env.observation_space.shape == seen[0].shape == (9 + 13 + 3 * 7,)  # floor, table, mark
+    assert (
+        env.observation_space.shape == seen[0].shape == (9 + 13 + 3 * 7,)
+    )  # floor, table, mark
     np.testing.assert_array_equal(seen[0], seen[1])
     task = env.unwrapped.task
     mark = task.scene(env.unwrapped._layout)["mark"].pose.position
@@ -102,7 +123,9 @@ def test_end_effector_actions_move_the_end_effector():
     for _ in range(10):
         observed, *_ = env.step(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
     moved = ARM.forward(observed[:7])
-    np.testing.assert_allclose(moved.position - before.position, (0, 10 * 0.05 * 0.25, 0), atol=0.01)
+    np.testing.assert_allclose(
+        moved.position - before.position, (0, 10 * 0.05 * 0.25, 0), atol=0.01
+    )
     assert (moved.rotation * before.rotation.inv()).magnitude() < 0.05
 
 
@@ -111,7 +134,9 @@ def test_the_same_plan_earns_what_it_earns_in_a_rollout():
     ends.
     """
 
-    env = gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json")
+    env = gymnasium.make(
+        "RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json"
+    )
     task = env.unwrapped.task
     document = load_designs(DESIGNS / "BringCube.json")
     candidate = read_designs(document, installed().create("tool", "urdf"), task)[0]
@@ -148,17 +173,29 @@ def test_fingers_open_and_close():
 def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
     file = tmp_path / "floating.json"
     document = load_designs(DESIGNS / "BringCube.json")
-    tool = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.4)), Box((0.02, 0.02, 0.2))),))
+    tool = Tool(
+        (
+            Component(
+                "rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.4)), Box((0.02, 0.02, 0.2))
+            ),
+        )
+    )
     document["strategies"][0] |= installed().create("tool", "urdf").dump(tool)
     file.write_text(json.dumps(document))
-    with pytest.raises(UserError, match=r"floating.json: the tool of strategy 0 can't be mounted: .* 295.0 mm away"):
+    with pytest.raises(
+        UserError,
+        match=r"floating.json: the tool of strategy 0 can't be mounted: .* 295.0 mm away",
+    ):
         gymnasium.make("RoboToolBench/BringCube-v0", designs=file)
 
 
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
-        ({"control_mode": "torques"}, "no control_mode 'torques'; possible: end_effector, joints"),
+        (
+            {"control_mode": "torques"},
+            "no control_mode 'torques'; possible: end_effector, joints",
+        ),
         (
             {"designs": DESIGNS / "BringCube.json", "strategy": 7},
             r"BringCube.json has \d strategies; there is no",
@@ -175,7 +212,12 @@ class Timed(BringCube):
     """Pays a tenth for each second in which the cube touches the table, and the table alone."""
 
     def reward(self, start, end, trace):
-        return trace.contact("cube", "table").mean(axis=-1) * ~trace.touched("cube", "robot") * trace.times[-1] / 10
+        return (
+            trace.contact("cube", "table").mean(axis=-1)
+            * ~trace.touched("cube", "robot")
+            * trace.times[-1]
+            / 10
+        )
 
 
 class Pressed(BringCube):
@@ -185,7 +227,11 @@ class Pressed(BringCube):
 
 @every_simulator
 def test_a_reward_may_read_the_trace_of_the_episode(engine, monkeypatch):
-    monkeypatch.setitem(installed().offers, ("task", "Timed"), Offer("task", "Timed", "mine", "vlmgineer", Timed))
+    monkeypatch.setitem(
+        installed().offers,
+        ("task", "Timed"),
+        Offer("task", "Timed", "mine", "vlmgineer", Timed),
+    )
     env = ToolEnv("Timed", words=[f"sim={engine}"])
     for _ in range(2):  # an episode has nothing of the last one
         _, info = env.reset(seed=0)
@@ -196,8 +242,15 @@ def test_a_reward_may_read_the_trace_of_the_episode(engine, monkeypatch):
 
 
 def test_a_reward_that_reads_forces_is_refused(monkeypatch):
-    monkeypatch.setitem(installed().offers, ("task", "Pressed"), Offer("task", "Pressed", "mine", "vlmgineer", Pressed))
-    with pytest.raises(UserError, match="BringCube can't be stepped: the trace has no forces; this engine"):
+    monkeypatch.setitem(
+        installed().offers,
+        ("task", "Pressed"),
+        Offer("task", "Pressed", "mine", "vlmgineer", Pressed),
+    )
+    with pytest.raises(
+        UserError,
+        match="BringCube can't be stepped: the trace has no forces; this engine",
+    ):
         ToolEnv("Pressed").reset()
 
 
@@ -207,12 +260,18 @@ def test_a_tool_weighs_by_its_material():
         designs=DESIGNS / "BringCube.json",
         words=["material=pla", "material.infill=1.0", "material.friction=0.3"],
     ).unwrapped.tool
-    assert made.mass == pytest.approx(1240 * sum(component.shape.volume for component in made.components))
+    assert made.mass == pytest.approx(
+        1240 * sum(component.shape.volume for component in made.components)
+    )
     assert made.friction == 0.3
     with pytest.raises(UserError, match="no material 'wood'"):
         gymnasium.make("RoboToolBench/BringCube-v0", words=["material=wood"])
     with pytest.raises(UserError, match=r"the arm carries at most 3 kg"):
-        gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json", words=["material=steel"])
+        gymnasium.make(
+            "RoboToolBench/BringCube-v0",
+            designs=DESIGNS / "BringCube.json",
+            words=["material=steel"],
+        )
 
 
 @pytest.mark.parametrize(

@@ -60,15 +60,32 @@ def generations(simulator):
     )
     lost = Candidate(None, np.zeros((0, 6)), 0, 2, problem="no boxes")
     parents = (hook.id, hostile.id)
-    hand = Candidate(Tool(gripper=True), np.array([[0.5, 0, 0.5, 0, 0, 0, 1.0]]), 1, parents=parents)
+    hand = Candidate(
+        Tool(gripper=True), np.array([[0.5, 0, 0.5, 0, 0, 0, 1.0]]), 1, parents=parents
+    )
     rounds = ([hook, lost], [hostile], [hand])
-    tried = [evaluate_batch(TASK, simulator, candidates, 0, RolloutSettings()) for candidates in rounds]
-    return tuple(Generation(i, tuple(evaluations)) for i, evaluations in enumerate(tried))
+    tried = [
+        evaluate_batch(TASK, simulator, candidates, 0, RolloutSettings())
+        for candidates in rounds
+    ]
+    return tuple(
+        Generation(i, tuple(evaluations)) for i, evaluations in enumerate(tried)
+    )
 
 
 def run_in(folder, simulator) -> Run:
     parts = {"task": "BringCube", "sim": "pybullet", "vlm": "canned"}
-    return Run(folder, {}, parts, "canned", TASK, URDF, Budget(1, 2, 1, 1, 3, 0.6), 0, simulator)
+    return Run(
+        folder,
+        {},
+        parts,
+        "canned",
+        TASK,
+        URDF,
+        Budget(1, 2, 1, 1, 3, 0.6),
+        0,
+        simulator,
+    )
 
 
 def play(run, generations, **settings):
@@ -93,7 +110,9 @@ class Recording:
             table = pa.Table.from_batches([chunk.to_record_batch()])
             if "sim_time" in table.column_names:
                 k = table.column_names.index("sim_time")
-                table = table.set_column(k, "sim_time", table["sim_time"].cast(pa.int64()))
+                table = table.set_column(
+                    k, "sim_time", table["sim_time"].cast(pa.int64())
+                )
             names = [name.split(":")[-1] for name in table.column_names]
             (self.static if chunk.is_static else self.rows)[chunk.entity_path] += [
                 dict(zip(names, row.values(), strict=True)) for row in table.to_pylist()
@@ -102,7 +121,11 @@ class Recording:
             rows.sort(key=lambda row: row.pop("rerun.controls.RowId"))
             for row in rows:
                 row["sim_time"] = row["sim_time"] / 1e9
-        arranged = [chunk.format(width=400) for b in reader.blueprints() for chunk in reader.stream(store=b)]
+        arranged = [
+            chunk.format(width=400)
+            for b in reader.blueprints()
+            for chunk in reader.stream(store=b)
+        ]
         self.blueprint = "\n".join(arranged)
 
     def column(self, path: str, name: str) -> list:
@@ -142,7 +165,9 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
         assert numbers == sorted(numbers)
     assert 0.03 < np.median(np.diff(times)) < 0.05  # 25 frames a second
 
-    starts = np.flatnonzero(np.diff(times, prepend=-1.0) > 0.4)  # a pause lies between rollouts
+    starts = np.flatnonzero(
+        np.diff(times, prepend=-1.0) > 0.4
+    )  # a pause lies between rollouts
     assert len(starts) == 3
     last = starts[1] - 1
     assert recording.column(f"/reward/{solved.id}", "sim_time")[-1] == times[last]
@@ -154,7 +179,9 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
     assert np.allclose(home, TASK.home.position, atol=0.01)
 
 
-def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(recorded, generations):
+def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(
+    recorded, generations
+):
     recording, _ = recorded
     solved = generations[0].best.candidate
     tool = "/world/robot/tool_mount/tool"
@@ -164,11 +191,18 @@ def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(recorded, 
     assert recording.column(tool, "is_recursive")[2] == [True]  # taken off
     low, high = np.min(shown[0], axis=0), np.max(shown[0], axis=0)
     placed = solved.tool.placed()
-    corners = [placed[c.name][1].apply(c.shape.to_trimesh().vertices) for c in solved.tool.components]
+    corners = [
+        placed[c.name][1].apply(c.shape.to_trimesh().vertices)
+        for c in solved.tool.components
+    ]
     assert np.allclose(low, np.min(np.concatenate(corners), axis=0), atol=1e-6)
     assert np.allclose(high, np.max(np.concatenate(corners), axis=0), atol=1e-6)
     for finger in ("panda_hand", "left_finger", "right_finger"):
-        meshes = [row["generation"] for row in recording.rows[f"/world/robot/{finger}"] if row.get("vertex_positions")]
+        meshes = [
+            row["generation"]
+            for row in recording.rows[f"/world/robot/{finger}"]
+            if row.get("vertex_positions")
+        ]
         assert meshes == [2]
 
 
@@ -176,14 +210,20 @@ def test_the_path_is_the_way_of_the_end_effector(recorded):
     recording, _ = recorded
     strips = [strip for (strip,) in recording.column("/world/path", "strips")]
     assert len(strips) == 3
-    places = [place for (place,) in recording.column("/world/robot/tool_mount", "translation")]
+    places = [
+        place for (place,) in recording.column("/world/robot/tool_mount", "translation")
+    ]
     assert np.allclose(np.concatenate(strips), places, atol=1e-5)
-    assert np.allclose(strips[0][0], ARM.forward(ARM.home_for(TASK.home)).position, atol=1e-3)
+    assert np.allclose(
+        strips[0][0], ARM.forward(ARM.home_for(TASK.home)).position, atol=1e-3
+    )
 
 
 def test_the_reward_in_the_rollout_ends_at_what_was_earned(recorded, generations):
     recording, _ = recorded
-    for evaluation in (e for g in generations for e in g.evaluations if e.status == "ok"):
+    for evaluation in (
+        e for g in generations for e in g.evaluations if e.status == "ok"
+    ):
         course = recording.values(f"/reward/{evaluation.candidate.id}", "scalars")
         assert course[-1] == pytest.approx(evaluation.reward, abs=1e-9)
         assert course[0] == pytest.approx(0.0, abs=0.01)
@@ -193,16 +233,25 @@ def test_the_reward_in_the_rollout_ends_at_what_was_earned(recorded, generations
 
 def test_what_a_generation_came_to(recorded, generations):
     recording, _ = recorded
-    rewards = [[e.reward for e in g.evaluations if e.status == "ok"] for g in generations]
+    rewards = [
+        [e.reward for e in g.evaluations if e.status == "ok"] for g in generations
+    ]
     assert recording.column("/search/reward/best", "generation") == [0, 1, 2]
-    assert recording.values("/search/reward/best", "scalars") == [max(r) for r in rewards]
-    assert recording.values("/search/reward/mean", "scalars") == pytest.approx([np.mean(r) for r in rewards])
+    assert recording.values("/search/reward/best", "scalars") == [
+        max(r) for r in rewards
+    ]
+    assert recording.values("/search/reward/mean", "scalars") == pytest.approx(
+        [np.mean(r) for r in rewards]
+    )
 
 
 def test_what_belongs_to_a_generation_is_there_while_it_is_shown(recorded):
     recording, _ = recorded
     moving = recording.rows["/world/robot/tool_mount"]
-    begins = {g: min(row["sim_time"] for row in moving if row["generation"] == g) for g in (0, 1, 2)}
+    begins = {
+        g: min(row["sim_time"] for row in moving if row["generation"] == g)
+        for g in (0, 1, 2)
+    }
     for path in ("/search/reward/best", "/text/design"):
         found = {row["generation"]: row["sim_time"] for row in recording.rows[path]}
         assert found == pytest.approx(begins)
@@ -211,7 +260,9 @@ def test_what_belongs_to_a_generation_is_there_while_it_is_shown(recorded):
 def test_a_models_words_are_plain_text_that_can_fake_nothing(recorded, generations):
     recording, _ = recorded
     shown = recording.values("/text/design", "text")
-    assert set(map(tuple, recording.column("/text/design", "media_type"))) == {("text/plain",)}
+    assert set(map(tuple, recording.column("/text/design", "media_type"))) == {
+        ("text/plain",)
+    }
     assert f"a crossover of {generations[0].best.candidate.id} and " in shown[-1]
     assert any("http://evil.example" in text for text in shown)
     for text in shown:
@@ -235,15 +286,25 @@ def test_it_opens_arranged(recorded):
 
 def said(capfd) -> list[str]:
     """By us: in a run Rerun itself says nothing, but here it was imported by others before."""
-    return [line for line in capfd.readouterr().err.splitlines() if line.startswith("rerun: ")]
+    return [
+        line
+        for line in capfd.readouterr().err.splitlines()
+        if line.startswith("rerun: ")
+    ]
 
 
 def test_no_rerun(tmp_path, simulator, generations, monkeypatch, capfd):
-    for name in [name for name in sys.modules if name.split(".")[0] == "rerun" or "listeners.rerun." in name]:
+    for name in [
+        name
+        for name in sys.modules
+        if name.split(".")[0] == "rerun" or "listeners.rerun." in name
+    ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rerun", None)
     play(run_in(tmp_path, simulator), generations)
-    assert said(capfd) == ["rerun: no recording from here on: Rerun is not installed (pip install rerun-sdk)"]
+    assert said(capfd) == [
+        "rerun: no recording from here on: Rerun is not installed (pip install rerun-sdk)"
+    ]
 
 
 def test_a_file_that_can_not_be_written(tmp_path, simulator, generations, capfd):
@@ -285,25 +346,39 @@ def test_a_full_disk(tmp_path):
 def test_a_rollout_that_breaks_is_reported_in_its_place(tmp_path, generations, capfd):
     play(run_in(tmp_path, None), generations)
     recording = Recording(tmp_path / "recording.rrd")
-    assert "the rollout can't be shown: the run has no simulator" in recording.values("/text/design", "text")[0]
+    assert (
+        "the rollout can't be shown: the run has no simulator"
+        in recording.values("/text/design", "text")[0]
+    )
     assert len(recording.values("/search/reward/best", "scalars")) == 3
     assert said(capfd) == []
 
 
 def test_a_generation_of_rejects_only(tmp_path, simulator, capfd):
-    lost = tried_once(Candidate(None, np.zeros((0, 6)), problem="no boxes"), "rejected", reason="no boxes")
+    lost = tried_once(
+        Candidate(None, np.zeros((0, 6)), problem="no boxes"),
+        "rejected",
+        reason="no boxes",
+    )
     play(run_in(tmp_path, simulator), [Generation(0, (lost,))])
     recording = Recording(tmp_path / "recording.rrd")
     assert "/search/reward/best" not in recording.rows
     assert said(capfd) == []
 
 
-def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(tmp_path, simulator, generations):
+def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(
+    tmp_path, simulator, generations
+):
     hook = generations[0].evaluations[0]
     steps = [{"offset": [0.5, 0.3, 0.5]}, {"offset": [0.5, 0.3, 0.4], "until": "touch"}]
     plan = AnchoredActions().parse(steps, gripper=False)
-    guarded = evaluate_batch(TASK, simulator, [replace(hook.candidate, plan=plan)], 0, RolloutSettings())
-    play(run_in(tmp_path, simulator), [Generation(0, tuple(guarded)), Generation(1, (hook,))])
+    guarded = evaluate_batch(
+        TASK, simulator, [replace(hook.candidate, plan=plan)], 0, RolloutSettings()
+    )
+    play(
+        run_in(tmp_path, simulator),
+        [Generation(0, tuple(guarded)), Generation(1, (hook,))],
+    )
     marked, cleared = Recording(tmp_path / "recording.rrd").rows["/world/guards"]
     np.testing.assert_allclose(marked["positions"], [[0.5, 0.3, 0.4]], atol=0.002)
     assert marked["labels"][0].startswith("waypoint 2: never fired; reached at 1.16 s")
@@ -311,8 +386,13 @@ def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(tmp_path, simul
 
 
 def test_a_soft_body_is_shown_by_its_nodes_as_they_move(tmp_path):
-    engine, task = installed().create("sim", "mujoco"), installed().create("task", "SpreadSlab")
-    evaluations = evaluate_batch(task, engine, [solutions.anchored("SpreadSlab")], 0, RolloutSettings())
+    engine, task = (
+        installed().create("sim", "mujoco"),
+        installed().create("task", "SpreadSlab"),
+    )
+    evaluations = evaluate_batch(
+        task, engine, [solutions.anchored("SpreadSlab")], 0, RolloutSettings()
+    )
     run = replace(run_in(tmp_path, engine), task=task)
     play(run, [Generation(0, tuple(evaluations))])
     recording = Recording(tmp_path / "recording.rrd")

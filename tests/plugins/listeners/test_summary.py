@@ -37,16 +37,26 @@ def summary(capsys, *rewards, replies=(), name="hook", trials=({},), **settings)
                 evaluations.append(tried_once(candidate, "rejected", reason="heavy"))
                 continue
             tried = [
-                Trial(Where("BringCube", "pybullet", layout), candidate.id, reward=reward, distance_m=0.5 + i, **fields)
+                Trial(
+                    Where("BringCube", "pybullet", layout),
+                    candidate.id,
+                    reward=reward,
+                    distance_m=0.5 + i,
+                    **fields,
+                )
                 for layout, fields in enumerate(trials)
             ]
             evaluations.append(Evaluation(candidate, tuple(tried), Score(reward)))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
-    chosen = {kind: {"name": name} for kind, name in {**parts, "fitness": "nominal"}.items()}
+    chosen = {
+        kind: {"name": name} for kind, name in {**parts, "fitness": "nominal"}.items()
+    }
     config = {"listener": {"rerun": {}}, **chosen}
     task = installed().create("task", "BringCube")
-    run = Run(Path("runs/it's here/x=1"), config, parts, "m", task, None, None, 3, None, None)
+    run = Run(
+        Path("runs/it's here/x=1"), config, parts, "m", task, None, None, 3, None, None
+    )
     events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
     return capsys.readouterr().err
 
@@ -57,7 +67,11 @@ def rows(said):
 
 def commands(said):
     """The commands to type next."""
-    return [line for line in said.splitlines() if line.startswith(("vlmgineer ", "python -m "))]
+    return [
+        line
+        for line in said.splitlines()
+        if line.startswith(("vlmgineer ", "python -m "))
+    ]
 
 
 def test_the_best_tools(capsys):
@@ -74,7 +88,10 @@ def test_what_spoke_against_candidates_is_said_by_candidate(capsys):
 
 def test_a_shorter_way_that_goes_first_is_explained(capsys):
     said = summary(capsys, [0.995, 0.999])
-    assert "g0-a0-s1-p0 earned 0.999; rewards within evolution.tie of it count as equal" in said
+    assert (
+        "g0-a0-s1-p0 earned 0.999; rewards within evolution.tie of it count as equal"
+        in said
+    )
     assert "evolution.tie" not in summary(capsys, [0.9, 0.999])
 
 
@@ -89,7 +106,9 @@ def test_what_the_model_took(capsys):
         Reply("b", "", "m", error="no"),
         Reply("c", "", "m", prompt_tokens=1, cost_usd=0.25),
     ]
-    assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in summary(capsys, [0.5], replies=replies)
+    assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in summary(
+        capsys, [0.5], replies=replies
+    )
     assert "1 reply\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
 
 
@@ -97,15 +116,20 @@ def test_the_least_margin_of_the_best(capsys):
     margins = (Margin.at_most("force on board", 6, 15, "N"),)
     said = summary(capsys, [0.5], trials=[{}, {"margins": margins}])
     assert "least margin of the best 0.60: force on board 6 N, limit 15 N\n" in said
-    reward = (Margin.at_least("reward", 0.6, 0.95, "", 0.05),)  # of a task without limits
+    reward = (
+        Margin.at_least("reward", 0.6, 0.95, "", 0.05),
+    )  # of a task without limits
     assert "least margin" not in summary(capsys, [0.6], trials=[{"margins": reward}])
 
 
 def test_each_goal_of_several_has_its_score(capsys):
-    trials = [{"goals": (("door", door), ("can (goal 1)", 0.0))} for door in (0.25, 0.75)]
+    trials = [
+        {"goals": (("door", door), ("can (goal 1)", 0.0))} for door in (0.25, 0.75)
+    ]
     said = summary(capsys, [0.5], trials=trials)
     assert (
-        "goals, by the best candidate (and the most by any): door 0.500 (0.750), can (goal 1) 0.000 (0.000)\n" in said
+        "goals, by the best candidate (and the most by any): door 0.500 (0.750), can (goal 1) 0.000 (0.000)\n"
+        in said
     )
 
 
@@ -128,7 +152,15 @@ def test_commands_are_quoted(capsys):
         ["vlmgineer", "view", folder],
         ["vlmgineer", "report", folder],
         [
-            *("python", "-m", "core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "fitness=nominal"),
+            *(
+                "python",
+                "-m",
+                "core.evaluate",
+                "task=BringCube",
+                "sim=pybullet",
+                "tool=urdf",
+                "fitness=nominal",
+            ),
             *("seed=3", f"designs={hydra_word(f'{folder}/best/design.json')}"),
         ],
     ]
@@ -154,7 +186,10 @@ QUICK = ("layouts", "scene file")
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("kind", [k if k in QUICK else pytest.param(k, marks=pytest.mark.thorough) for k in KINDS])
+@pytest.mark.parametrize(
+    "kind",
+    [k if k in QUICK else pytest.param(k, marks=pytest.mark.thorough) for k in KINDS],
+)
 def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, capsys):
     """To the last bit, whatever is not as it usually is."""
     monkeypatch.chdir(tmp_path)
@@ -162,9 +197,22 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
         write_scene("PushBlock", Path("scene.yaml"))
     if kind == "own arm":
         write_arm(Path())
-    sizes = ["budget.n_agent=1", "budget.n_tool=3", "budget.n_action=1", "budget.n_iteration=0"]
-    others = ["listener=[summary]", "film=false", "prompt.picture=false", "sim=mujoco", "seed=1"]
-    result = run(load("config", [*sizes, *others, *KINDS[kind].split()]), tmp_path / "run")
+    sizes = [
+        "budget.n_agent=1",
+        "budget.n_tool=3",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
+    others = [
+        "listener=[summary]",
+        "film=false",
+        "prompt.picture=false",
+        "sim=mujoco",
+        "seed=1",
+    ]
+    result = run(
+        load("config", [*sizes, *others, *KINDS[kind].split()]), tmp_path / "run"
+    )
     *_, line = commands(capsys.readouterr().err)
     _, _, command, *words = shlex.split(line)
     assert command == "core.evaluate"

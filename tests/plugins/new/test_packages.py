@@ -10,7 +10,13 @@ from plugins.conformance.suites import SUITES
 from plugins.new import packages as new
 from tests.packages import PYTHON, install
 
-PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
+PARTS = {
+    "task": "PullBlock",
+    "sim": "my_engine",
+    "vlm": "parrot",
+    "tool": "crates",
+    "strategy": "greedy",
+}
 PARTS |= {
     "robot": "my_arm",
     "executor": "in_turn",
@@ -19,9 +25,22 @@ PARTS |= {
     "action": "above",
     "command": "tally",
 }
-RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
+RUNS = [
+    "task=PullBlock",
+    "sim=my_engine",
+    "vlm=parrot",
+    "tool=crates",
+    "evolution=greedy",
+    "executor=in_turn",
+]
 RUNS += ["robot=my_arm", "fitness=mean_layouts"]
-SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
+SMALL = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=1",
+    "budget.n_iteration=0",
+    "film=false",
+]
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +49,9 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("new")
     for kind, name in PARTS.items():
         new.write(kind, name, folder / kind)
-    sites = [str(install(folder / kind, tmp_path_factory.mktemp(kind))) for kind in PARTS]
+    sites = [
+        str(install(folder / kind, tmp_path_factory.mktemp(kind))) for kind in PARTS
+    ]
     return folder, PYTHON | {"PYTHONPATH": os.pathsep.join(sites)}
 
 
@@ -39,11 +60,27 @@ def test_what_is_written_passes_its_own_tests(written):
     """A few of a simulator's many checks: it uses an engine that passes them all in its own tests."""
     folder, environment = written
     some = "not test_my_engine or recordings or pictures or free_bodies"
-    words = ["pytest", "-v", "-p", "no:cacheprovider", *(f"{kind}/tests" for kind in PARTS), "-k", some]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
+    words = [
+        "pytest",
+        "-v",
+        "-p",
+        "no:cacheprovider",
+        *(f"{kind}/tests" for kind in PARTS),
+        "-k",
+        some,
+    ]
+    done = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     for kind, template in new.TEMPLATES.items():
-        checks = 3 if kind == "sim" else len(SUITES[template.group]) + (kind == "listener")
+        checks = (
+            3 if kind == "sim" else len(SUITES[template.group]) + (kind == "listener")
+        )
         file = "test_pull_block.py" if kind == "task" else f"test_{PARTS[kind]}.py"
         assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
 
@@ -51,22 +88,42 @@ def test_what_is_written_passes_its_own_tests(written):
 @pytest.mark.thorough
 def test_its_tests_ignore_the_settings_of_a_project_around_it(written, tmp_path):
     """For example a clone of this one, whose settings of pytest need more than the package has."""
-    (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--no-such-option"\n')
+    (tmp_path / "pyproject.toml").write_text(
+        '[tool.pytest.ini_options]\naddopts = "--no-such-option"\n'
+    )
     new.write("listener", PARTS["listener"], tmp_path / "rows")
     words = ["pytest", "-q", "-p", "no:cacheprovider", "rows"]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=tmp_path,
+        env=written[1],
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow
 def test_what_is_written_runs(written, tmp_path):
     words = ["core.run", *RUNS, *SMALL, "listener=[rows]", "hydra.run.dir=run"]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=tmp_path,
+        env=written[1],
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run/best/design.json").exists()
     assert len((tmp_path / "run/generations.csv").read_text().splitlines()) == 2
     words = ["core", PARTS["command"], "run"]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=tmp_path,
+        env=written[1],
+        capture_output=True,
+        text=True,
+    )
     assert done.stdout.splitlines()[0].split() == ["status", "candidates"], done.stderr
 
 
@@ -78,11 +135,19 @@ def test_what_is_written_runs(written, tmp_path):
             "Mine",
             r"no kind 'taks' in vlmgineer new \(did you mean 'task'\?\); possible: action, command, exe",
         ),
-        ("task", "my task", "'my task' can't be a name: letters, digits and underscores"),
+        (
+            "task",
+            "my task",
+            "'my task' can't be a name: letters, digits and underscores",
+        ),
         ("task", "../Mine", "can't be a name"),
         ("task", "9Lives", "a letter first"),
         ("vlm", "class", "can't be a name"),
-        ("task", "BringCube", "task 'BringCube' is taken: vlmgineer offers it; choose another name"),
+        (
+            "task",
+            "BringCube",
+            "task 'BringCube' is taken: vlmgineer offers it; choose another name",
+        ),
         ("vlm", "numpy", "'numpy' can't be a name: a module 'numpy' is there already"),
     ],
 )
@@ -94,7 +159,9 @@ def test_names_that_cannot_be_are_refused(tmp_path, kind, name, reason):
 
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(UserError, match=r"is there already; choose another folder with output=DIR"):
+    with pytest.raises(
+        UserError, match=r"is there already; choose another folder with output=DIR"
+    ):
         new.write("task", "Mine", tmp_path)
 
 
@@ -108,7 +175,16 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
         "  python -m core.run evolution=TopThree\n"
         "  python -m pytest top_three\n"
     )
-    assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
-    for words in ([], ["task"], ["task", "A", "into=x"], ["task", "A", "B"], ["-x", "task"]):
+    assert (
+        "class TopThreeStrategy("
+        in (tmp_path / "top_three/top_three/search.py").read_text()
+    )
+    for words in (
+        [],
+        ["task"],
+        ["task", "A", "into=x"],
+        ["task", "A", "B"],
+        ["-x", "task"],
+    ):
         with pytest.raises(UsageError, match="a kind and a name are needed; usage: "):
             new.main(words)

@@ -5,7 +5,9 @@ from core.plugins import installed
 from plugins.new.packages import main, write_scene
 
 
-def test_the_command_writes_a_scene_and_says_how_to_go_on(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_a_scene_and_says_how_to_go_on(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     main(["scene", "PushBlock"])
     assert capsys.readouterr().out == (
@@ -14,18 +16,25 @@ def test_the_command_writes_a_scene_and_says_how_to_go_on(tmp_path, monkeypatch,
         "  vlmgineer conformance task=file task.file=push_block.yaml\n"
         "  python -m core.run task=file task.file=push_block.yaml\n"
     )
-    assert installed().create("task", "file", {"file": "push_block.yaml"}).name == "PushBlock"
+    assert (
+        installed().create("task", "file", {"file": "push_block.yaml"}).name
+        == "PushBlock"
+    )
 
 
 def test_nothing_is_overwritten(tmp_path):
     file = write_scene("Mine", tmp_path / "mine.yaml")
     file.write_text("my own")
-    with pytest.raises(UserError, match=r"mine.yaml is there already; choose another name"):
+    with pytest.raises(
+        UserError, match=r"mine.yaml is there already; choose another name"
+    ):
         write_scene("Mine", file)
     assert file.read_text() == "my own"
 
 
-@pytest.mark.parametrize(("name", "why"), [("my scene", "letters, digits"), ("BringCube", "is taken")])
+@pytest.mark.parametrize(
+    ("name", "why"), [("my scene", "letters, digits"), ("BringCube", "is taken")]
+)
 def test_names_that_cannot_be_are_refused(tmp_path, name, why):
     with pytest.raises(UsageError, match=why):
         write_scene(name, tmp_path / "mine.yaml")

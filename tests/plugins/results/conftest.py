@@ -17,7 +17,12 @@ def made(tmp_path_factory):
     rng = np.random.default_rng(0)
     finished = []
     for task in ("BringCube", "OneBook"):
-        for words in ([], ["evolution=sampling"], ["tool=none", "budget.n_iteration=0"], ["tool=rlbench"]):
+        for words in (
+            [],
+            ["evolution=sampling"],
+            ["tool=none", "budget.n_iteration=0"],
+            ["tool=rlbench"],
+        ):
             if "tool=rlbench" in words and task == "OneBook":
                 continue
             for seed in (0, 1):
@@ -26,7 +31,14 @@ def made(tmp_path_factory):
                 rewards = np.sort(rng.uniform(size=(generations, 3)), axis=0).tolist()
                 distances = rng.uniform(0.3, 2, 3).tolist()
                 folder = root / "runs" / name
-                write_run(folder, f"task={task}", f"seed={seed}", *words, rewards=rewards, distances=distances)
+                write_run(
+                    folder,
+                    f"task={task}",
+                    f"seed={seed}",
+                    *words,
+                    rewards=rewards,
+                    distances=distances,
+                )
                 finished.append(folder)
     write_run(root / "runs" / "killed", "seed=3", rewards=[[1.0]], finish=False)
     write_run(root / "runs" / "empty", "seed=4", rewards=[[None]])

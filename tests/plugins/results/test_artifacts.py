@@ -24,7 +24,10 @@ def test_of_two_meshes_of_one_name_both_are_there(tmp_path):
     for arm in ("left", "right"):
         (tmp_path / arm).mkdir()
         (tmp_path / arm / "link.stl").write_text(arm)
-    names = [copied(tmp_path / arm / "link.stl", tmp_path / "out") for arm in ("left", "right", "left", "right")]
+    names = [
+        copied(tmp_path / arm / "link.stl", tmp_path / "out")
+        for arm in ("left", "right", "left", "right")
+    ]
     assert names == ["meshes/link.stl", "meshes/link_2.stl"] * 2
     assert (tmp_path / "out" / names[1]).read_text() == "right"
 
@@ -44,8 +47,16 @@ def test_a_tool_is_one_closed_body_in_millimetres():
 
 
 def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
-    head = Component("head", "tool_mount", Pose(np.array([0.0, 0.0, -0.08])), bowl(0.07, 0.01))
-    flap = Component("flap", "head", Pose(np.array([0.0, 0.0, -0.085])), Box((0.02, 0.02, 0.02)), joint=FLAP)
+    head = Component(
+        "head", "tool_mount", Pose(np.array([0.0, 0.0, -0.08])), bowl(0.07, 0.01)
+    )
+    flap = Component(
+        "flap",
+        "head",
+        Pose(np.array([0.0, 0.0, -0.085])),
+        Box((0.02, 0.02, 0.02)),
+        joint=FLAP,
+    )
     tool = Tool((head, flap))
     plan = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
     motion = plan_motion(plan, Task.home, arm_of(PANDA))
@@ -62,7 +73,10 @@ def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
 
 def test_a_pair_of_attachments_is_printed_side_by_side():
     fingers = ("left_finger", 1), ("right_finger", -1)
-    pads = (box(f"pad_{mount}", mount, (0, side * 0.0075, 0.07), (0.02, 0.015, 0.04)) for mount, side in fingers)
+    pads = (
+        box(f"pad_{mount}", mount, (0, side * 0.0075, 0.07), (0.02, 0.015, 0.04))
+        for mount, side in fingers
+    )
     mesh = tool_mesh(Tool(tuple(pads), gripper=True), FINGER_OPEN)
     np.testing.assert_allclose(mesh.bounds, [[-10, -55, 50], [10, 55, 90]], atol=0.03)
     assert mesh.body_count == 2

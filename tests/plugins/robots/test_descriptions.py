@@ -22,7 +22,9 @@ def test_dropped_links_are_gone_with_their_joints():
     left = arm(drop=gone)
     assert not gone & {*left.links, *left.joints}
     assert sum(joint.kind == "revolute" for joint in left.joints.values()) == 6
-    assert not any(word in mended(UR5, drop=gone) for word in ("gazebo", "transmission", "<!--"))
+    assert not any(
+        word in mended(UR5, drop=gone) for word in ("gazebo", "transmission", "<!--")
+    )
 
 
 def test_what_is_not_there_is_named():
@@ -32,9 +34,14 @@ def test_what_is_not_there_is_named():
 
 def test_inertias_and_limits_are_replaced():
     own = (2.0, (0.1, 0.2, 0.3), MOMENTS)
-    new = arm(inertials={"wrist_3_link": own}, limits={"elbow_joint": {"upper": 1.5, "velocity": 0.5}})
+    new = arm(
+        inertials={"wrist_3_link": own},
+        limits={"elbow_joint": {"upper": 1.5, "velocity": 0.5}},
+    )
     assert new.links["wrist_3_link"].inertial == Inertial(*own)
-    assert new.named["elbow_joint"].limits == arm().named["elbow_joint"].limits._replace(upper=1.5, velocity=0.5)
+    assert new.named["elbow_joint"].limits == arm().named[
+        "elbow_joint"
+    ].limits._replace(upper=1.5, velocity=0.5)
 
 
 def test_endless_joints_get_ends():
@@ -49,9 +56,16 @@ def test_shapes_are_replaced(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     disc = {"radius": 0.03, "length": 0.02, "z": 0.1}
     mesh = "ur_description/meshes/ur5/collision/base.stl"
-    links = arm(collisions={"base_link": mesh, "wrist_3_link": disc}, undrawn=["base.dae"]).links
+    links = arm(
+        collisions={"base_link": mesh, "wrist_3_link": disc}, undrawn=["base.dae"]
+    ).links
     (hull,) = links["base_link"].collisions
     assert hull.shape.is_relative_to(tmp_path)
     assert hull.shape.suffix == ".stl"
-    assert links["wrist_3_link"].collisions == (RobotShape(Cylinder(0.03, 0.02), Origin((0.0, 0.0, 0.1))),)
-    assert (len(links["base_link"].visuals), len(links["wrist_3_link"].visuals)) == (0, 1)
+    assert links["wrist_3_link"].collisions == (
+        RobotShape(Cylinder(0.03, 0.02), Origin((0.0, 0.0, 0.1))),
+    )
+    assert (len(links["base_link"].visuals), len(links["wrist_3_link"].visuals)) == (
+        0,
+        1,
+    )

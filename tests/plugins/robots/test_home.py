@@ -15,34 +15,77 @@ pytestmark = pytest.mark.usefixtures("in_this_process")
 
 def found(capsys):
     """The home that was printed."""
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("robot.home=")]
-    return [float(number) for number in line.removeprefix("robot.home=[").rstrip("]").split(",")]
+    (line,) = [
+        line
+        for line in capsys.readouterr().out.splitlines()
+        if line.startswith("robot.home=")
+    ]
+    return [
+        float(number)
+        for number in line.removeprefix("robot.home=[").rstrip("]").split(",")
+    ]
 
 
-@pytest.mark.parametrize(("base", "at"), [((0, 0, 0, 0), (0.5, 0.0, 0.5)), ((0.1, -0.2, 0.1, 1.0), (0.4, 0.2, 0.45))])
+@pytest.mark.parametrize(
+    ("base", "at"),
+    [((0, 0, 0, 0), (0.5, 0.0, 0.5)), ((0.1, -0.2, 0.1, 1.0), (0.4, 0.2, 0.45))],
+)
 def test_joints_are_found_and_the_arm_takes_them(file, capsys, base, at):
-    home.main(["robot=urdf", f"robot.path={file}", f"robot.base={list(base)}", f"at={list(at)}"])
+    home.main(
+        [
+            "robot=urdf",
+            f"robot.path={file}",
+            f"robot.base={list(base)}",
+            f"at={list(at)}",
+        ]
+    )
     robot = read_robot(file, found(capsys), FLANGE)
     there = arm_of(robot).forward(np.array(robot.home))
-    turned = np.array([[np.cos(base[3]), -np.sin(base[3]), 0], [np.sin(base[3]), np.cos(base[3]), 0], [0, 0, 1]])
+    turned = np.array(
+        [
+            [np.cos(base[3]), -np.sin(base[3]), 0],
+            [np.sin(base[3]), np.cos(base[3]), 0],
+            [0, 0, 1],
+        ]
+    )
     np.testing.assert_allclose(turned @ there.position + base[:3], at, atol=2e-3)
     np.testing.assert_allclose(there.rotation.as_matrix(), np.eye(3), atol=1e-3)
 
 
 def test_all_that_is_wrong_is_said_at_once(file):
-    text = file.read_text().replace('velocity="2.6"', 'velocity="0"').replace('effort="40" ', "", 1)
-    (file.parent / "wrong.urdf").write_text(text.replace('<mass value="0.172"/>', '<mass value="0"/>'))
+    text = (
+        file.read_text()
+        .replace('velocity="2.6"', 'velocity="0"')
+        .replace('effort="40" ', "", 1)
+    )
+    (file.parent / "wrong.urdf").write_text(
+        text.replace('<mass value="0.172"/>', '<mass value="0"/>')
+    )
     with pytest.raises(UserError) as caught:
         home.main(["robot=urdf", f"robot.path={file.parent / 'wrong.urdf'}"])
     lines = str(caught.value).splitlines()
     for joint in (1, 2, 3):
-        assert sum(f"joint 'joint_{joint}' has 0 as velocity limit" in line for line in lines) == 1
-    assert "- joint 'joint_4' has no effort limit; take it from the arm's data sheet, N m" in lines
-    assert lines[-1].startswith("- link 'hand' with what is fixed to it (1 more) moves, but has no mass")
+        assert (
+            sum(
+                f"joint 'joint_{joint}' has 0 as velocity limit" in line
+                for line in lines
+            )
+            == 1
+        )
+    assert (
+        "- joint 'joint_4' has no effort limit; take it from the arm's data sheet, N m"
+        in lines
+    )
+    assert lines[-1].startswith(
+        "- link 'hand' with what is fixed to it (1 more) moves, but has no mass"
+    )
 
 
 def test_out_of_reach(file):
-    with pytest.raises(UserError, match=r"no joints bring the flange to \(2, 0, 0.5\).* misses it by 1\.\d+ m"):
+    with pytest.raises(
+        UserError,
+        match=r"no joints bring the flange to \(2, 0, 0.5\).* misses it by 1\.\d+ m",
+    ):
         home.main(["robot=urdf", f"robot.path={file}", "at=[2,0,0.5]"])
 
 
@@ -53,9 +96,12 @@ def test_a_joint_that_blocks_is_named(file):
     tight = after.replace('lower="-2.9" upper="2.9"', 'lower="-0.1" upper="0.3"', 1)
     (file.parent / "tight.urdf").write_text(f"{before}{elbow}{tight}")
     with pytest.raises(
-        UserError, match=r"misses it by 0\.\d+ m and \d+ degrees, with .*'joint_3'.* at the limit; choose"
+        UserError,
+        match=r"misses it by 0\.\d+ m and \d+ degrees, with .*'joint_3'.* at the limit; choose",
     ):
-        home.main(["robot=urdf", f"robot.path={file.parent / 'tight.urdf'}", "at=[0.3,0,0.4]"])
+        home.main(
+            ["robot=urdf", f"robot.path={file.parent / 'tight.urdf'}", "at=[0.3,0,0.4]"]
+        )
 
 
 def test_a_frame_inside_the_last_link(file, capsys):
@@ -68,7 +114,10 @@ def test_a_frame_inside_the_last_link(file, capsys):
     assert "beyond" not in capsys.readouterr().out
     lines = [line for line in file.read_text().splitlines() if FLANGE not in line]
     (file.parent / "own.urdf").write_text("\n".join([*lines[:-1], link, lines[-1]]))
-    own, given = (arm_of(read_robot(one, HOME)).forward(np.array(HOME)) for one in (file.parent / "own.urdf", file))
+    own, given = (
+        arm_of(read_robot(one, HOME)).forward(np.array(HOME))
+        for one in (file.parent / "own.urdf", file)
+    )
     np.testing.assert_allclose(own.matrix, given.matrix, atol=1e-4)
 
 
@@ -76,9 +125,20 @@ def test_what_hangs_where_tools_go_is_named(file, capsys):
     box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
     joint = '<joint name="on" type="fixed"><parent link="tool0"/><child link="lamp"/></joint>'
     hung = f'<link name="lamp">{box}</link>{joint}'
-    (file.parent / "lamp.urdf").write_text(file.read_text().replace("</robot>", f"{hung}</robot>"))
-    home.main(["robot=urdf", f"robot.path={file.parent / 'lamp.urdf'}", f"robot.flange={FLANGE}"])
-    assert "lamp hang where tools go; leave them out: robot.without=[lamp]" in capsys.readouterr().out
+    (file.parent / "lamp.urdf").write_text(
+        file.read_text().replace("</robot>", f"{hung}</robot>")
+    )
+    home.main(
+        [
+            "robot=urdf",
+            f"robot.path={file.parent / 'lamp.urdf'}",
+            f"robot.flange={FLANGE}",
+        ]
+    )
+    assert (
+        "lamp hang where tools go; leave them out: robot.without=[lamp]"
+        in capsys.readouterr().out
+    )
 
 
 ARMS = {

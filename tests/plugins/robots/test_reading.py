@@ -51,7 +51,10 @@ def test_the_arm_is_as_the_file_has_it(file):
     np.testing.assert_allclose(arm.upper, LIMIT)
     above = arm.forward(arm.home)
     np.testing.assert_allclose(above.rotation.as_matrix(), np.eye(3), atol=0.01)
-    reached = 0.42 * np.sin(0.35) + 0.40 * np.sin(1.85), 0.35 + 0.42 * np.cos(0.35) + 0.40 * np.cos(1.85) - 0.12
+    reached = (
+        0.42 * np.sin(0.35) + 0.40 * np.sin(1.85),
+        0.35 + 0.42 * np.cos(0.35) + 0.40 * np.cos(1.85) - 0.12,
+    )
     np.testing.assert_allclose(above.position, (reached[0], 0.0, reached[1]), atol=1e-3)
     assert arm.home_for(Pose(np.array([0.5, 0.0, 0.5]))).shape == (6,)
 
@@ -60,25 +63,43 @@ def test_meshes_of_all_formats_and_units_have_their_size(file):
     robot = read_robot(file, HOME, FLANGE)
     half = {solid.name: solid.bounds()[1] for solid in robot_solids(robot, False)}
     assert len(half) == 7
-    np.testing.assert_allclose(half["upper_arm"], (0.065, 0.06, 0.2125), atol=1e-3)  # Collada in centimetres
-    np.testing.assert_allclose(half["forearm"], (0.055, 0.06, 0.1325), atol=1e-3)  # STL in millimetres, scaled
+    np.testing.assert_allclose(
+        half["upper_arm"], (0.065, 0.06, 0.2125), atol=1e-3
+    )  # Collada in centimetres
+    np.testing.assert_allclose(
+        half["forearm"], (0.055, 0.06, 0.1325), atol=1e-3
+    )  # STL in millimetres, scaled
 
 
 @pytest.mark.parametrize(
-    "name", ["meshes/a.stl", "../meshes/base.stl", "file://{folder}/meshes/base.stl", "{folder}/meshes/base.stl"]
+    "name",
+    [
+        "meshes/a.stl",
+        "../meshes/base.stl",
+        "file://{folder}/meshes/base.stl",
+        "{folder}/meshes/base.stl",
+    ],
 )
 def test_paths_of_meshes(changed, file, name):
     folder = file.parents[1]
     (file.parent / "meshes").mkdir(exist_ok=True)
-    (file.parent / "meshes/a.stl").write_bytes((folder / "meshes/base.stl").read_bytes())
-    assert changed(("../meshes/base.stl", name.format(folder=folder))).near_mount == ("hand", FLANGE)
+    (file.parent / "meshes/a.stl").write_bytes(
+        (folder / "meshes/base.stl").read_bytes()
+    )
+    assert changed(("../meshes/base.stl", name.format(folder=folder))).near_mount == (
+        "hand",
+        FLANGE,
+    )
 
 
 def test_packages_are_found_in_ros_paths(changed, file, monkeypatch, tmp_path):
     (tmp_path / "share").mkdir()
     (tmp_path / "share/other_arm").symlink_to(file.parents[1])
     change = ("package://outside_arm", "package://other_arm")
-    with pytest.raises(UserError, match="package 'other_arm' is neither beside nor above the URDF; put it there, or"):
+    with pytest.raises(
+        UserError,
+        match="package 'other_arm' is neither beside nor above the URDF; put it there, or",
+    ):
         changed(change)
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere{os.pathsep}{tmp_path}/share")
     changed(change)
@@ -93,9 +114,14 @@ def test_a_flange_that_is_the_only_end(file):
 
 def test_a_mount_turned_by_hand(changed):
     turned = (0.0, 0.35, 1.5, 0.0, 1.29, 0.785)
-    with pytest.raises(UserError, match=r"45 degrees off the world's; .*robot.mount_rpy=\[(.*)\]") as caught:
+    with pytest.raises(
+        UserError, match=r"45 degrees off the world's; .*robot.mount_rpy=\[(.*)\]"
+    ) as caught:
         changed(home=turned)
-    rpy = [float(number) for number in str(caught.value).rpartition("[")[2].rstrip("]").split(",")]
+    rpy = [
+        float(number)
+        for number in str(caught.value).rpartition("[")[2].rstrip("]").split(",")
+    ]
     robot = changed(home=turned, mount_rpy=rpy)
     at_home = arm_of(robot).forward(np.array(turned)).rotation.as_matrix()
     np.testing.assert_allclose(at_home, np.eye(3), atol=1e-3)
@@ -110,7 +136,10 @@ def test_continuous_joints_turn_twice_at_most(changed):
 def test_an_inertia_counts_where_the_link_moves(changed):
     """The hand has no mass; the flange that is fixed to it has it, 5 cm farther on."""
     robot = ElementTree.fromstring(
-        changed(('<link name="tool0"/>', _HEAVY), ('<mass value="0.172"/>', '<mass value="0"/>')).urdf
+        changed(
+            ('<link name="tool0"/>', _HEAVY),
+            ('<mass value="0.172"/>', '<mass value="0"/>'),
+        ).urdf
     )
     inertial = robot.find("link[@name='hand']/inertial")
     assert float(inertial.find("mass").get("value")) == 0.5
@@ -122,7 +151,9 @@ _HEAVY = '<link name="tool0"><inertial><mass value="0.5"/><inertia ixx="1e-3" iy
 
 def test_rounded_inertias_are_mended(changed):
     moments = 'ixx="0.00500" iyy="0.00500" izz="0.01002"'
-    robot = ElementTree.fromstring(changed(('<link name="tool0"/>', _HEAVY), (_INERTIA, moments)).urdf)
+    robot = ElementTree.fromstring(
+        changed(('<link name="tool0"/>', _HEAVY), (_INERTIA, moments)).urdf
+    )
     inertia = robot.find("link[@name='hand']/inertial/inertia")
     x, y, z = (float(inertia.get(name)) for name in ("ixx", "iyy", "izz"))
     assert x + y >= z
@@ -132,8 +163,14 @@ _INERTIA = 'ixx="1e-3" iyy="1e-3" izz="1e-3"'
 
 
 def test_bolts_of_the_flange(file):
-    robot = read_robot(file, HOME, FLANGE, bolts=BoltOptions(0.04, 6, "M5", 0.0, 0.05, None))
-    assert (robot.flange.bolts, robot.flange.thread, robot.flange.disc.radius) == (6, "M5", 0.025)
+    robot = read_robot(
+        file, HOME, FLANGE, bolts=BoltOptions(0.04, 6, "M5", 0.0, 0.05, None)
+    )
+    assert (robot.flange.bolts, robot.flange.thread, robot.flange.disc.radius) == (
+        6,
+        "M5",
+        0.025,
+    )
     assert read_robot(file, HOME, FLANGE).flange == ISO_9409_1_50
     with pytest.raises(UsageError, match="circle_m < disc_m"):
         read_robot(file, HOME, FLANGE, bolts=BoltOptions(circle_m=50))
@@ -142,20 +179,33 @@ def test_bolts_of_the_flange(file):
 def test_a_gripper(changed):
     robot = changed(*gripped(), gripper=GripperOptions("hand_base", ("left", "right")))
     gripper = robot.gripper
-    assert (gripper.links, gripper.travel_m, gripper.force_n) == (("finger_l", "finger_r"), 0.03, 25.0)
+    assert (gripper.links, gripper.travel_m, gripper.force_n) == (
+        ("finger_l", "finger_r"),
+        0.03,
+        25.0,
+    )
     rigid = arm_of(robot).forward(np.array(HOME))
-    held = link_frames(robot, Tool(gripper=True), np.array([HOME]), np.full((1, 2), 0.03))
+    held = link_frames(
+        robot, Tool(gripper=True), np.array([HOME]), np.full((1, 2), 0.03)
+    )
     rotation, position = (values[0] for values in held["tool_mount"])
     np.testing.assert_allclose(position, rigid.position, atol=1e-9)
     np.testing.assert_allclose(rotation, rigid.rotation.as_matrix(), atol=1e-9)
     fingers = held["left_finger"][1] - held["right_finger"][1]
     np.testing.assert_allclose(np.abs(fingers), [[0.0, 0.06, 0.0]], atol=1e-9)
-    assert {solid.name for solid in robot_solids(robot, True)} > {"left_finger", "right_finger", "hand_base"}
+    assert {solid.name for solid in robot_solids(robot, True)} > {
+        "left_finger",
+        "right_finger",
+        "hand_base",
+    }
     assert "hand_base" not in {solid.name for solid in robot_solids(robot, False)}
 
 
 def gripped(
-    kinds=("prismatic", "prismatic"), right='<axis xyz="0 -1 0"/><mimic joint="left"/>', lower="0", fixed="tool0"
+    kinds=("prismatic", "prismatic"),
+    right='<axis xyz="0 -1 0"/><mimic joint="left"/>',
+    lower="0",
+    fixed="tool0",
 ):
     """The changes that give the arm a gripper."""
     box = '<geometry><box size="0.02 0.02 0.04"/></geometry>'
@@ -166,7 +216,10 @@ def gripped(
     )
     joints = f'<joint name="on" type="fixed"><parent link="{fixed}"/><child link="hand_base"/></joint>'
     limit = f'<limit lower="{lower}" upper="0.03" effort="25" velocity="0.1"/>'
-    for name, kind, more in (("left", kinds[0], f'<axis xyz="0 1 0"/>{limit}'), ("right", kinds[1], right)):
+    for name, kind, more in (
+        ("left", kinds[0], f'<axis xyz="0 1 0"/>{limit}'),
+        ("right", kinds[1], right),
+    ):
         ends = f'<origin xyz="0 0 0.04"/><parent link="hand_base"/><child link="finger_{name[0]}"/>'
         joints += f'<joint name="{name}" type="{kind}">{ends}{more}</joint>'
     return [("</robot>", f"{links}{joints}</robot>")]
@@ -181,7 +234,10 @@ def test_what_moves_beside_the_arm_is_held_or_left_out(changed):
     assert len(changed(*gripped(), fixed=["left", "right"]).arm_joints) == 6
     bare = changed(*gripped(), without=["hand_base"])
     assert "finger" not in bare.urdf
-    assert changed(fixed=["joint_4"], home=[*HOME[:3], *HOME[4:]]).arm_joints[3] == "joint_5"
+    assert (
+        changed(fixed=["joint_4"], home=[*HOME[:3], *HOME[4:]]).arm_joints[3]
+        == "joint_5"
+    )
 
 
 def test_a_joint_is_held_at_a_value(changed):
@@ -192,14 +248,17 @@ def test_a_joint_is_held_at_a_value(changed):
     turned = np.array([0.1, 0.5, 0.2, 0.4, 0.1])
     there = link_frames(held, Tool(), turned[None], np.zeros((1, 0)))["hand"]
     for one, other in zip(
-        there, link_frames(whole, Tool(), np.r_[0.3, turned][None], np.zeros((1, 0)))["hand"], strict=True
+        there,
+        link_frames(whole, Tool(), np.r_[0.3, turned][None], np.zeros((1, 0)))["hand"],
+        strict=True,
     ):
         np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 def test_xacro_is_to_be_expanded_first(changed):
     with pytest.raises(
-        UserError, match=r"is Xacro, of which .* first: pip install 'xacrodoc>=2,<3', then: xacrodoc .*/arm"
+        UserError,
+        match=r"is Xacro, of which .* first: pip install 'xacrodoc>=2,<3', then: xacrodoc .*/arm",
     ):
         changed(name="arm.urdf.xacro")
 
@@ -212,8 +271,14 @@ WRONG = yaml.safe_load(Path(__file__).with_name("wrong_arms.yaml").read_text())
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_named_in_one_line(changed, name):
     wrong = WRONG[name]
-    changes = gripped(**wrong["gripped"]) if "gripped" in wrong else wrong.get("changes", ())
-    gripper = {"gripper": GripperOptions("hand_base", ("left", "right"))} if "gripper" in wrong else {}
+    changes = (
+        gripped(**wrong["gripped"]) if "gripped" in wrong else wrong.get("changes", ())
+    )
+    gripper = (
+        {"gripper": GripperOptions("hand_base", ("left", "right"))}
+        if "gripper" in wrong
+        else {}
+    )
     with pytest.raises(UserError, match=wrong["message"]) as caught:
         changed(*changes, **gripper, **wrong.get("options", {}))
     assert "\n" not in str(caught.value)
@@ -222,14 +287,22 @@ def test_what_is_wrong_is_named_in_one_line(changed, name):
 def test_no_collision_shape(changed, file):
     text = file.read_text()
     shapes = {
-        line.split("<collision>")[1].split("</collision>")[0] for line in text.splitlines() if "<collision>" in line
+        line.split("<collision>")[1].split("</collision>")[0]
+        for line in text.splitlines()
+        if "<collision>" in line
     }
-    with pytest.raises(UserError, match="the arm has no collision shape; repeat each <visual> as <collision>"):
+    with pytest.raises(
+        UserError,
+        match="the arm has no collision shape; repeat each <visual> as <collision>",
+    ):
         changed(*((f"<collision>{shape}</collision>", "") for shape in shapes))
 
 
 def test_a_flange_that_looks_up(changed):
-    with pytest.raises(UserError, match=r"the link before 'joint_6' is 0\.111 m below flange 'tool0', which looks up"):
+    with pytest.raises(
+        UserError,
+        match=r"the link before 'joint_6' is 0\.111 m below flange 'tool0', which looks up",
+    ):
         changed(home=(0.0,) * 6)
 
 
@@ -256,11 +329,25 @@ TEXTS = [
     "floating",
     "a" * 500,
 ]
-TEXTS += ["continuous", "package://", "package://outside_arm", "../..", "file:///dev/zero", "\x7f", "1 2", "world", "é"]
+TEXTS += [
+    "continuous",
+    "package://",
+    "package://outside_arm",
+    "../..",
+    "file:///dev/zero",
+    "\x7f",
+    "1 2",
+    "world",
+    "é",
+]
 
 
 @pytest.mark.slow
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=80,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(data=st.data())
 def test_any_mutation_gives_an_arm_or_one_line(file, tmp_path, data):
     root = ElementTree.fromstring(file.read_text())
@@ -269,7 +356,10 @@ def test_any_mutation_gives_an_arm_or_one_line(file, tmp_path, data):
         element = data.draw(st.sampled_from(elements))
         match data.draw(st.sampled_from(["text", "delete", "remove", "repeat", "tag"])):
             case "text" if element.attrib:
-                element.set(data.draw(st.sampled_from(sorted(element.attrib))), data.draw(st.sampled_from(TEXTS)))
+                element.set(
+                    data.draw(st.sampled_from(sorted(element.attrib))),
+                    data.draw(st.sampled_from(TEXTS)),
+                )
             case "delete" if element.attrib:
                 del element.attrib[data.draw(st.sampled_from(sorted(element.attrib)))]
             case "remove" if len(element):
@@ -277,7 +367,11 @@ def test_any_mutation_gives_an_arm_or_one_line(file, tmp_path, data):
             case "repeat" if len(element):
                 element.append(copy.deepcopy(data.draw(st.sampled_from(list(element)))))
             case "tag":
-                element.tag = data.draw(st.sampled_from(["link", "joint", "mesh", "robot", "box", "limit", "mimic"]))
+                element.tag = data.draw(
+                    st.sampled_from(
+                        ["link", "joint", "mesh", "robot", "box", "limit", "mimic"]
+                    )
+                )
     mutant = file.parent / "mutant.urdf"
     mutant.write_bytes(ElementTree.tostring(root))
     with contextlib.suppress(UserError):

@@ -42,5 +42,9 @@ def test_home_is_the_tasks(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_figures_are_those_of_the_data_sheets(name):
     robot = installed().create("robot", name)
-    assert (len(robot.arm_joints), robot.payload_kg, robot.gripper is not None) == SHEETS[name]
+    assert (
+        len(robot.arm_joints),
+        robot.payload_kg,
+        robot.gripper is not None,
+    ) == SHEETS[name]
     assert set(measured(name)) == {"pybullet", "sapien", "mujoco"}

@@ -22,11 +22,18 @@ GRIPPER = "robot.gripper={link:hand_base,joints:[left,right],force_n:30}"
 @pytest.fixture(scope="module")
 def words(tmp_path_factory):
     file = write_arm(tmp_path_factory.mktemp("arm"))
-    return ["robot=urdf", f"robot.path={file}", f"robot.flange={FLANGE}", f"robot.home={list(HOME)}"]
+    return [
+        "robot=urdf",
+        f"robot.path={file}",
+        f"robot.flange={FLANGE}",
+        f"robot.home={list(HOME)}",
+    ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("check", SUITES["robot"], ids=lambda check: check.__name__.removeprefix("check_"))
+@pytest.mark.parametrize(
+    "check", SUITES["robot"], ids=lambda check: check.__name__.removeprefix("check_")
+)
 def test_an_outside_arm_conforms(check, words):
     check(robot_part(load("evaluate", words).robot).create())
 
@@ -35,16 +42,22 @@ def test_an_outside_arm_conforms(check, words):
 @pytest.mark.parametrize("sim", rare(["mujoco", "pybullet", "sapien"], "mujoco"))
 def test_it_performs_the_reference_solution(words, sim):
     designs = f"designs={ROOT}/tests/tasks/solutions/BringCube.json"
-    (evaluation,) = evaluate.evaluate(load("evaluate", [*words, "task=BringCube", f"sim={sim}", designs]))
+    (evaluation,) = evaluate.evaluate(
+        load("evaluate", [*words, "task=BringCube", f"sim={sim}", designs])
+    )
     assert evaluation.reward > 0.95
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sim", ["mujoco", "pybullet"])
 def test_it_is_drawn_in_its_own_colours(words, sim):
-    picture, _ = render.render(load("render", [*words, "task=BringCube", f"sim={sim}"], render.RenderConfig))
+    picture, _ = render.render(
+        load("render", [*words, "task=BringCube", f"sim={sim}"], render.RenderConfig)
+    )
     pixels = picture.reshape(-1, 3).astype(int)
-    assert (np.abs(pixels - (230, 120, 30)).sum(axis=1) < 60).sum() > 200, "no orange of its turret"
+    assert (np.abs(pixels - (230, 120, 30)).sum(axis=1) < 60).sum() > 200, (
+        "no orange of its turret"
+    )
 
 
 def test_settings_of_a_gripper(words):
@@ -52,7 +65,9 @@ def test_settings_of_a_gripper(words):
     ((old, new),) = gripped()
     file.with_name("gripped.urdf").write_text(file.read_text().replace(old, new))
     path = f"robot.path={file.with_name('gripped.urdf')}"
-    part, again = (robot_part(load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2))
+    part, again = (
+        robot_part(load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2)
+    )
     assert hash(part) == hash(again)  # it is made once per process
     robot = part.create()
     assert (robot.gripper.force_n, robot.finger_joints) == (30.0, ("left", "right"))
@@ -68,7 +83,11 @@ def test_settings_of_a_gripper(words):
             "setting 'gripper' can't be .*: joints: Field required",
         ),
         (
-            {"path": "a.urdf", "home": [0.0], "gripper": {"link": "hand", "joints": ["a", "b"], "force": 1.0}},
+            {
+                "path": "a.urdf",
+                "home": [0.0],
+                "gripper": {"link": "hand", "joints": ["a", "b"], "force": 1.0},
+            },
             "force: Unexpected keyword argument",
         ),
         ({"path": "a.urdf", "home": [0.0]}, "a.urdf can't be read: No such file"),

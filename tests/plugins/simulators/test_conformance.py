@@ -19,7 +19,9 @@ ROOT = Path(__file__).parents[3]
 
 
 @every_simulator
-@pytest.mark.parametrize("check", SUITES["sim"], ids=lambda check: check.__name__.removeprefix("check_"))
+@pytest.mark.parametrize(
+    "check", SUITES["sim"], ids=lambda check: check.__name__.removeprefix("check_")
+)
 def test_simulator(engine, check):
     made = simulator(engine)
     if check.__module__ == softs.__name__ and not made.supports_soft_bodies:
@@ -37,5 +39,11 @@ def test_same_bits_in_every_process_and_simulator(engine):
         "from plugins.conformance.output import digest; from core.plugins import installed;"
         f"print(digest(installed().create('sim', {engine!r})))"
     )
-    again = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    again = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert again.stdout.strip() == first

@@ -49,7 +49,11 @@ def mujoco(**settings):
 @pytest.mark.parametrize("tool", [stick(0.25), HAND], ids=["stick", "hand"])
 def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool):
     """The same start and end, the same lag, the same film; to the last bit."""
-    bodies = table(), cube(at=(0.6, 0, 0.05)), Body.of("can", Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=0.3, color=GREY)
+    bodies = (
+        table(),
+        cube(at=(0.6, 0, 0.05)),
+        Body.of("can", Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=0.3, color=GREY),
+    )
     plan = [[0.45, 0, 0.3, 0, 0, 0, 0.3], [0.65, 0, 0.3, 0, 0, 0, 1.0]]
     job = Rollout(tool, motion(plan), settle_s=0.1, hold_s=0.2, record_hz=30.0)
     sim = mujoco()
@@ -58,8 +62,12 @@ def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool):
     theirs = play(sim.world(task, tool), job)
     assert bits(ours) == bits(theirs)
     for name in ("times", "arm", "fingers"):
-        np.testing.assert_array_equal(getattr(film(ours), name), getattr(film(theirs), name))
-    np.testing.assert_array_equal(film(ours).states.positions, film(theirs).states.positions)
+        np.testing.assert_array_equal(
+            getattr(film(ours), name), getattr(film(theirs), name)
+        )
+    np.testing.assert_array_equal(
+        film(ours).states.positions, film(theirs).states.positions
+    )
 
 
 def test_a_world_settles_once_for_all_that_begin_alike():
@@ -93,17 +101,25 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
     first = round(0.5 / rate / time_step)
     last = len(left) - 1
     found = np.log(left[first] / left[last]) / ((last - first) * time_step)
-    np.testing.assert_allclose(found, rate, rtol=0.25)  # a joint's inertia is not that of its link alone
+    np.testing.assert_allclose(
+        found, rate, rtol=0.25
+    )  # a joint's inertia is not that of its link alone
 
 
-def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatch, capfd):
+def test_a_world_that_explodes_is_an_error_and_nothing_else(
+    tmp_path, monkeypatch, capfd
+):
     """No log file where one stands, nothing on the terminal, and the next job in the same world is as it would be."""
     monkeypatch.chdir(tmp_path)
     far = np.stack([still().arm[0], still().arm[0] + 1e12])
-    broken = Rollout(BARE, JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN)))
+    broken = Rollout(
+        BARE, JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN))
+    )
     task = Bodies(table(), cube(at=(0.6, 0, 0.05)))
     sim = mujoco()
-    before, failed, after = sim.rollout(task, [Rollout(BARE, still()), broken, Rollout(BARE, still())])
+    before, failed, after = sim.rollout(
+        task, [Rollout(BARE, still()), broken, Rollout(BARE, still())]
+    )
     assert isinstance(failed, Outcome)
     assert failed.error is not None
     assert failed.error.startswith("MuJoCo: ")
@@ -122,9 +138,18 @@ def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatc
 def test_what_friction_holds_does_not_creep():
     hill = slope(math.atan(0.45), 0.5)  # at 0.5 it would slide
     at = hill.pose.apply([0, 0, 0.05 + 0.02])
-    block = Body.of("block", Box((0.1, 0.1, 0.04)), at, mass=1.0, color=GREY, rpy=(0, math.atan(0.45), 0))
+    block = Body.of(
+        "block",
+        Box((0.1, 0.1, 0.04)),
+        at,
+        mass=1.0,
+        color=GREY,
+        rpy=(0, math.atan(0.45), 0),
+    )
     outcome = wait(mujoco(), hill, block, seconds=5.0, settle_s=0.5)
-    crept = np.linalg.norm(end(outcome).position("block") - start(outcome).position("block"))
+    crept = np.linalg.norm(
+        end(outcome).position("block") - start(outcome).position("block")
+    )
     assert crept < 5e-4
 
 
@@ -133,7 +158,9 @@ def test_a_ball_that_rolls_slowly_is_not_put_to_sleep():
     hill = slope(2e-3, 1.0)
     at = hill.pose.apply([0, 0, 0.05 + 0.1])
     ball = Body.of("ball", Sphere(0.1), at, mass=1.0, color=GREY, friction=1.0)
-    rolled = np.linalg.norm(end(wait(mujoco(), hill, ball, seconds=5.0)).position("ball") - at)
+    rolled = np.linalg.norm(
+        end(wait(mujoco(), hill, ball, seconds=5.0)).position("ball") - at
+    )
     assert rolled == pytest.approx(5 / 7 * GRAVITY * 2e-3 * 5**2 / 2, rel=0.1)
 
 
@@ -143,7 +170,9 @@ def test_what_sleeps_wakes_when_it_is_touched():
     outcome = move(mujoco(), plan, *bodies, tool=stick(0.25))
     assert end(outcome).position("cube")[0] > 0.65
     np.testing.assert_array_equal(end(outcome).linear_velocity("far"), 0)
-    np.testing.assert_allclose(end(outcome).position("far"), [0.6, 0.4, 0.05], atol=1e-4)
+    np.testing.assert_allclose(
+        end(outcome).position("far"), [0.6, 0.4, 0.05], atol=1e-4
+    )
 
 
 # --- the robot --------------------------------------------------------------------------------------------------
@@ -167,10 +196,15 @@ def test_a_joint_whose_force_is_at_its_limit_does_not_shake():
 def test_the_arm_moves_smoothly():
     """From one step to the next no joint's speed changes by much more than its trajectory's does."""
     trajectory = motion([[0.6, 0.2, 0.3, 0, 0.3, 0], [0.5, -0.2, 0.4, 0, 0, 0.5]])
-    (outcome,) = mujoco().rollout(Bodies(), [Rollout(BARE, trajectory, settle_s=0.0, hold_s=0.1, record_hz=400)])
+    (outcome,) = mujoco().rollout(
+        Bodies(), [Rollout(BARE, trajectory, settle_s=0.0, hold_s=0.1, record_hz=400)]
+    )
     dt = 0.0025
     wanted, _ = trajectory.sample(film(outcome).times)
-    jumps = [np.abs(np.diff(joints, n=2, axis=0)).max() / dt for joints in (film(outcome).arm, wanted)]
+    jumps = [
+        np.abs(np.diff(joints, n=2, axis=0)).max() / dt
+        for joints in (film(outcome).arm, wanted)
+    ]
     assert jumps[0] < 2 * jumps[1]
 
 
@@ -187,11 +221,21 @@ def own_renderer():
 
 def test_what_is_behind_glass_can_be_seen(own_renderer):
     def picture(opacity):
-        pane = Body.of("pane", Box((0.01, 0.4, 0.4)), (0.8, 0, 0.2), mass=0, color=(0.5, 0.5, 0.5, opacity))
-        red = Body.of("red", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=(1, 0, 0, 1))
+        pane = Body.of(
+            "pane",
+            Box((0.01, 0.4, 0.4)),
+            (0.8, 0, 0.2),
+            mass=0,
+            color=(0.5, 0.5, 0.5, opacity),
+        )
+        red = Body.of(
+            "red", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=(1, 0, 0, 1)
+        )
         own_renderer.load(Bodies(table(), red, pane), 0, None)
         task = Bodies(table(), red, pane)
-        own_renderer.pose(still().arm[0], np.full(2, FINGER_OPEN), task.scene(0).state())
+        own_renderer.pose(
+            still().arm[0], np.full(2, FINGER_OPEN), task.scene(0).state()
+        )
         camera = replace(task.camera, position=(1.6, 0.0, 0.3), target=(0.6, 0.0, 0.1))
         seen = own_renderer.shoot(camera, 80, 60).astype(int)
         return (seen[..., 0] > seen[..., 1] + 60).sum()
@@ -217,7 +261,11 @@ def test_render_says_who_drew(tmp_path, own_renderer):
     pytest.importorskip("pybullet")
     done = without(["OpenGL"], arguments, tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer needs OpenGL")
+    assert done.stdout.startswith(
+        "scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer needs OpenGL"
+    )
     done = without([], arguments, tmp_path, MUJOCO_GL="disable")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer is switched off")
+    assert done.stdout.startswith(
+        "scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer is switched off"
+    )

@@ -17,7 +17,18 @@ from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
 from plugins.conformance import bodies, joints, output, robot, shapes
 from plugins.conformance.output import bits
-from plugins.conformance.worlds import BARE, GREY, Bodies, cube, end, film, motion, start, stick, still
+from plugins.conformance.worlds import (
+    BARE,
+    GREY,
+    Bodies,
+    cube,
+    end,
+    film,
+    motion,
+    start,
+    stick,
+    still,
+)
 from tests.playing import evaluate_batch
 
 pytest.importorskip("mujoco_warp")
@@ -47,7 +58,9 @@ def warped():
     return installed().create("sim", "mujoco_warp", {"device": "cpu"})
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
+@pytest.mark.parametrize(
+    "check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_")
+)
 def test_simulator(warped, check):
     check(warped)
 
@@ -72,14 +85,26 @@ def test_reference_solutions_are_as_good(warped, name):
 
 def test_the_same_film(warped):
     """Start and end, the arm's lag, and all between, to within what single precision makes of it."""
-    job = Rollout(stick(0.25), motion([[0.45, 0, 0.3, 0, 0, 0], [0.58, 0, 0.3, 0, 0, 0]]), hold_s=0.2, record_hz=50.0)
+    job = Rollout(
+        stick(0.25),
+        motion([[0.45, 0, 0.3, 0, 0, 0], [0.58, 0, 0.3, 0, 0, 0]]),
+        hold_s=0.2,
+        record_hz=50.0,
+    )
     task = Bodies(table(), cube(at=(0.6, 0, 0.05)))
-    (ours,), (theirs,) = (engine.rollout(task, [job]) for engine in (warped, installed().create("sim", "mujoco")))
+    (ours,), (theirs,) = (
+        engine.rollout(task, [job])
+        for engine in (warped, installed().create("sim", "mujoco"))
+    )
     assert ours.tracking_error_rad == pytest.approx(theirs.tracking_error_rad, abs=1e-3)
     np.testing.assert_array_equal(film(ours).times, film(theirs).times)
     np.testing.assert_allclose(film(ours).arm, film(theirs).arm, atol=1e-3)
-    np.testing.assert_allclose(film(ours).states.positions, film(theirs).states.positions, atol=2e-3)
-    np.testing.assert_allclose(start(ours).positions, start(theirs).positions, atol=1e-4)
+    np.testing.assert_allclose(
+        film(ours).states.positions, film(theirs).states.positions, atol=2e-3
+    )
+    np.testing.assert_allclose(
+        start(ours).positions, start(theirs).positions, atol=1e-4
+    )
     np.testing.assert_array_equal(film(ours).states.positions[-1], end(ours).positions)
 
 
@@ -90,19 +115,32 @@ class Layouts(Bodies):
     """A cube, and a post that does not move, both where the seed says."""
 
     def scene(self, seed):
-        post = Body.of("post", Box((0.1, 0.1, 0.1)), (0.6, 0.3 - 0.05 * seed, 0.05), mass=0.0, color=GREY)
+        post = Body.of(
+            "post",
+            Box((0.1, 0.1, 0.1)),
+            (0.6, 0.3 - 0.05 * seed, 0.05),
+            mass=0.0,
+            color=GREY,
+        )
         on_it = cube(at=(0.6, 0.3 - 0.05 * seed, 0.16), side=0.1)
         return Scene((table(), post, on_it))
 
 
 def test_each_world_has_its_own_layout_and_tool_in_one_batch(warped):
-    jobs = [Rollout(stick(0.1 + 0.02 * i), still(), seed=i, settle_s=0.3, hold_s=0.1 * i) for i in range(4)]
+    jobs = [
+        Rollout(stick(0.1 + 0.02 * i), still(), seed=i, settle_s=0.3, hold_s=0.1 * i)
+        for i in range(4)
+    ]
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
     outcomes = fresh.rollout(Layouts(), jobs)
     for seed, outcome in enumerate(outcomes):
-        np.testing.assert_allclose(end(outcome).position("cube"), [0.6, 0.3 - 0.05 * seed, 0.15], atol=1e-3)
+        np.testing.assert_allclose(
+            end(outcome).position("cube"), [0.6, 0.3 - 0.05 * seed, 0.15], atol=1e-3
+        )
     again = fresh.rollout(Layouts(), jobs[::-1])[::-1]
-    assert [bits(outcome) for outcome in again] == [bits(outcome) for outcome in outcomes]
+    assert [bits(outcome) for outcome in again] == [
+        bits(outcome) for outcome in outcomes
+    ]
 
 
 def test_contacts_that_find_no_room_are_given_more(warped):
@@ -110,7 +148,10 @@ def test_contacts_that_find_no_room_are_given_more(warped):
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
     pile = [cube(f"c{i}", (0.6, 0.0, 0.05 + 0.1 * i)) for i in range(3)]
     task = Bodies(table(), *pile)
-    jobs = [Rollout(BARE, still(), hold_s=0.2), Rollout(stick(0.1), still(), hold_s=0.2)]
+    jobs = [
+        Rollout(BARE, still(), hold_s=0.2),
+        Rollout(stick(0.1), still(), hold_s=0.2),
+    ]
     enough = [bits(outcome) for outcome in fresh.rollout(task, jobs)]
     (shared,) = {figures.shared for figures in fresh._figures.values()}
     fresh._contacts[shared] = 4
@@ -122,7 +163,9 @@ def test_with_more_contacts_than_there_can_be_room_for_it_is_an_error(monkeypatc
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
     monkeypatch.setattr(simulator, "_up", lambda count: 2 if count > 30 else count)
     monkeypatch.setattr(simulator, "_MOST_CONTACTS", 3)
-    (outcome,) = fresh.rollout(Bodies(table(), cube(at=(0.6, 0, 0.05))), [Rollout(BARE, still(), hold_s=0.1)])
+    (outcome,) = fresh.rollout(
+        Bodies(table(), cube(at=(0.6, 0, 0.05))), [Rollout(BARE, still(), hold_s=0.1)]
+    )
     assert "contacts at once" in outcome.error
     assert outcome.end is None
 
@@ -133,7 +176,9 @@ def test_a_world_that_explodes_is_an_error_and_hurts_no_other(capfd):
     sound = Rollout(stick(0.25), still(), hold_s=0.2, record_hz=10)
     far = np.stack([still().arm[0], still().arm[0] + 1e12])
     targets = JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN))
-    before, failed, after = fresh.rollout(task, [sound, Rollout(stick(0.2), targets), sound])
+    before, failed, after = fresh.rollout(
+        task, [sound, Rollout(stick(0.2), targets), sound]
+    )
     assert "blew up" in failed.error
     assert failed.end is None
     assert bits(before) == bits(after) == bits(fresh.rollout(task, [sound])[0])
@@ -147,23 +192,49 @@ def test_without_a_card_it_says_so():
     with pytest.raises(UserError, match=r"sim\.device 'gpu'"):
         installed().create("sim", "mujoco_warp", {"device": "gpu"})
     if not warp.get_cuda_devices():
-        with pytest.raises(UserError, match=r"sim\.device=cuda: no graphics card with CUDA is found here"):
+        with pytest.raises(
+            UserError,
+            match=r"sim\.device=cuda: no graphics card with CUDA is found here",
+        ):
             installed().create("sim", "mujoco_warp")
 
 
 def test_a_run_on_the_processor(tmp_path):
-    words = ["sim=mujoco_warp", "sim.device=cpu", "task=BringCube", "hydra.run.dir=out", "film=false"]
-    budget = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=0"]
+    words = [
+        "sim=mujoco_warp",
+        "sim.device=cpu",
+        "task=BringCube",
+        "hydra.run.dir=out",
+        "film=false",
+    ]
+    budget = [
+        "budget.n_agent=1",
+        "budget.n_tool=2",
+        "budget.n_action=2",
+        "budget.n_iteration=0",
+    ]
     done = python_m(tmp_path, "core.run", *words, *budget)
     assert done.returncode == 0, done.stderr
     assert "4 rollouts in" in done.stderr
-    assert "Warp" not in done.stderr  # it reports kernels and a missing driver by default
+    assert (
+        "Warp" not in done.stderr
+    )  # it reports kernels and a missing driver by default
 
 
 def test_what_it_lacks_names_the_engine_that_has_it(warped):
-    thrown = replace(Body.of("ball", Box((0.1, 0.1, 0.1)), (0, 0, 3), mass=1.0, color=GREY), velocity=(1.0, 0.0, 0.0))
-    hung = Bodies(replace(thrown, velocity=(0.0, 0.0, 0.0)), joints=(Joint("pin", "ball", "ball"),))
+    thrown = replace(
+        Body.of("ball", Box((0.1, 0.1, 0.1)), (0, 0, 3), mass=1.0, color=GREY),
+        velocity=(1.0, 0.0, 0.0),
+    )
+    hung = Bodies(
+        replace(thrown, velocity=(0.0, 0.0, 0.0)),
+        joints=(Joint("pin", "ball", "ball"),),
+    )
     job = Rollout(BARE, still())
-    for task, wanted in ((Bodies(thrown), job), (hung, job), (Bodies(), replace(job, forces=True))):
+    for task, wanted in (
+        (Bodies(thrown), job),
+        (hung, job),
+        (Bodies(), replace(job, forces=True)),
+    ):
         with pytest.raises(UserError, match=r"use sim=mujoco$"):
             warped.rollout(task, [wanted])

@@ -21,13 +21,25 @@ def hammer(name, at, side=0.05):
 
 
 PLAN = [[0.6, 0.2, 0.15, 0, 0.3, 0], [0.6, -0.2, 0.15, 0, 0, 0.5]]
-THINGS = (table(), cube(at=(0.6, 0, 0.05)), hammer("hammer", (0.7, 0.1, 0.1)), hammer("other", (0.5, -0.1, 0.1), 0.06))
+THINGS = (
+    table(),
+    cube(at=(0.6, 0, 0.05)),
+    hammer("hammer", (0.7, 0.1, 0.1)),
+    hammer("other", (0.5, -0.1, 0.1), 0.06),
+)
 
 
 def test_what_is_kept_between_rollouts_changes_no_bit_of_them():
     def played(sim, tool, bodies):
         return bits(move(sim, PLAN, *bodies, tool=tool, record_hz=25))
 
-    jobs = [(stick(0.25), THINGS), (stick(0.3), THINGS), (stick(0.25), THINGS[:2]), (stick(0.25), THINGS)]
+    jobs = [
+        (stick(0.25), THINGS),
+        (stick(0.3), THINGS),
+        (stick(0.25), THINGS[:2]),
+        (stick(0.25), THINGS),
+    ]
     one = installed().create("sim", "pybullet")
-    assert [played(one, *job) for job in jobs] == [played(installed().create("sim", "pybullet"), *job) for job in jobs]
+    assert [played(one, *job) for job in jobs] == [
+        played(installed().create("sim", "pybullet"), *job) for job in jobs
+    ]

@@ -10,7 +10,16 @@ from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
-from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, still
+from plugins.conformance.worlds import (
+    BARE,
+    FAR,
+    GRAVITY,
+    GREY,
+    Bodies,
+    cube,
+    film,
+    still,
+)
 from tests.plugins.simulators.test_pybullet import hammer
 
 pytest.importorskip("pybullet")
@@ -24,7 +33,13 @@ def sim():
 def play(sim, bodies, joints=(), seconds=1.0, **more):
     """A recording of the arm that waits, or moves, and its states with joints."""
     scene = Scene(tuple(bodies), tuple(joints))
-    job = {"tool": BARE, "trajectory": still(), "settle_s": 0.0, "hold_s": seconds, "record_hz": 100.0} | more
+    job = {
+        "tool": BARE,
+        "trajectory": still(),
+        "settle_s": 0.0,
+        "hold_s": seconds,
+        "record_hz": 100.0,
+    } | more
     (outcome,) = sim.rollout(Bodies(*bodies, joints=scene.joints), [Rollout(**job)])
     recording = film(outcome)
     return recording, scene.complete(recording.states)
@@ -34,18 +49,29 @@ def block(mass):
     return cube("block", FAR, mass=mass)
 
 
-@pytest.mark.parametrize(("mass", "damping"), [(0.01, 1.0), (1.0, 1.0), (1.0, 300.0), (1.0, 3000.0)])
+@pytest.mark.parametrize(
+    ("mass", "damping"), [(0.01, 1.0), (1.0, 1.0), (1.0, 300.0), (1.0, 3000.0)]
+)
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_dampers_let_a_block_sink_at_their_speed(sim, mass, damping, friction):
     load = mass * GRAVITY
     joint = Joint("s", "slider", "block", damping=damping, friction=friction * load)
     _, states = play(sim, [block(mass)], [joint], seconds=1.0 + 8 * mass / damping)
-    assert states.joint("s").speed[-1] == pytest.approx((friction - 1) * load / damping, rel=0.005)
+    assert states.joint("s").speed[-1] == pytest.approx(
+        (friction - 1) * load / damping, rel=0.005
+    )
 
 
 def test_a_latch_that_is_stiff_for_a_time_step_holds(sim):
     """At 2 ms an explicit force of this stiffness, 6e4 N/m on 20 g, would blow up."""
-    joint = Joint("s", "slider", "block", axis=(0, 0, 1), damping=0.5, latches=(Latch(0.0, 20.0, 0.001),))
+    joint = Joint(
+        "s",
+        "slider",
+        "block",
+        axis=(0, 0, 1),
+        damping=0.5,
+        latches=(Latch(0.0, 20.0, 0.001),),
+    )
     _, states = play(sim, [block(0.02)], [joint])
     assert np.abs(states.joint("s").position).max() < 1e-4
 
@@ -57,7 +83,12 @@ def test_joints_that_are_far_too_stiff_are_refused(sim):
 
 
 def test_a_wheel_whose_schedule_repeats_goes_on_turning(sim):
-    joint = Joint("axle", "hinge", "block", drive=Drive((0.0, 1.0), (0.0, 2 * np.pi), 50.0, repeats=True))
+    joint = Joint(
+        "axle",
+        "hinge",
+        "block",
+        drive=Drive((0.0, 1.0), (0.0, 2 * np.pi), 50.0, repeats=True),
+    )
     recording, states = play(sim, [block(1.0)], [joint], seconds=2.5, settle_s=0.1)
     speeds = states.joint("axle").speed
     assert np.abs(speeds[recording.times < 0]).max() < 1e-9
@@ -69,7 +100,9 @@ def test_a_launched_body_gets_the_velocity_of_its_origin(sim):
     recording, states = play(sim, [thrown], seconds=0.1, settle_s=0.1)
     begins = int(np.searchsorted(recording.times, -1e-9))
     assert np.abs(states.angular_velocities[:begins]).max() == 0
-    assert states.linear_velocity("hammer")[begins + 1] == pytest.approx([1, 2, 3], abs=0.4)
+    assert states.linear_velocity("hammer")[begins + 1] == pytest.approx(
+        [1, 2, 3], abs=0.4
+    )
     (outcome,) = sim.rollout(Bodies(thrown), [Rollout(BARE, still(), settle_s=0.0)])
     assert outcome.start.linear_velocity("hammer") == pytest.approx([1, 2, 3], abs=1e-9)
 
@@ -77,18 +110,36 @@ def test_a_launched_body_gets_the_velocity_of_its_origin(sim):
 def test_bodies_that_hang_from_a_free_one_stop_at_each_other(sim):
     base = cube("base", at=(0.6, 0, 0.05), mass=2.0)
     flaps = [
-        Body.of(name, Box((0.02, 0.02, 0.3)), (0.6, 0.03 * side, 0.25), mass=0.1, color=GREY)
+        Body.of(
+            name, Box((0.02, 0.02, 0.3)), (0.6, 0.03 * side, 0.25), mass=0.1, color=GREY
+        )
         for name, side in (("left", 1), ("right", -1))
     ]
     hinges = [
-        Joint(name, "hinge", name, "base", (1, 0, 0), (0, 0, -0.15), stiffness=2.0, rest=0.6 * side, damping=0.02)
+        Joint(
+            name,
+            "hinge",
+            name,
+            "base",
+            (1, 0, 0),
+            (0, 0, -0.15),
+            stiffness=2.0,
+            rest=0.6 * side,
+            damping=0.02,
+        )
         for name, side in (("left", 1), ("right", -1))
     ]
-    recording, states = play(sim, [table(), base, *flaps], hinges, seconds=2.0, forces=True)
+    recording, states = play(
+        sim, [table(), base, *flaps], hinges, seconds=2.0, forces=True
+    )
     turned = sum(abs(states.joint(name).position[-1]) for name in ("left", "right"))
     assert 0.3 * turned == pytest.approx(0.04, abs=0.002)  # they began so far apart
     assert recording.forces["left", "right"][-1] > 1
-    assert not any({"base", name} == set(pair) for pair in recording.forces for name in ("left", "right"))
+    assert not any(
+        {"base", name} == set(pair)
+        for pair in recording.forces
+        for name in ("left", "right")
+    )
 
 
 def test_forces_are_left_out_where_none_are_asked_for(sim):

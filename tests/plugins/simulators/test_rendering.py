@@ -40,7 +40,9 @@ class Painter(Simulator):
 @pytest.fixture
 def painter(monkeypatch):
     offer = Offer("sim", "painter", "tests", "tests", Painter)
-    monkeypatch.setattr(installed(), "offers", installed().offers | {("sim", "painter"): offer})
+    monkeypatch.setattr(
+        installed(), "offers", installed().offers | {("sim", "painter"): offer}
+    )
 
 
 class Pencilless(BulkWorld):
@@ -74,7 +76,9 @@ def test_what_is_given_is_shown():
     renderer = BulkWorld()
     camera = Camera(position=(1.0, 1.0, 1.0))
     state = TASK.scene(0).state()
-    renderer.render(TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
+    renderer.render(
+        TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera
+    )
     assert renderer.loaded == (TASK, 3, None)
     np.testing.assert_array_equal(renderer.posed[0], np.ones(7))
     np.testing.assert_array_equal(renderer.posed[1], np.zeros(2))
@@ -95,7 +99,10 @@ def test_another_simulator_stands_in(painter):
 
 
 def test_with_neither_both_reasons_are_said():
-    with pytest.raises(NoPicture, match=r"needs a pencil, and missing's can't stand in for it: no sim 'missing'"):
+    with pytest.raises(
+        NoPicture,
+        match=r"needs a pencil, and missing's can't stand in for it: no sim 'missing'",
+    ):
         drawing(Pencilless, "missing").render(TASK)
 
 

@@ -41,7 +41,15 @@ def test_many_coefficients_of_friction_are_their_pairs_geometric_means():
     hill = replace(slope(tilt, 0.3), mass=0.0)
     at = [hill.pose.apply([-1.8, 0.11 * (i - 4), 0.05 + 0.02]) for i in range(9)]
     blocks = [
-        Body.of(f"b{i}", Box((0.1, 0.1, 0.04)), at[i], mass=1, color=GREY, rpy=(0, tilt, 0), friction=friction)
+        Body.of(
+            f"b{i}",
+            Box((0.1, 0.1, 0.04)),
+            at[i],
+            mass=1,
+            color=GREY,
+            rpy=(0, tilt, 0),
+            friction=friction,
+        )
         for i, friction in enumerate(frictions)
     ]
     state = end(wait(sapien(), hill, *blocks))
@@ -55,7 +63,9 @@ def test_many_coefficients_of_friction_are_their_pairs_geometric_means():
 
 
 def post_and_flaps(count):
-    flaps = [cube(f"flap{i}", (3.0, 0.0, 1.0 + 0.1 * i), side=0.05) for i in range(count)]
+    flaps = [
+        cube(f"flap{i}", (3.0, 0.0, 1.0 + 0.1 * i), side=0.05) for i in range(count)
+    ]
     return (cube("post", (3.0, 0.0, 1.0), mass=0.0), *flaps), [f.name for f in flaps]
 
 
@@ -71,11 +81,20 @@ def test_mechanism_with_too_many_joints_is_refused():
 
 def test_bodies_of_two_mechanisms_collide():
     """Two sliders overlap their own fixed bodies, and one of them falls onto the other."""
-    shelf = Body.of("shelf", Box((0.4, 0.1, 0.1)), (3.0, 0.0, 1.0), mass=0.0, color=GREY)
-    bodies = (shelf, cube("low", (3.0, 0.0, 1.0)), cube("rail", (3.0, 0.0, 1.6), mass=0.0), cube("high", (3.0, 0, 1.5)))
+    shelf = Body.of(
+        "shelf", Box((0.4, 0.1, 0.1)), (3.0, 0.0, 1.0), mass=0.0, color=GREY
+    )
+    bodies = (
+        shelf,
+        cube("low", (3.0, 0.0, 1.0)),
+        cube("rail", (3.0, 0.0, 1.6), mass=0.0),
+        cube("high", (3.0, 0, 1.5)),
+    )
     tight = Joint("low", "slider", "low", "shelf", friction=200.0)
     loose = Joint("high", "slider", "high", "rail")
-    (outcome,) = sapien().rollout(Bodies(*bodies, joints=(tight, loose)), [Rollout(BARE, still(), hold_s=1.5)])
+    (outcome,) = sapien().rollout(
+        Bodies(*bodies, joints=(tight, loose)), [Rollout(BARE, still(), hold_s=1.5)]
+    )
     state = end(outcome)
     assert state.position("low")[2] == pytest.approx(1.0, abs=0.005)
     assert state.position("high")[2] == pytest.approx(1.1, abs=0.005)
@@ -85,7 +104,14 @@ def test_bodies_of_two_mechanisms_collide():
 @pytest.mark.parametrize("stiffness", [0.1, 2.0])
 def test_spring_stays_linear_at_large_angles(kind, stiffness):
     """PhysX's own gives way: it takes twice the sine of half the angle."""
-    joint = Joint("h", kind, "block", axis=(0.0, 0.0, 1.0), stiffness=stiffness, damping=0.3 * stiffness)
+    joint = Joint(
+        "h",
+        kind,
+        "block",
+        axis=(0.0, 0.0, 1.0),
+        stiffness=stiffness,
+        damping=0.3 * stiffness,
+    )
     scenery = Bodies(cube("block", (3.0, 0.0, 1.0)), joints=(joint,))
     world = sapien().world(scenery, BARE)
     block = world._bodies.components["block"]
@@ -101,10 +127,17 @@ def test_spring_stays_linear_at_large_angles(kind, stiffness):
 
 
 def test_what_sleeps_presses_with_its_weight_and_what_lands_on_it():
-    bodies = table(), cube("low", (0.6, 0, 0.05)), cube("high", (0.6, 0, 0.15)), cube("falls", (0.6, 0, 2.5), mass=0.05)
+    bodies = (
+        table(),
+        cube("low", (0.6, 0, 0.05)),
+        cube("high", (0.6, 0, 0.15)),
+        cube("falls", (0.6, 0, 2.5), mass=0.05),
+    )
     job = Rollout(BARE, still(), hold_s=2.5, record_hz=30.0, forces=True)
     taken = film(sapien().rollout(Bodies(*bodies), [job])[0])
     assert taken.forces.keys() == {("table", "low"), ("low", "high"), ("high", "falls")}
     pressed = taken.forces["table", "low"]
-    np.testing.assert_allclose(pressed[(taken.times > 0.0) & (taken.times < 0.15)], 2 * GRAVITY, rtol=0.03)
+    np.testing.assert_allclose(
+        pressed[(taken.times > 0.0) & (taken.times < 0.15)], 2 * GRAVITY, rtol=0.03
+    )
     np.testing.assert_allclose(pressed[taken.times > 1.5], 2.05 * GRAVITY, rtol=0.03)

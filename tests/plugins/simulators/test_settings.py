@@ -11,13 +11,34 @@ from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, floor, table
-from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, move, stick, still
+from plugins.conformance.worlds import (
+    BARE,
+    GREY,
+    HAND,
+    Bodies,
+    cube,
+    end,
+    film,
+    move,
+    stick,
+    still,
+)
 from tests.engines import every_simulator, simulator
 from tests.packages import without
 from tests.panda import FINGER_OPEN
 
-SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=2"]
-SETTINGS = {"pybullet": "solver_iterations", "sapien": "solver_iterations", "mujoco": "slip_rate"}
+SMALL = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=2",
+    "budget.n_iteration=0",
+    "executor.workers=2",
+]
+SETTINGS = {
+    "pybullet": "solver_iterations",
+    "sapien": "solver_iterations",
+    "mujoco": "slip_rate",
+}
 NEEDS = {
     "pybullet": "needs PyBullet: pip install pybullet",
     "sapien": "needs SAPIEN: pip install 'sapien",
@@ -39,7 +60,11 @@ def test_time_steps_that_make_no_sense(engine, value):
 
 @every_simulator
 def test_numbers_that_make_no_sense(engine):
-    for setting, value in (("tracking_rate", 0), (SETTINGS[engine], 0), (SETTINGS[engine], -1)):
+    for setting, value in (
+        ("tracking_rate", 0),
+        (SETTINGS[engine], 0),
+        (SETTINGS[engine], -1),
+    ):
         with pytest.raises(UserError, match=setting):
             made(engine, **{setting: value})
 
@@ -47,7 +72,12 @@ def test_numbers_that_make_no_sense(engine):
 @pytest.mark.parametrize(
     ("engine", "time_step", "off"),
     [
-        *[("pybullet", 0.001, 0.03), ("pybullet", 0.004, 0.03), ("sapien", 0.002, 0.02), ("sapien", 0.01, 0.02)],
+        *[
+            ("pybullet", 0.001, 0.03),
+            ("pybullet", 0.004, 0.03),
+            ("sapien", 0.002, 0.02),
+            ("sapien", 0.01, 0.02),
+        ],
         *[("mujoco", 0.001, 0.01), ("mujoco", 0.004, 0.03)],
     ],
 )
@@ -55,25 +85,38 @@ def test_what_happens_hardly_depends_on_the_time_step(engine, time_step, off):
     plan = [[0.6, 0.2, 0.3, 0, 0.3, 0], [0.6, -0.2, 0.3, 0, 0, 0.5]]
     bodies = table(), cube(at=(0.6, 0, 0.05))
     sims = simulator(engine), made(engine, time_step=time_step)
-    ours, theirs = (move(sim, plan, *bodies, tool=stick(0.25), record_hz=10) for sim in sims)
+    ours, theirs = (
+        move(sim, plan, *bodies, tool=stick(0.25), record_hz=10) for sim in sims
+    )
     length = min(len(film(ours).times), len(film(theirs).times))
     assert np.abs(film(ours).arm[:length] - film(theirs).arm[:length]).max() < 0.03
-    np.testing.assert_allclose(end(ours).position("cube"), end(theirs).position("cube"), atol=off)
+    np.testing.assert_allclose(
+        end(ours).position("cube"), end(theirs).position("cube"), atol=off
+    )
 
 
 @pytest.mark.parametrize(
     ("engine", "time_step", "most"),
     [
         *[("pybullet", 0.001, 1.1), ("pybullet", 0.002, 1.1), ("pybullet", 0.004, 1.1)],
-        *[("sapien", 0.002, 1.4), ("sapien", 0.004, 2.2)],  # stiff joints come in faster at long steps, never slower
+        *[
+            ("sapien", 0.002, 1.4),
+            ("sapien", 0.004, 2.2),
+        ],  # stiff joints come in faster at long steps, never slower
     ],
 )
 @pytest.mark.parametrize("rate", [20.0, 50.0])
-def test_joints_close_in_on_their_targets_at_the_tracking_rate(engine, time_step, most, rate):
-    arms = still().arm + np.array([[0.0], [0.002]]) * np.eye(7)[0]  # the first joint's target jumps
+def test_joints_close_in_on_their_targets_at_the_tracking_rate(
+    engine, time_step, most, rate
+):
+    arms = (
+        still().arm + np.array([[0.0], [0.002]]) * np.eye(7)[0]
+    )  # the first joint's target jumps
     jump = JointTrajectory(np.array([0.0, 1e-4]), arms, np.full(2, FINGER_OPEN))
     job = Rollout(BARE, jump, settle_s=0.1, hold_s=0.1, record_hz=250)
-    (outcome,) = made(engine, time_step=time_step, tracking_rate=rate).rollout(Bodies(), [job])
+    (outcome,) = made(engine, time_step=time_step, tracking_rate=rate).rollout(
+        Bodies(), [job]
+    )
     times = film(outcome).times
     left = arms[1, 0] - film(outcome).arm[:, 0]
     first, last = np.searchsorted(times, [0.0119, 0.0319])
@@ -86,8 +129,12 @@ def test_fingers_stay_as_far_from_the_middle(engine):
     """One motor moves both: a body off the middle is not pushed there by one finger alone."""
     over = 0.1034 + 0.02
     plan = [[0.5, 0, over, 0, 0, 0, 0], [0.5, 0, over, 0, 0, 0, 1]]
-    post = Body.of("post", Box((0.02, 0.02, 0.04)), (0.5, 0.015, 0.02), mass=0, color=GREY)
-    fingers = film(move(simulator(engine), plan, table(), post, tool=HAND, record_hz=50)).fingers
+    post = Body.of(
+        "post", Box((0.02, 0.02, 0.04)), (0.5, 0.015, 0.02), mass=0, color=GREY
+    )
+    fingers = film(
+        move(simulator(engine), plan, table(), post, tool=HAND, record_hz=50)
+    ).fingers
     assert fingers[-1].min() > 0.003
     assert np.abs(fingers[:, 0] - fingers[:, 1]).max() < 3e-3
 
@@ -100,7 +147,9 @@ def test_mujocos_renderer_sees_what_pybullets_sees():
     task = Bodies(floor(), table(), cube(at=(0.7, 0, 0.1), side=0.2))
     own = made("mujoco")
     ours, theirs = (
-        sim.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
+        sim.render(task, tool=stick(0.3), width=160, height=120)
+        .astype(float)
+        .mean(axis=-1)
         for sim in (own, simulator("pybullet"))
     )
     if "pybullet" in own.drawn_by:
@@ -113,14 +162,25 @@ def test_mujocos_renderer_sees_what_pybullets_sees():
 @pytest.mark.parametrize(
     ("engine", "missing", "refusal"),
     [
-        ("sapien", ["pybullet"], "the engine draws nothing itself, and pybullet's can't stand in"),
+        (
+            "sapien",
+            ["pybullet"],
+            "the engine draws nothing itself, and pybullet's can't stand in",
+        ),
         pytest.param(
-            "mujoco", ["pybullet", "OpenGL"], "MuJoCo's own renderer needs OpenGL", marks=pytest.mark.thorough
+            "mujoco",
+            ["pybullet", "OpenGL"],
+            "MuJoCo's own renderer needs OpenGL",
+            marks=pytest.mark.thorough,
         ),
     ],
 )
-def test_without_pybullet_and_a_display_it_runs_without_pictures(engine, missing, refusal, tmp_path):
-    done = without(missing, ["core.run", f"sim={engine}", *SMALL, "hydra.run.dir=out"], tmp_path)
+def test_without_pybullet_and_a_display_it_runs_without_pictures(
+    engine, missing, refusal, tmp_path
+):
+    done = without(
+        missing, ["core.run", f"sim={engine}", *SMALL, "hydra.run.dir=out"], tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert f"no pictures: {refusal}" in done.stderr
     assert "pip install pybullet" in done.stderr
@@ -134,7 +194,11 @@ def test_without_pybullet_and_a_display_it_runs_without_pictures(engine, missing
 def test_without_its_library_others_run(engine, tmp_path):
     other = "mujoco" if engine == "pybullet" else "pybullet"
     simulator(other)  # skips the test where it is missing
-    done = without([engine], ["core.run", f"sim={other}", *SMALL, "hydra.run.dir=out", "film=false"], tmp_path)
+    done = without(
+        [engine],
+        ["core.run", f"sim={other}", *SMALL, "hydra.run.dir=out", "film=false"],
+        tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     refused = without([engine], ["core.run", f"sim={engine}", *SMALL], tmp_path)
     assert refused.returncode == 1

@@ -17,7 +17,14 @@ from core.geometry import Box, Pose
 from core.plugins import installed
 from core.trial import Evaluation, Trial, Where, tried_once
 from plugins.fitness.several import score_by_worst_engine
-from plugins.strategies.map_elites.archive import Archive, Measure, extent, observes, read_measures, save_archive
+from plugins.strategies.map_elites.archive import (
+    Archive,
+    Measure,
+    extent,
+    observes,
+    read_measures,
+    save_archive,
+)
 from tests.core.run_folders import PLAN, hook
 
 EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)
@@ -25,8 +32,15 @@ EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0
 
 def earned(reward, distance=1.0, length=0.35, action=0, status="ok", mass=0.005):
     tool = hook(length)
-    heavy = tuple(Component(c.name, c.parent, c.pose, c.shape, mass) for c in tool.components)
-    return tried_once(Candidate(Tool(heavy), PLAN, 0, 0, action, 0), status, reward=reward, distance_m=distance)
+    heavy = tuple(
+        Component(c.name, c.parent, c.pose, c.shape, mass) for c in tool.components
+    )
+    return tried_once(
+        Candidate(Tool(heavy), PLAN, 0, 0, action, 0),
+        status,
+        reward=reward,
+        distance_m=distance,
+    )
 
 
 def best(*evaluations, tie=0.005):
@@ -42,7 +56,11 @@ def test_each_cell_keeps_its_best():
         earned(0.9, length=0.55, action=2),
         earned(0.1, distance=1.7, action=3),
     )
-    assert found == {(3, 2): "g0-a0-s1-p0", (3, 3): "g0-a0-s3-p0", (5, 2): "g0-a0-s2-p0"}
+    assert found == {
+        (3, 2): "g0-a0-s1-p0",
+        (3, 3): "g0-a0-s3-p0",
+        (5, 2): "g0-a0-s2-p0",
+    }
 
 
 def test_in_a_cell_the_shorter_of_two_that_earned_about_the_same_is_the_best():
@@ -65,9 +83,13 @@ def test_every_value_has_a_bin(distance, bins):
 
 
 def test_the_extent_is_the_longest_side_of_all_components_together():
-    assert extent(hook(0.3)) == pytest.approx(0.303)  # the blade's other half lies below the shaft's end
+    assert extent(hook(0.3)) == pytest.approx(
+        0.303
+    )  # the blade's other half lies below the shaft's end
     assert extent(Tool()) == 0
-    pad = Component("pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05)))
+    pad = Component(
+        "pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05))
+    )
     assert extent(Tool((pad,), gripper=True)) == pytest.approx(0.05)
 
 
@@ -77,20 +99,28 @@ def test_where_a_tool_touches_is_the_mean_of_the_trials_in_which_it_does():
         Trial(Where("BringCube", engine, 0), reward=0.5, touch_m=metres)
         for engine, metres in (("sapien", 0.31), ("mujoco", None), ("mujoco", 0.51))
     )
-    assert [bin_of_trials(measure, trial) for trial in (near, never, far)] == [7, 24, 12]
+    assert [bin_of_trials(measure, trial) for trial in (near, never, far)] == [
+        7,
+        24,
+        12,
+    ]
     assert bin_of_trials(measure, never, far, near) == 10
     assert measure.bin(Evaluation(earned(0.5).candidate)) == 24
 
 
 def bin_of_trials(measure, *trials):
-    return measure.bin(Evaluation(earned(0.5).candidate, trials, score_by_worst_engine(trials)))
+    return measure.bin(
+        Evaluation(earned(0.5).candidate, trials, score_by_worst_engine(trials))
+    )
 
 
 # --- the setting ------------------------------------------------------------------------------------------------
 
 
 def test_measures_are_names_or_have_bounds_of_their_own():
-    mass, distance = read_measures([{"name": "mass", "upper": 0.1, "bins": 5}, "distance"])
+    mass, distance = read_measures(
+        [{"name": "mass", "upper": 0.1, "bins": 5}, "distance"]
+    )
     assert mass == Measure("mass", 0.0, 0.1, 5)
     assert distance.name == "distance"
 
@@ -101,7 +131,10 @@ def test_measures_are_names_or_have_bounds_of_their_own():
         ([], "measures is empty; name some of mass, extent"),
         (["weight"], "measure 'weight'"),
         (["mass", "mass"], "names mass twice"),
-        ([{"name": "mass", "lower": 0.5, "upper": 0.5}], "mass goes from 0.5 to 0.5; lower must be less"),
+        (
+            [{"name": "mass", "lower": 0.5, "upper": 0.5}],
+            "mass goes from 0.5 to 0.5; lower must be less",
+        ),
         ([{"name": "mass", "upper": math.inf}], "mass goes from 0 to inf"),
         ([{"name": "mass", "bins": 0}], "mass needs 1 to 100 bins, got 0"),
         ([{"name": "mass", "bins": "many"}], "mass: bins: "),
@@ -116,7 +149,9 @@ def test_wrong_measures(written, message):
 
 def test_only_touches_need_observations():
     assert observes(["mass", {"name": "touch", "bins": 5}])
-    assert not any(map(observes, (None, 3, "mass", [3], [[1]], ["mass"], [{1: 2, "name": "mass"}])))
+    assert not any(
+        map(observes, (None, 3, "mass", [3], [[1]], ["mass"], [{1: 2, "name": "mass"}]))
+    )
 
 
 # --- what is handed over ----------------------------------------------------------------------------------------
@@ -127,16 +162,25 @@ def saved(folder, *evaluations):
     archive.add(evaluations)
     save_archive(archive, evaluations, installed().create("tool", "urdf"), folder)
     rows = list(csv.DictReader((folder / "archive.csv").open()))
-    return rows, [(row["cell_extent"], row["cell_distance"], row["picked"]) for row in rows]
+    return rows, [
+        (row["cell_extent"], row["cell_distance"], row["picked"]) for row in rows
+    ]
 
 
 @pytest.mark.slow
 def test_the_designs_of_an_archive_can_be_tried(tmp_path):
-    rows, found = saved(tmp_path, *(earned(0.9, length=0.2 + 0.1 * i, action=i) for i in range(3)))
+    rows, found = saved(
+        tmp_path, *(earned(0.9, length=0.2 + 0.1 * i, action=i) for i in range(3))
+    )
     assert found == [("2", "2", "best"), ("3", "2", ""), ("4", "2", "")]
     strategies = json.loads((tmp_path / "designs.json").read_text())["strategies"]
     assert len(strategies) == len(rows)
-    words = ["task=BringCube", "sim=mujoco", "executor.workers=1", f"designs={tmp_path / 'designs.json'}"]
+    words = [
+        "task=BringCube",
+        "sim=mujoco",
+        "executor.workers=1",
+        f"designs={tmp_path / 'designs.json'}",
+    ]
     for row, tried in zip(rows, evaluate(load("evaluate", words)), strict=True):
         assert tried.status == "ok"
         assert tried.candidate.strategy == int(row["strategy"])

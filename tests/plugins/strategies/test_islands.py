@@ -33,20 +33,31 @@ class Teams:
 def search(*rewards, **settings):
     """The ids of each island's elites, by generation; ``rewards`` are those of four agents."""
     designer = Teams()
-    strategy = installed().create("evolution", "islands", settings, designer=designer, budget=BUDGET)
+    strategy = installed().create(
+        "evolution", "islands", settings, designer=designer, budget=BUDGET
+    )
     for generation in rewards:
         candidates = sorted(strategy.ask(), key=lambda c: c.key)
         pairs = zip(candidates, generation, strict=True)
-        strategy.tell([tried_once(c, "ok", reward=reward, distance_m=1.0) for c, reward in pairs])
+        strategy.tell(
+            [tried_once(c, "ok", reward=reward, distance_m=1.0) for c, reward in pairs]
+        )
     list(strategy.ask())
-    shown = [[[e.candidate.id[:5] for e in team.elites] for team in teams] for teams in designer.asked]
+    shown = [
+        [[e.candidate.id[:5] for e in team.elites] for team in teams]
+        for teams in designer.asked
+    ]
     return shown, designer.asked
 
 
 def test_agents_are_dealt_and_islands_keep_their_own_elites():
     shown, asked = search([0.1, 0.9, 0.2, 0.8], [0.3, 0.0, 0.0, 0.0], migrate=9)
     assert [list(team.agents) for team in asked[0]] == [[0, 2], [1, 3]]
-    assert shown == [[[], []], [["g0-a2", "g0-a0"], ["g0-a1", "g0-a3"]], [["g1-a0", "g0-a2"], ["g0-a1", "g0-a3"]]]
+    assert shown == [
+        [[], []],
+        [["g0-a2", "g0-a0"], ["g0-a1", "g0-a3"]],
+        [["g1-a0", "g0-a2"], ["g0-a1", "g0-a3"]],
+    ]
 
 
 def test_each_island_has_its_temperature_and_style():
@@ -59,7 +70,12 @@ def test_each_island_has_its_temperature_and_style():
 def test_the_best_of_each_island_goes_to_the_next():
     shown, _ = search([0.1, 0.9, 0.3, 0.4], [0.0, 0.0, 0.0, 0.0], islands=4, migrate=2)
     assert shown[1] == [["g0-a0"], ["g0-a1"], ["g0-a2"], ["g0-a3"]]
-    assert shown[2] == [["g0-a3", "g0-a0"], ["g0-a1", "g0-a0"], ["g0-a1", "g0-a2"], ["g0-a3", "g0-a2"]]
+    assert shown[2] == [
+        ["g0-a3", "g0-a0"],
+        ["g0-a1", "g0-a0"],
+        ["g0-a1", "g0-a2"],
+        ["g0-a3", "g0-a2"],
+    ]
 
 
 def test_an_island_that_does_not_improve_starts_from_nothing():
@@ -99,8 +115,16 @@ def test_a_run_on_islands_goes_on_as_it_would_have(toy, tmp_path):  # noqa: F811
     resume(tmp_path / "cut", ["executor.fails_at=null"])
     assert_same_run(tmp_path / "cut", tmp_path / "whole")
     texts = {a: (tmp_path / f"whole/requests/g1-a{a}.md").read_text() for a in range(4)}
-    assert ["few and simple components" in texts[a] for a in range(4)] == [False, True, False, True]
-    stored = rows(tmp_path / "whole/run.sqlite", "SELECT agent, elites, temperature FROM requests WHERE generation = 1")
+    assert ["few and simple components" in texts[a] for a in range(4)] == [
+        False,
+        True,
+        False,
+        True,
+    ]
+    stored = rows(
+        tmp_path / "whole/run.sqlite",
+        "SELECT agent, elites, temperature FROM requests WHERE generation = 1",
+    )
     elites = {agent: json.loads(ids) for agent, ids, _ in stored}
     assert elites[0] == elites[2]
     assert all(name.startswith(("g0-a0", "g0-a2")) for name in elites[0])

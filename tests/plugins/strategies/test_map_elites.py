@@ -34,13 +34,20 @@ class Hooks:
 
 def search(designer, generations=3, earns=lambda c: 0.1 + 0.1 * c.strategy, **settings):
     """The evaluations of each generation."""
-    strategy = installed().create("evolution", "map_elites", settings, designer=designer, budget=BUDGET)
+    strategy = installed().create(
+        "evolution", "map_elites", settings, designer=designer, budget=BUDGET
+    )
     found = []
     for _ in range(generations):
         candidates = sorted(strategy.ask(), key=lambda c: c.key)
         found.append(
             [
-                tried_once(c, "ok" if c.problem is None else "rejected", reward=min(earns(c), 1.0), distance_m=1.0)
+                tried_once(
+                    c,
+                    "ok" if c.problem is None else "rejected",
+                    reward=min(earns(c), 1.0),
+                    distance_m=1.0,
+                )
                 for c in candidates
             ]
         )
@@ -90,7 +97,14 @@ def config(toy, fails_at=None):  # noqa: F811
 def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F811
     run(config(toy), tmp_path / "whole")
     tried = len(toy.lines("tried"))
-    assert len(json.loads((tmp_path / "whole/archive/designs.json").read_text())["strategies"]) > 3
+    assert (
+        len(
+            json.loads((tmp_path / "whole/archive/designs.json").read_text())[
+                "strategies"
+            ]
+        )
+        > 3
+    )
     for at in (2, 4, 6):
         folder = tmp_path / str(at)
         assert run(config(toy, fails_at=at), folder).stopped == "interrupted"

@@ -11,7 +11,9 @@ from core.trial import Evaluation, Trial, Where, tried_once
 from plugins.strategies.vlmgineer import select
 
 
-def earned(reward, strategy=0, action=0, *, generation=0, agent=0, distance=1.0, status="ok"):
+def earned(
+    reward, strategy=0, action=0, *, generation=0, agent=0, distance=1.0, status="ok"
+):
     candidate = Candidate(Tool(), np.zeros((1, 6)), generation, agent, strategy, action)
     return tried_once(candidate, status, reward=reward, distance_m=distance)
 
@@ -30,7 +32,9 @@ class Recorder:
 def strategy(name, k_top=5, reward_save=0.5, **settings):
     designer = Recorder()
     budget = Budget(2, 2, 2, 3, k_top, reward_save)
-    return installed().create("evolution", name, settings, designer=designer, budget=budget), designer
+    return installed().create(
+        "evolution", name, settings, designer=designer, budget=budget
+    ), designer
 
 
 def rewards(evaluations):
@@ -41,8 +45,21 @@ def rewards(evaluations):
 
 
 def test_one_of_each_tool():
-    found = select([earned(0.8, 0, 0), earned(0.9, 0, 1), earned(0.7, 1, 0), earned(0.85, 0, 0, agent=1)], 5, 0.0)
-    assert [e.candidate.id for e in found] == ["g0-a0-s0-p1", "g0-a1-s0-p0", "g0-a0-s1-p0"]
+    found = select(
+        [
+            earned(0.8, 0, 0),
+            earned(0.9, 0, 1),
+            earned(0.7, 1, 0),
+            earned(0.85, 0, 0, agent=1),
+        ],
+        5,
+        0.0,
+    )
+    assert [e.candidate.id for e in found] == [
+        "g0-a0-s0-p1",
+        "g0-a1-s0-p0",
+        "g0-a0-s1-p0",
+    ]
 
 
 def test_one_tools_plans_crowd_out_the_others_before_they_are_thinned():
@@ -56,8 +73,15 @@ def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
     found = []
     for number, (in_a, in_b) in earned_in.items():
         candidate = Candidate(Tool(), np.zeros((1, 6)), strategy=number)
-        trials = tuple(Trial(Where(task, "", 0), reward=reward) for task, reward in (("a", in_a), ("b", in_b)))
-        found.append(Evaluation(candidate, trials, Score((in_a + in_b) / 2, {"a": in_a, "b": in_b})))
+        trials = tuple(
+            Trial(Where(task, "", 0), reward=reward)
+            for task, reward in (("a", in_a), ("b", in_b))
+        )
+        found.append(
+            Evaluation(
+                candidate, trials, Score((in_a + in_b) / 2, {"a": in_a, "b": in_b})
+            )
+        )
     assert [e.candidate.strategy for e in select(found, 1, 0.5)] == [0, 2, 1]
     search, designer = strategy("vlmgineer", k_top=1)
     search.tell(found)
@@ -67,15 +91,25 @@ def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
 
 
 def test_ties_go_to_the_shorter_way():
-    found = select([earned(0.9, 0, 0, distance=2.0), earned(0.9, 0, 1, distance=1.0)], 5, 0.0)
+    found = select(
+        [earned(0.9, 0, 0, distance=2.0), earned(0.9, 0, 1, distance=1.0)], 5, 0.0
+    )
     assert [e.candidate.action for e in found] == [1]
 
 
-@pytest.mark.parametrize(("tie", "first"), [({}, 1), ({"tie": 0.0}, 0), ({"tie": 0.1}, 2)])
+@pytest.mark.parametrize(
+    ("tie", "first"), [({}, 1), ({"tie": 0.0}, 0), ({"tie": 0.1}, 2)]
+)
 def test_the_shorter_of_two_that_are_nearly_the_best_is_the_first_elite(tie, first):
     search, designer = strategy("vlmgineer", k_top=1, **tie)
     search.ask()
-    search.tell([earned(0.900, 0), earned(0.896, 1, distance=0.5), earned(0.85, 2, distance=0.1)])
+    search.tell(
+        [
+            earned(0.900, 0),
+            earned(0.896, 1, distance=0.5),
+            earned(0.85, 2, distance=0.1),
+        ]
+    )
     search.ask()
     assert designer.asked[-1] == (1, [f"g0-a0-s{first}-p0"])
 
@@ -83,16 +117,28 @@ def test_the_shorter_of_two_that_are_nearly_the_best_is_the_first_elite(tie, fir
 @pytest.mark.parametrize("name", ["vlmgineer", "sampling"])
 def test_a_tie_is_not_negative(name):
     assert strategy(name, tie=0.25)[0].tie == 0.25
-    with pytest.raises(UserError, match=r"evolution\.tie must be 0 or greater, got -0\.1"):
+    with pytest.raises(
+        UserError, match=r"evolution\.tie must be 0 or greater, got -0\.1"
+    ):
         strategy(name, tie=-0.1)
 
 
 def test_what_was_not_tried_is_no_elite():
-    assert select([earned(1.0, status="rejected"), earned(1.0, status="failed")], 5, 0.0) == []
+    assert (
+        select([earned(1.0, status="rejected"), earned(1.0, status="failed")], 5, 0.0)
+        == []
+    )
 
 
 evaluations = st.lists(
-    st.builds(earned, st.floats(0, 1), st.integers(0, 3), st.integers(0, 3), agent=st.integers(0, 2)), max_size=30
+    st.builds(
+        earned,
+        st.floats(0, 1),
+        st.integers(0, 3),
+        st.integers(0, 3),
+        agent=st.integers(0, 2),
+    ),
+    max_size=30,
 )
 
 
@@ -105,7 +151,9 @@ def test_elites(candidates, k_top, reward_save):
     assert rewards(found) == sorted(rewards(found), reverse=True)
     best = max(rewards(candidates), default=0)
     assert rewards(found[:1]) == ([best] if best > reward_save else [])
-    assert all(best - e.reward <= 0.005 for e in select(candidates, k_top, reward_save)[:1])
+    assert all(
+        best - e.reward <= 0.005 for e in select(candidates, k_top, reward_save)[:1]
+    )
 
 
 # --- strategies -------------------------------------------------------------------------------------------------

@@ -16,7 +16,11 @@ TOOLS = on_panda(BoxTools())
 
 lengths = st.floats(0.0005, 2.0)
 numbers = st.floats(-1.5, 1.5)
-near = st.builds(lambda k, d: k * math.pi / 4 + d, st.integers(-8, 8), st.just(0.0) | st.floats(-3e-5, 3e-5))
+near = st.builds(
+    lambda k, d: k * math.pi / 4 + d,
+    st.integers(-8, 8),
+    st.just(0.0) | st.floats(-3e-5, 3e-5),
+)
 angles = st.floats(-7, 7) | near
 shapes = st.one_of(
     st.builds(Box, st.tuples(lengths, lengths, lengths)),
@@ -24,7 +28,11 @@ shapes = st.one_of(
     st.builds(Capsule, lengths, lengths),
     st.builds(Sphere, lengths),
 )
-poses = st.builds(Pose.xyz_rpy, st.tuples(numbers, numbers, numbers), st.tuples(angles, angles, angles))
+poses = st.builds(
+    Pose.xyz_rpy,
+    st.tuples(numbers, numbers, numbers),
+    st.tuples(angles, angles, angles),
+)
 
 
 @st.composite
@@ -36,13 +44,20 @@ def tools(draw):
         color = (*(draw(st.floats(0, 1)) for _ in "rgb"), 1.0)
         parent = draw(st.sampled_from(names))
         mass = draw(st.floats(1e-6, 1.0))
-        components.append(Component(f"c{k}", parent, draw(poses), draw(shapes), mass, color))
+        components.append(
+            Component(f"c{k}", parent, draw(poses), draw(shapes), mass, color)
+        )
         names.append(f"c{k}")
     return Tool(tuple(components), gripper)
 
 
 def box(name="a", **changes):
-    return {"name": name, "shape": "box", "size": [0.02, 0.02, 0.1], "position": [0, 0, -0.05]} | changes
+    return {
+        "name": name,
+        "shape": "box",
+        "size": [0.02, 0.02, 0.1],
+        "position": [0, 0, -0.05],
+    } | changes
 
 
 def parse(*items, gripper=False):
@@ -50,8 +65,12 @@ def parse(*items, gripper=False):
 
 
 def test_a_box_needs_only_name_size_and_position():
-    (component,) = parse({"name": "a", "size": [0.02, 0.02, 0.1], "position": [0, 0, -0.05]}).components
-    wanted = Component("a", RIGID_MOUNT, Pose.xyz_rpy((0, 0, -0.05)), Box((0.02, 0.02, 0.1)))
+    (component,) = parse(
+        {"name": "a", "size": [0.02, 0.02, 0.1], "position": [0, 0, -0.05]}
+    ).components
+    wanted = Component(
+        "a", RIGID_MOUNT, Pose.xyz_rpy((0, 0, -0.05)), Box((0.02, 0.02, 0.1))
+    )
     assert component == wanted
     check_tool(parse(box()), PANDA)
 
@@ -65,30 +84,47 @@ def test_a_box_needs_only_name_size_and_position():
     ],
 )
 def test_round_shapes(item, shape):
-    (component,) = parse({"name": "a", "position": [0, 0, 0], "color": "#ff0080", **item}).components
+    (component,) = parse(
+        {"name": "a", "position": [0, 0, 0], "color": "#ff0080", **item}
+    ).components
     assert component.shape == shape
     assert component.color == (1.0, 0.0, 128 / 255, 1.0)
 
 
 def test_poses_are_in_the_frame_of_the_mount_whatever_the_parent():
     turned = {"position": [0.1, 0.02, -0.3], "rpy": [0.3, -0.4, 0.5]}
-    tool = parse(box("c", parent="b", **turned), box("b", parent="a", rpy=[1, 0.2, 3]), box("a"))
+    tool = parse(
+        box("c", parent="b", **turned), box("b", parent="a", rpy=[1, 0.2, 3]), box("a")
+    )
     assert [c.name for c in tool.components] == ["a", "b", "c"]  # parents first
     mount, pose = tool.placed()["c"]
     assert mount == RIGID_MOUNT
-    np.testing.assert_allclose(pose.matrix, Pose.xyz_rpy((0.1, 0.02, -0.3), (0.3, -0.4, 0.5)).matrix, atol=1e-12)
+    np.testing.assert_allclose(
+        pose.matrix,
+        Pose.xyz_rpy((0.1, 0.02, -0.3), (0.3, -0.4, 0.5)).matrix,
+        atol=1e-12,
+    )
 
 
 def test_attachments_name_their_finger():
-    tool = parse(box("l", parent="left_finger"), box("m", parent="panda_rightfinger"), gripper=True)
+    tool = parse(
+        box("l", parent="left_finger"),
+        box("m", parent="panda_rightfinger"),
+        gripper=True,
+    )
     assert [c.parent for c in tool.components] == list(GRIPPER_MOUNTS)
-    with pytest.raises(DesignError, match="parent must be the name of a component or of left_finger or right_finger"):
+    with pytest.raises(
+        DesignError,
+        match="parent must be the name of a component or of left_finger or right_finger",
+    ):
         parse(box("l"), gripper=True)
 
 
 def test_a_mass_that_is_left_out_is_one_that_can_be():
     assert parse(box()).components[0].mass == 0.005
-    assert parse(box(size=[0.3, 0.3, 0.3])).components[0].mass == pytest.approx(0.027)  # as light as air
+    assert parse(box(size=[0.3, 0.3, 0.3])).components[0].mass == pytest.approx(
+        0.027
+    )  # as light as air
 
 
 @given(tools())
@@ -98,7 +134,12 @@ def test_what_is_written_is_read_as_the_same_tool(tool):
     back = TOOLS.parse(written, gripper=tool.gripper)
     for a, b in zip(tool.components, back.components, strict=True):
         (mount, pose), (other, moved) = tool.placed()[a.name], back.placed()[b.name]
-        assert (a.name, a.parent, mount, type(a.shape)) == (b.name, b.parent, other, type(b.shape))
+        assert (a.name, a.parent, mount, type(a.shape)) == (
+            b.name,
+            b.parent,
+            other,
+            type(b.shape),
+        )
         np.testing.assert_allclose(pose.matrix, moved.matrix, atol=5e-5)
         np.testing.assert_allclose(a.shape.bounds[1], b.shape.bounds[1], atol=3e-5)
         assert a.mass == pytest.approx(b.mass, rel=1e-5)
@@ -106,11 +147,26 @@ def test_what_is_written_is_read_as_the_same_tool(tool):
 
 
 def test_an_elite_is_shown_without_what_goes_without_saying():
-    tool = parse(box(color="#123456", position=[0, 0, -0.05004]), box("b", parent="a", rpy=[0, 0, 1], mass=0.02))
+    tool = parse(
+        box(color="#123456", position=[0, 0, -0.05004]),
+        box("b", parent="a", rpy=[0, 0, 1], mass=0.02),
+    )
     first, second = TOOLS.abridge(tool)["tool_components"]
     common = {"size": [0.02, 0.02, 0.1], "mass": 0.005}
-    assert first == {"name": "a", "parent": RIGID_MOUNT, "position": [0, 0, -0.05], **common}
-    assert second == {**common, "name": "b", "parent": "a", "position": [0, 0, -0.05], "rpy": [0, 0, 1], "mass": 0.02}
+    assert first == {
+        "name": "a",
+        "parent": RIGID_MOUNT,
+        "position": [0, 0, -0.05],
+        **common,
+    }
+    assert second == {
+        **common,
+        "name": "b",
+        "parent": "a",
+        "position": [0, 0, -0.05],
+        "rpy": [0, 0, 1],
+        "mass": 0.02,
+    }
     assert parse(first, second).components[1].shape == Box((0.02, 0.02, 0.1))
 
 
@@ -127,9 +183,15 @@ def test_an_elite_is_shown_without_what_goes_without_saying():
         (box(parent="b"), "'a' hangs from 'b', which is neither"),
         (box(parent="a"), "parents lead from 'a' in a circle"),
         (box(parent=3), "parent must be the name"),
-        (box(positon=[0, 0, 0]), "has 'positon', which it can't have; possible: color, length"),
+        (
+            box(positon=[0, 0, 0]),
+            "has 'positon', which it can't have; possible: color, length",
+        ),
         (box(radius=0.1), "a box, has 'radius', which it can't have"),
-        (box(shape="cone"), "shape must be one of box, cylinder, capsule, sphere, not 'cone'"),
+        (
+            box(shape="cone"),
+            "shape must be one of box, cylinder, capsule, sphere, not 'cone'",
+        ),
         (box(shape=["box"]), "shape must be one of"),
         (box(size=None), "size must be a list of 3 numbers, not missing"),
         (box(size=[1, 1]), "size must be a list of 3 numbers, not a list of 2"),
@@ -142,7 +204,10 @@ def test_an_elite_is_shown_without_what_goes_without_saying():
         (box(rpy=[0, 0, -math.inf]), "rpy is beyond 1000"),
         (box(mass="5 g"), "mass must be a number, not the text '5 g'"),
         (box(color="red"), "color must be red, green and blue in hexadecimal"),
-        ({"name": "a", "shape": "sphere", "position": [0, 0, 0]}, "radius must be a number, not missing"),
+        (
+            {"name": "a", "shape": "sphere", "position": [0, 0, 0]},
+            "radius must be a number, not missing",
+        ),
     ],
 )
 def test_wrong_components_are_refused_with_a_reason(item, reason):
@@ -152,7 +217,9 @@ def test_wrong_components_are_refused_with_a_reason(item, reason):
 
 @pytest.mark.parametrize("value", [None, "boxes", {}, 7, True])
 def test_a_field_that_is_no_list_is_refused(value):
-    with pytest.raises(DesignError, match="tool_components must be a list of components"):
+    with pytest.raises(
+        DesignError, match="tool_components must be a list of components"
+    ):
         TOOLS.parse({"tool_components": value}, gripper=False)
     with pytest.raises(DesignError, match="tool_components is missing"):
         TOOLS.parse({}, gripper=False)
@@ -161,7 +228,10 @@ def test_a_field_that_is_no_list_is_refused(value):
 def test_names_are_unique_and_long_lists_and_circles_are_refused():
     with pytest.raises(DesignError, match="two components are named 'a'"):
         parse(box(), box())
-    with pytest.raises(DesignError, match="tool_components has 5000 components; at most 100 are allowed"):
+    with pytest.raises(
+        DesignError,
+        match="tool_components has 5000 components; at most 100 are allowed",
+    ):
         parse(*[box()] * 5000)
     with pytest.raises(DesignError, match="parents lead from 'b' in a circle"):
         parse(box("a", parent="b"), box("b", parent="c"), box("c", parent="b"))
@@ -169,5 +239,8 @@ def test_names_are_unique_and_long_lists_and_circles_are_refused():
 
 def test_a_mesh_can_not_be_written():
     mesh = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
-    with pytest.raises(DesignError, match="'m' is a mesh, which tool=boxes can't write; use tool=solids"):
+    with pytest.raises(
+        DesignError,
+        match="'m' is a mesh, which tool=boxes can't write; use tool=solids",
+    ):
         TOOLS.dump(Tool((Component("m", RIGID_MOUNT, Pose(), mesh),)))

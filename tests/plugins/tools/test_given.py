@@ -31,7 +31,9 @@ def test_stick_is_as_in_the_paper():
 
 
 def test_the_error_names_the_tasks_with_a_given_tool():
-    with pytest.raises(UsageError, match=r"OneBook.*BringCube, CleanTable, GatherSpheres, ScoreGoal"):
+    with pytest.raises(
+        UsageError, match=r"OneBook.*BringCube, CleanTable, GatherSpheres, ScoreGoal"
+    ):
         RLBENCH.given(OneBook())
 
 
@@ -39,22 +41,40 @@ def test_the_error_names_the_tasks_with_a_given_tool():
 def test_a_document_holds_plans_only(representation, numbers):
     task = on_panda(BringCube())
     plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 0.5][:numbers]]
-    (candidate,) = read_designs({"strategies": [{"action_sets": [plan]}]}, representation, task)
+    (candidate,) = read_designs(
+        {"strategies": [{"action_sets": [plan]}]}, representation, task
+    )
     assert candidate.problem is None
     assert candidate.tool.components == representation.given(task).components
-    (again,) = read_designs({"strategies": [dump_design(candidate, representation)]}, representation, task)
+    (again,) = read_designs(
+        {"strategies": [dump_design(candidate, representation)]}, representation, task
+    )
     np.testing.assert_array_equal(again.plan.poses, candidate.plan.poses)
-    (wrong,) = read_designs({"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]}, representation, task)
+    (wrong,) = read_designs(
+        {"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]},
+        representation,
+        task,
+    )
     assert "gripper" in wrong.problem
 
 
 @pytest.mark.parametrize(
-    ("representation", "words"), [(NONE, "nothing but its two-finger gripper"), (RLBENCH, "stick")]
+    ("representation", "words"),
+    [(NONE, "nothing but its two-finger gripper"), (RLBENCH, "stick")],
 )
 def test_prompt_asks_for_plans_only(representation, words):
     task = on_panda(BringCube())
     brief = Brief(
-        task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0, actions=WaypointActions()
+        task,
+        0,
+        representation,
+        representation.given(task).gripper,
+        1,
+        10,
+        0,
+        0,
+        0,
+        actions=WaypointActions(),
     )
     user = PromptComposer().compose(brief)[-1]
     text = "".join(part.text for part in user.parts if isinstance(part, Text))
@@ -62,26 +82,42 @@ def test_prompt_asks_for_plans_only(representation, words):
     assert "tool_urdf" not in text
     assert "Spawn rules" not in text
     fields = answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
-    assert set(fields) == {"strategy_name", "strategy_description", "gripper", "action_description", "action_sets"}
+    assert set(fields) == {
+        "strategy_name",
+        "strategy_description",
+        "gripper",
+        "action_description",
+        "action_sets",
+    }
 
 
 def test_bare_gripper_is_the_hand():
     assert NONE.given(on_panda(OneBook())) == Tool(
-        gripper=True, name="bare gripper", description="the gripper of Franka Panda, with its fingers"
+        gripper=True,
+        name="bare gripper",
+        description="the gripper of Franka Panda, with its fingers",
     )
 
 
 @pytest.mark.parametrize("material", ["paper", "pla"])
 def test_the_tool_of_a_file_is_the_one_that_its_design_means(material):
     words = [f"tool.file={FILES['BringCube']}", "tool.of=boxes", f"material={material}"]
-    known = tool_part(load("config", ["tool=known", *words])).create().given(BringCube())
+    known = (
+        tool_part(load("config", ["tool=known", *words])).create().given(BringCube())
+    )
     meant = anchored("BringCube", material).tool
     assert (known, known.mass, known.name) == (meant, meant.mass, meant.name)
 
 
-@pytest.mark.parametrize("document", ['{"strategies": [5]}', '{"strategies": [{"tool_components": 3}]}'])
+@pytest.mark.parametrize(
+    "document", ['{"strategies": [5]}', '{"strategies": [{"tool_components": 3}]}']
+)
 def test_a_file_without_a_tool_is_refused(tmp_path, document):
     file = tmp_path / "designs.json"
     file.write_text(document)
-    with pytest.raises(UserError, match=r"designs\.json: the tool of strategy 0 can't be read"):
-        installed().create("tool", "known", {"file": str(file), "of": "boxes"}).given(BringCube())
+    with pytest.raises(
+        UserError, match=r"designs\.json: the tool of strategy 0 can't be read"
+    ):
+        installed().create("tool", "known", {"file": str(file), "of": "boxes"}).given(
+            BringCube()
+        )

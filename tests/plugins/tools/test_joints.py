@@ -17,7 +17,9 @@ from tests.panda import on_panda
 from tests.tongs import tongs
 
 NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
-SPRUNG = ToolJoint("hinge", (0.6, 0.0, 0.8), -1.0, 2.0, (0.01, 0.02, 0.1), 0.01, 0.02, 0.1, 0.3)
+SPRUNG = ToolJoint(
+    "hinge", (0.6, 0.0, 0.8), -1.0, 2.0, (0.01, 0.02, 0.1), 0.01, 0.02, 0.1, 0.3
+)
 TOOLS = {
     "tongs": tongs(),
     "rod": hinged(0.4, hinge(stiffness=0.1, damping=0.01, friction=0.02, rest=0.2)),
@@ -38,7 +40,9 @@ def representation(request):
 def is_the_same(one, other):
     assert [c.name for c in one.components] == [c.name for c in other.components]
     for a, b in zip(one.components, other.components, strict=True):
-        np.testing.assert_allclose(one.placed()[a.name][1].matrix, other.placed()[b.name][1].matrix, atol=2e-5)
+        np.testing.assert_allclose(
+            one.placed()[a.name][1].matrix, other.placed()[b.name][1].matrix, atol=2e-5
+        )
         assert (a.joint is None) == (b.joint is None)
         if a.joint is not None:
             assert a.joint.kind == b.joint.kind
@@ -46,7 +50,9 @@ def is_the_same(one, other):
             if a.joint.kind == "hinge":
                 np.testing.assert_allclose(a.joint.origin, b.joint.origin, atol=2e-5)
             for name in NUMBERS:
-                assert getattr(a.joint, name) == pytest.approx(getattr(b.joint, name), rel=1e-5)
+                assert getattr(a.joint, name) == pytest.approx(
+                    getattr(b.joint, name), rel=1e-5
+                )
 
 
 @pytest.mark.parametrize("tool", TOOLS.values(), ids=TOOLS)
@@ -56,7 +62,9 @@ def test_what_is_written_is_read_again(representation, tool):
 
 
 @given(
-    axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
+    axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(
+        lambda axis: np.linalg.norm(axis) > 0.1
+    ),
     at=st.tuples(*[st.floats(-0.3, 0.3)] * 3),
     ends=st.tuples(st.floats(-3, 0), st.floats(0.01, 3)),
 )
@@ -70,7 +78,9 @@ def test_any_hinge(name, axis, at, ends):
 @pytest.mark.parametrize("name", ["urdf", "boxes", "solids"])
 def test_joints_are_refused_unless_they_are_allowed(name):
     data = made(name, joints=True).dump(tongs())
-    with pytest.raises(DesignError, match=r"tools are rigid|'joint', which it can't have"):
+    with pytest.raises(
+        DesignError, match=r"tools are rigid|'joint', which it can't have"
+    ):
         made(name).parse(data, gripper=False)
 
 
@@ -78,7 +88,18 @@ def test_joints_are_refused_unless_they_are_allowed(name):
 def test_a_model_is_told_of_joints_only_where_they_are_allowed(name):
     told, silent = (
         made(name, **settings).instructions(
-            Brief(on_panda(BringCube()), 0, made(name), False, 1, 1, 0, 0, 0, actions=WaypointActions())
+            Brief(
+                on_panda(BringCube()),
+                0,
+                made(name),
+                False,
+                1,
+                1,
+                0,
+                0,
+                0,
+                actions=WaypointActions(),
+            )
         )
         for settings in ({"joints": True}, {})
     )
@@ -92,14 +113,32 @@ def test_a_model_is_told_of_joints_only_where_they_are_allowed(name):
     [
         ("hinge", "must be an object or null, not the text"),
         ({}, "kind must be"),
-        ({"kind": "ball", "axis": [0, 0, 1]}, 'kind must be "hinge" or "slider", not \'ball\''),
+        (
+            {"kind": "ball", "axis": [0, 0, 1]},
+            'kind must be "hinge" or "slider", not \'ball\'',
+        ),
         ({"kind": "hinge"}, "axis must be a list of 3 numbers, not missing"),
-        ({"kind": "hinge", "axis": [0, 0, 0], "lower": -1, "upper": 1}, "axis needs a length"),
+        (
+            {"kind": "hinge", "axis": [0, 0, 0], "lower": -1, "upper": 1},
+            "axis needs a length",
+        ),
         ({"kind": "hinge", "axis": [0, 0, 1], "lower": 1, "upper": 2}, "must hold 0"),
-        ({"kind": "hinge", "axis": [0, 0, 1], "upper": 1, "damping": -1}, "damping must be 0 or more"),
-        ({"kind": "hinge", "axis": [0, 0, 1], "upper": float("nan")}, "upper is beyond 1000"),
-        ({"kind": "hinge", "axis": [0, 0, 1], "upper": 1, "stifness": 1}, "'stifness', which it can't have"),
-        ({"kind": "hinge", "axis": [0, 0, 1], "upper": 1, "at": [0, 0]}, "at must be a list of 3 numbers"),
+        (
+            {"kind": "hinge", "axis": [0, 0, 1], "upper": 1, "damping": -1},
+            "damping must be 0 or more",
+        ),
+        (
+            {"kind": "hinge", "axis": [0, 0, 1], "upper": float("nan")},
+            "upper is beyond 1000",
+        ),
+        (
+            {"kind": "hinge", "axis": [0, 0, 1], "upper": 1, "stifness": 1},
+            "'stifness', which it can't have",
+        ),
+        (
+            {"kind": "hinge", "axis": [0, 0, 1], "upper": 1, "at": [0, 0]},
+            "at must be a list of 3 numbers",
+        ),
     ],
 )
 def test_joints_that_make_no_sense(joint, fault):
@@ -134,5 +173,10 @@ def test_a_frame_can_not_move():
     text = own.dump(hinged(0.2, hinge()))["tool_urdf"]
     begin = text.index('<link name="rod">')
     end = text.index('<joint name="rod_joint"')
-    with pytest.raises(DesignError, match="link 'rod' hangs on a joint that moves, and has no box"):
-        own.parse({"tool_urdf": text[:begin] + '<link name="rod"/>' + text[end:]}, gripper=False)
+    with pytest.raises(
+        DesignError, match="link 'rod' hangs on a joint that moves, and has no box"
+    ):
+        own.parse(
+            {"tool_urdf": text[:begin] + '<link name="rod"/>' + text[end:]},
+            gripper=False,
+        )

@@ -12,14 +12,27 @@ from tests.panda import PANDA, on_panda
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_the_example_hangs_from_its_mount(gripper):
-    mount, name, size, at = first_box(brief(on_panda(OneBook()), LengthOnly(), gripper=gripper))
-    check_tool(Tool((Component(name, mount, Pose(at), Box(tuple(size)), 0.005),), gripper), PANDA)
+    mount, name, size, at = first_box(
+        brief(on_panda(OneBook()), LengthOnly(), gripper=gripper)
+    )
+    check_tool(
+        Tool((Component(name, mount, Pose(at), Box(tuple(size)), 0.005),), gripper),
+        PANDA,
+    )
 
 
 def test_the_mounts_are_described():
-    rigid, fingers = (describe_mount(brief(on_panda(OneBook()), LengthOnly(), gripper=g)) for g in (False, True))
+    rigid, fingers = (
+        describe_mount(brief(on_panda(OneBook()), LengthOnly(), gripper=g))
+        for g in (False, True)
+    )
     assert "takes the place of the gripper" in rigid
     assert "a disc of\n63 mm diameter" in rigid
-    assert all(f"In its frame `{name}` takes up x " in fingers for name in ("left_finger", "right_finger"))
+    assert all(
+        f"In its frame `{name}` takes up x " in fingers
+        for name in ("left_finger", "right_finger")
+    )
     assert "meet when it is closed" in fingers
-    assert np.all([word in fingers for word in ("tip at", "inner face at", "opens toward")])
+    assert np.all(
+        [word in fingers for word in ("tip at", "inner face at", "opens toward")]
+    )

@@ -21,25 +21,72 @@ pytestmark = pytest.mark.slow
 TOOLS = on_panda(SolidTools())
 
 BALL = {"sphere": 0.03}
-BOWL = {"difference": [{"sphere": 0.03}, {"sphere": 0.027}, {"box": [0.1, 0.1, 0.1], "at": [0, 0, 0.05]}]}
+BOWL = {
+    "difference": [
+        {"sphere": 0.03},
+        {"sphere": 0.027},
+        {"box": [0.1, 0.1, 0.1], "at": [0, 0, 0.05]},
+    ]
+}
 TUBE = {"difference": [{"cylinder": [0.03, 0.08]}, {"cylinder": [0.027, 0.1]}]}
-L_PROFILE = {"extrude": [[0, 0], [0.08, 0], [0.08, 0.01], [0.01, 0.01], [0.01, 0.08], [0, 0.08]], "height": 0.05}
+L_PROFILE = {
+    "extrude": [[0, 0], [0.08, 0], [0.08, 0.01], [0.01, 0.01], [0.01, 0.08], [0, 0.08]],
+    "height": 0.05,
+}
 SLOTS = [{"box": [0.008, 0.08, 0.02], "at": [x, 0.02, 0]} for x in (-0.018, 0, 0.018)]
 FORK = {"difference": [{"box": [0.06, 0.1, 0.01]}, *SLOTS]}
-RING = [[0.03 + 0.005 * math.cos(t), 0.005 * math.sin(t)] for t in np.linspace(0, math.tau, 13)[:-1]]
+RING = [
+    [0.03 + 0.005 * math.cos(t), 0.005 * math.sin(t)]
+    for t in np.linspace(0, math.tau, 13)[:-1]
+]
 HOOK = {"revolve": RING, "angle": 4.7}
 LADLE = {"union": [BOWL, {"cylinder": [0.005, 0.2], "at": [0.029, 0, 0.097]}]}
-SPOOL = {"revolve": [[0, 0], [0.03, 0], [0.03, 0.005], [0.01, 0.01], [0.01, 0.03], [0.03, 0.035], [0, 0.04]]}
-MEET = {"intersection": [TUBE, {"box": [0.1, 0.02, 0.1]}, {"box": [0.1, 0.1, 0.1], "at": [0.05, 0, 0]}]}
-SHAPES = {"bowl": BOWL, "tube": TUBE, "L": L_PROFILE, "fork": FORK, "hook": HOOK, "ladle": LADLE, "spool": SPOOL}
+SPOOL = {
+    "revolve": [
+        [0, 0],
+        [0.03, 0],
+        [0.03, 0.005],
+        [0.01, 0.01],
+        [0.01, 0.03],
+        [0.03, 0.035],
+        [0, 0.04],
+    ]
+}
+MEET = {
+    "intersection": [
+        TUBE,
+        {"box": [0.1, 0.02, 0.1]},
+        {"box": [0.1, 0.1, 0.1], "at": [0.05, 0, 0]},
+    ]
+}
+SHAPES = {
+    "bowl": BOWL,
+    "tube": TUBE,
+    "L": L_PROFILE,
+    "fork": FORK,
+    "hook": HOOK,
+    "ladle": LADLE,
+    "spool": SPOOL,
+}
 STAR = np.linspace(0, math.tau, 25)[:-1]
-COMB = [[0, 0], *([0.02 * k + x, y] for k in range(11) for x, y in ((0, 0.2), (0.01, 0.2), (0.01, 0.01), (0.02, 0.01)))]
+COMB = [
+    [0, 0],
+    *(
+        [0.02 * k + x, y]
+        for k in range(11)
+        for x, y in ((0, 0.2), (0.01, 0.2), (0.01, 0.01), (0.02, 0.01))
+    ),
+]
 TEETH = {"extrude": [*COMB, [0.22, 0]], "height": 0.5}
 EXACT = {"L": 2, "fork": 7}  # and how many parts they need
 
 
 def item(solid, name="a", **changes):
-    return {"name": name, "solid": json.dumps(solid), "position": [0, 0, -0.05]} | changes
+    return {
+        "name": name,
+        "solid": json.dumps(solid),
+        "position": [0, 0, -0.05],
+    } | changes
 
 
 def parse(*items):
@@ -80,9 +127,13 @@ def inside(meshes, points):
     ],
 )
 def test_a_primitive_stays_one_and_its_pose_moves_the_component(solid, wanted):
-    (component,) = parse(item(solid | {"at": [0.1, 0, 0, 0, 0, 1.5]}, rpy=[0.2, 0, 0])).components
+    (component,) = parse(
+        item(solid | {"at": [0.1, 0, 0, 0, 0, 1.5]}, rpy=[0.2, 0, 0])
+    ).components
     assert component.shape == wanted
-    frame = Pose.xyz_rpy((0, 0, -0.05), (0.2, 0, 0)) @ Pose.xyz_rpy((0.1, 0, 0), (0, 0, 1.5))
+    frame = Pose.xyz_rpy((0, 0, -0.05), (0.2, 0, 0)) @ Pose.xyz_rpy(
+        (0.1, 0, 0), (0, 0, 1.5)
+    )
     np.testing.assert_allclose(component.pose.matrix, frame.matrix, atol=1e-12)
 
 
@@ -91,13 +142,41 @@ def test_a_primitive_stays_one_and_its_pose_moves_the_component(solid, wanted):
     [
         ({"cone": [0.01, 0, 0.03]}, math.pi * 1000),
         ({"cone": [0.01, 0.005, 0.03]}, math.pi * 1750),
-        ({"extrude": [[0, 0], [0, 0.02], [0.01, 0]], "height": 0.03}, 3000),  # clockwise
+        (
+            {"extrude": [[0, 0], [0, 0.02], [0.01, 0]], "height": 0.03},
+            3000,
+        ),  # clockwise
         ({"revolve": [[0, 0], [0.02, 0], [0.02, 0.01], [0, 0.01]]}, math.pi * 4000),
-        ({"revolve": [[0, 0], [0.02, 0], [0.02, 0.01], [0, 0.01]], "angle": math.pi / 2}, math.pi * 1000),
+        (
+            {
+                "revolve": [[0, 0], [0.02, 0], [0.02, 0.01], [0, 0.01]],
+                "angle": math.pi / 2,
+            },
+            math.pi * 1000,
+        ),
         ({"hull": [[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.03]]}, 500),
-        ({"extrude": [[0, 0], [0.1, 0], [0, 0.1], [0, 0]], "height": 0.1}, 500000),  # closed twice
-        ({"intersection": [{"box": [0.02, 0.02, 0.02]}, {"box": [0.02, 0.02, 0.02], "at": [0.01, 0, 0]}]}, 4000),
-        ({"union": [{"box": [0.02, 0.02, 0.02]}, {"box": [0.02, 0.02, 0.02], "at": [0.02, 0, 0]}]}, 16000),
+        (
+            {"extrude": [[0, 0], [0.1, 0], [0, 0.1], [0, 0]], "height": 0.1},
+            500000,
+        ),  # closed twice
+        (
+            {
+                "intersection": [
+                    {"box": [0.02, 0.02, 0.02]},
+                    {"box": [0.02, 0.02, 0.02], "at": [0.01, 0, 0]},
+                ]
+            },
+            4000,
+        ),
+        (
+            {
+                "union": [
+                    {"box": [0.02, 0.02, 0.02]},
+                    {"box": [0.02, 0.02, 0.02], "at": [0.02, 0, 0]},
+                ]
+            },
+            16000,
+        ),
     ],
 )
 def test_what_is_convex_is_a_mesh(solid, mm3):
@@ -115,8 +194,13 @@ def test_what_is_not_convex_has_convex_parts_within_1_mm(name):
     surface = made.surface.to_trimesh()
     parts = [part.to_trimesh() for part in made.parts]
     assert surface.is_watertight
-    assert all(part.is_watertight and part.volume == pytest.approx(part.convex_hull.volume) for part in parts)
-    near_solid = cKDTree(surface.sample(200_000, seed=0))  # its points are a tenth of a millimetre or two apart
+    assert all(
+        part.is_watertight and part.volume == pytest.approx(part.convex_hull.volume)
+        for part in parts
+    )
+    near_solid = cKDTree(
+        surface.sample(200_000, seed=0)
+    )  # its points are a tenth of a millimetre or two apart
     out = np.vstack([part.sample(60, seed=1) for part in parts])
     out = out[~within(surface, out)]
     assert near_solid.query(out)[0].max(initial=0.0) < 0.0012
@@ -126,33 +210,51 @@ def test_what_is_not_convex_has_convex_parts_within_1_mm(name):
     assert near_parts.query(missed)[0].max(initial=0.0) < 0.0012
     if name in EXACT:
         assert len(parts) == EXACT[name]
-        assert sum(part.volume for part in parts) == pytest.approx(surface.volume, rel=1e-6)
+        assert sum(part.volume for part in parts) == pytest.approx(
+            surface.volume, rel=1e-6
+        )
 
 
 def test_a_bowl_is_open_and_a_tube_has_a_hole():
-    for solid, free in ((BOWL, [0, 0, -0.02]), (TUBE, [0, 0, 0.03]), (HOOK, [0.0, 0.0, 0.0])):
+    for solid, free in (
+        (BOWL, [0, 0, -0.02]),
+        (TUBE, [0, 0, 0.03]),
+        (HOOK, [0.0, 0.0, 0.0]),
+    ):
         parts = [part.to_trimesh() for part in shape(solid).parts]
         assert not inside(parts, np.array([free])).any()
 
 
 def test_equal_trees_make_equal_shapes_and_pickle():
     made = shape(TUBE)
-    assert pickle.loads(pickle.dumps(made)) == made == shape(json.loads(json.dumps(TUBE)))
+    assert (
+        pickle.loads(pickle.dumps(made)) == made == shape(json.loads(json.dumps(TUBE)))
+    )
     tool = parse(item(TUBE))
     assert pickle.loads(pickle.dumps(tool)).content == tool.content
 
 
 def test_the_rules_hold_and_a_values_tree_is_read_like_its_text():
-    tool = parse(item(LADLE, position=[0, 0, -0.2], mass=0.02), {"name": "b", "solid": BALL, "position": [0, 0, -0.02]})
+    tool = parse(
+        item(LADLE, position=[0, 0, -0.2], mass=0.02),
+        {"name": "b", "solid": BALL, "position": [0, 0, -0.02]},
+    )
     assert [type(c.shape) for c in tool.components] == [type(shape(LADLE)), Sphere]
-    check_tool(parse({"name": "b", "solid": {"cylinder": [0.02, 0.1]}, "position": [0, 0, -0.05]}), PANDA)
+    check_tool(
+        parse(
+            {"name": "b", "solid": {"cylinder": [0.02, 0.1]}, "position": [0, 0, -0.05]}
+        ),
+        PANDA,
+    )
 
 
 sizes = st.floats(0.005, 0.08)
 steps = st.floats(-0.02, 0.02)
 ats = st.tuples(steps, steps, steps, *[st.floats(-3.2, 3.2)] * 3).map(list)
 leaves = st.one_of(
-    st.builds(lambda x, y, z, at: {"box": [x, y, z], "at": at}, sizes, sizes, sizes, ats),
+    st.builds(
+        lambda x, y, z, at: {"box": [x, y, z], "at": at}, sizes, sizes, sizes, ats
+    ),
     st.builds(lambda r, at: {"sphere": r, "at": at}, sizes, ats),
     st.builds(lambda r, h, at: {"cylinder": [r, h], "at": at}, sizes, sizes, ats),
     st.builds(lambda r, h, at: {"cone": [r, 0, h], "at": at}, sizes, sizes, ats),
@@ -189,7 +291,12 @@ def test_what_is_written_is_read_as_the_same_tool(tree, mass):
 def test_shapes_that_were_not_made_here_are_written_by_their_parts():
     stretched = resized(shape(FORK), (0.05, 0.1, 0.02))
     mesh = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
-    tool = Tool((Component("f", RIGID_MOUNT, Pose(), stretched), Component("m", "f", Pose(), mesh)))
+    tool = Tool(
+        (
+            Component("f", RIGID_MOUNT, Pose(), stretched),
+            Component("m", "f", Pose(), mesh),
+        )
+    )
     written = TOOLS.dump(tool)
     back = TOOLS.parse(written, gripper=False)
     assert [len(c.shape.convex_parts()) for c in back.components] == [7, 1]
@@ -215,7 +322,10 @@ def deep(levels):
         ({}, "must have exactly one of box, .*; it has nothing"),
         ({"blob": 1}, "it has 'blob'"),
         ({"box": [1, 1, 1], "sphere": 1}, "it has box and sphere"),
-        ({"box": [0.1, 0.1, 0.1], "rpy": [0, 0, 0]}, "has 'rpy', which it can't have; possible: at, box"),
+        (
+            {"box": [0.1, 0.1, 0.1], "rpy": [0, 0, 0]},
+            "has 'rpy', which it can't have; possible: at, box",
+        ),
         ({"box": 1}, r"box \[x, y, z\] must be a list of 3 numbers, not a number"),
         ({"box": [0.1, 0.1, 0]}, "box: z is 0 m; it must be between 0.0005 and 1 m"),
         ({"box": [0.1, 0.1, -1]}, "box: z is -1 m"),
@@ -225,24 +335,51 @@ def deep(levels):
         ({"sphere": math.nan}, "is beyond 1000"),
         ({"sphere": {}}, "must be a number, not an object"),
         ({"sphere": 0.1, "at": [0, 0]}, "must be a list of 3 numbers, not a list of 2"),
-        ({"sphere": 0.1, "at": [0, 0, 0, 0]}, "must be a list of 6 numbers, not a list of 4"),
+        (
+            {"sphere": 0.1, "at": [0, 0, 0, 0]},
+            "must be a list of 6 numbers, not a list of 4",
+        ),
         ({"sphere": 0.1, "at": [0, 0, 5]}, "more than 1 m away"),
-        ({"extrude": [[0, 0], [1, 0]], "height": 0.1}, "must be a list of 3 to 48 points, not a list of 2"),
-        ({"extrude": [[0, 0], [0.1, 0], [0, 0.1]]}, "height must be a number, not missing"),
-        ({"extrude": [[0, 0], [0.1, 0.2], [0.1, 0], [0, 0.1]], "height": 0.1}, "crosses or touches"),
-        ({"extrude": [[0, 0], [0.1, 0], [0.1, 0.1], [0.05, 0], [0, 0.1]], "height": 0.1}, "crosses or touches"),
+        (
+            {"extrude": [[0, 0], [1, 0]], "height": 0.1},
+            "must be a list of 3 to 48 points, not a list of 2",
+        ),
+        (
+            {"extrude": [[0, 0], [0.1, 0], [0, 0.1]]},
+            "height must be a number, not missing",
+        ),
+        (
+            {"extrude": [[0, 0], [0.1, 0.2], [0.1, 0], [0, 0.1]], "height": 0.1},
+            "crosses or touches",
+        ),
+        (
+            {
+                "extrude": [[0, 0], [0.1, 0], [0.1, 0.1], [0.05, 0], [0, 0.1]],
+                "height": 0.1,
+            },
+            "crosses or touches",
+        ),
         ({"extrude": [[0, 0], [0.1, 0], [0.2, 0]], "height": 0.1}, "area of 0 mm"),
         ({"extrude": [[0, 0]] * 5000, "height": 0.1}, "not a list of 5000"),
         ({"revolve": [[-0.01, 0], [0.1, 0], [0, 0.1]]}, "r from 0"),
-        ({"revolve": [[0, 0], [0.1, 0], [0, 0.1]], "angle": 7}, "angle must be between"),
+        (
+            {"revolve": [[0, 0], [0.1, 0], [0, 0.1]], "angle": 7},
+            "angle must be between",
+        ),
         ({"union": [BALL]}, "must be a list of two or more shapes"),
         ({"union": BALL}, "must be a list of two or more shapes"),
         ({"union": [BALL] * 5000}, "has 5000 shapes; a tool may have 40 in all"),
         ({"difference": [BALL, BALL]}, "has a volume of 0 mm"),
         ({"intersection": [BALL, {**BALL, "at": [0.5, 0, 0]}]}, "has a volume of 0 mm"),
         ({"union": [BALL, {**BALL, "at": [0.5, 0, 0]}]}, "falls into 2 pieces"),
-        ({"hull": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]]}, "has a volume of 0 mm"),
-        ({"difference": [{"sphere": 0.2}, {"sphere": 0.19}]}, "convex parts to keep within 1 mm"),
+        (
+            {"hull": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]]},
+            "has a volume of 0 mm",
+        ),
+        (
+            {"difference": [{"sphere": 0.2}, {"sphere": 0.19}]},
+            "convex parts to keep within 1 mm",
+        ),
         (deep(20), "nests more than 8 deep"),
     ],
 )
@@ -271,7 +408,10 @@ def test_wrong_text_is_refused_with_a_reason(text, reason):
 
 def test_nodes_and_parts_are_counted_over_all_components():
     union = {"union": [{"box": [0.01, 0.01, 0.01]}] * (MAX_NODES // 2)}
-    with pytest.raises(DesignError, match=r"'b': solid.*: a tool may have 40|'b'.* has 20 shapes; a tool may have 40"):
+    with pytest.raises(
+        DesignError,
+        match=r"'b': solid.*: a tool may have 40|'b'.* has 20 shapes; a tool may have 40",
+    ):
         parse(item(union), item(union, "b"))
     needs = "'c': its solid needs [0-9]+ convex parts to .* at most 64 are allowed for a tool, of which [0-9]+ are left"
     with pytest.raises(DesignError, match=needs):
@@ -282,15 +422,27 @@ def test_triangles_are_counted_over_all_components_but_not_those_of_whole_primit
     parse(*[item({"sphere": 0.5}, f"c{k}") for k in range(MAX_NODES)])
     lens = {"intersection": [{"sphere": 0.5}, {"sphere": 0.5, "at": [0.5, 0, 0]}]}
     parse(*[item(lens, name) for name in "abc"])
-    with pytest.raises(DesignError, match=r"'d': with it the tool's solids have [0-9]+ triangles; at most 8000"):
+    with pytest.raises(
+        DesignError,
+        match=r"'d': with it the tool's solids have [0-9]+ triangles; at most 8000",
+    ):
         parse(*[item(lens, name) for name in "abcd"])
 
 
 @pytest.mark.parametrize(
-    "last", [item({"blob": 1}, "z"), item(BALL, "z", parent="none"), item(BALL, "z", mass="much"), item(BALL)]
+    "last",
+    [
+        item({"blob": 1}, "z"),
+        item(BALL, "z", parent="none"),
+        item(BALL, "z", mass="much"),
+        item(BALL),
+    ],
 )
 def test_all_of_a_tool_is_read_before_a_solid_is_built(last, monkeypatch):
-    monkeypatch.setattr("plugins.tools.solids.representation.make_shape", lambda *_: pytest.fail("built"))
+    monkeypatch.setattr(
+        "plugins.tools.solids.representation.make_shape",
+        lambda *_: pytest.fail("built"),
+    )
     with pytest.raises(DesignError):
         parse(item(BOWL), last)
 
@@ -298,7 +450,12 @@ def test_all_of_a_tool_is_read_before_a_solid_is_built(last, monkeypatch):
 @pytest.mark.parametrize(
     "solid",
     [
-        {"revolve": [[0.5 + r * math.cos(t), r * math.sin(t)] for t, r in zip(STAR, [0.4, 0.1] * 12, strict=True)]},
+        {
+            "revolve": [
+                [0.5 + r * math.cos(t), r * math.sin(t)]
+                for t, r in zip(STAR, [0.4, 0.1] * 12, strict=True)
+            ]
+        },
         {
             "intersection": [
                 {"extrude": COMB, "height": 0.5},
@@ -308,16 +465,30 @@ def test_all_of_a_tool_is_read_before_a_solid_is_built(last, monkeypatch):
     ],
 )
 def test_what_would_need_very_many_parts_is_refused(solid):
-    with pytest.raises(DesignError, match=r"needs .*convex parts to keep within 1 mm|more than 8000 triangles"):
+    with pytest.raises(
+        DesignError,
+        match=r"needs .*convex parts to keep within 1 mm|more than 8000 triangles",
+    ):
         shape(solid)
 
 
 @pytest.mark.parametrize("axis", [[-0.00566, -0.00933, 0.01587], [0, 0, 1], [1, -1, 0]])
 def test_a_joint_is_written_as_it_is_read(axis):
     tools = on_panda(SolidTools(joints=True))
-    joint = {"kind": "hinge", "axis": axis, "at": [0.00310324, 0.0169375, -0.0118702], "lower": -0.2, "upper": 0.3}
-    tool = tools.parse({"tool_solids": [item(BALL, rpy=[0, 2.36756533, 0], joint=joint)]}, gripper=False)
+    joint = {
+        "kind": "hinge",
+        "axis": axis,
+        "at": [0.00310324, 0.0169375, -0.0118702],
+        "lower": -0.2,
+        "upper": 0.3,
+    }
+    tool = tools.parse(
+        {"tool_solids": [item(BALL, rpy=[0, 2.36756533, 0], joint=joint)]},
+        gripper=False,
+    )
     written = tools.dump(tool)
     assert tools.dump(tools.parse(written, gripper=False)) == written
     back = np.array(written["tool_solids"][0]["joint"]["axis"])
-    np.testing.assert_allclose(back / np.linalg.norm(back), axis / np.linalg.norm(axis), atol=1e-5)
+    np.testing.assert_allclose(
+        back / np.linalg.norm(back), axis / np.linalg.norm(axis), atol=1e-5
+    )

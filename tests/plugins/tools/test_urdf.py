@@ -47,11 +47,21 @@ def test_schema_names_the_field_that_parse_reads_and_dump_writes():
 
 
 @pytest.mark.parametrize(
-    "wrap", ["{}", "<robot name='t'>{}</robot>", "<?xml version='1.0'?>\n<robot>{}</robot>", "<!-- x -->{}"]
+    "wrap",
+    [
+        "{}",
+        "<robot name='t'>{}</robot>",
+        "<?xml version='1.0'?>\n<robot>{}</robot>",
+        "<!-- x -->{}",
+    ],
 )
 def test_a_root_and_a_declaration_may_be_there(wrap):
     (component,) = parse(wrap.format(A)).components
-    assert (component.name, component.parent, component.mass) == ("a", "tool_mount", 0.005)
+    assert (component.name, component.parent, component.mass) == (
+        "a",
+        "tool_mount",
+        0.005,
+    )
     assert component.shape == Box((0.02, 0.02, 0.1))
     np.testing.assert_allclose(component.pose.position, [0, 0, -0.05])
 
@@ -67,7 +77,9 @@ def test_the_order_of_elements_does_not_matter():
 
 
 def test_attachments_hang_from_both_fingers():
-    text = link("l") + link("r") + joint("left_finger", "l") + joint("right_finger", "r")
+    text = (
+        link("l") + link("r") + joint("left_finger", "l") + joint("right_finger", "r")
+    )
     tool = parse(text, gripper=True)
     assert tool.gripper
     assert [c.parent for c in tool.components] == ["left_finger", "right_finger"]
@@ -75,11 +87,18 @@ def test_attachments_hang_from_both_fingers():
 
 @pytest.mark.parametrize(
     ("alias", "mount"),
-    [("panda_virtual", "tool_mount"), ("panda_leftfinger", "left_finger"), ("panda_rightfinger", "right_finger")],
+    [
+        ("panda_virtual", "tool_mount"),
+        ("panda_leftfinger", "left_finger"),
+        ("panda_rightfinger", "right_finger"),
+    ],
 )
 def test_a_robots_other_names_of_mounts_are_read(alias, mount):
     gripper = mount != "tool_mount"
-    named, usual = (parse(link("a") + joint(parent, "a"), gripper=gripper) for parent in (alias, mount))
+    named, usual = (
+        parse(link("a") + joint(parent, "a"), gripper=gripper)
+        for parent in (alias, mount)
+    )
     assert named == usual
     assert [c.parent for c in named.components] == [mount]
     ur5 = installed().create("tool", "urdf", robot=installed().create("robot", "ur5"))
@@ -88,14 +107,23 @@ def test_a_robots_other_names_of_mounts_are_read(alias, mount):
 
 
 def test_a_visual_alone_collides_too():
-    (component,) = parse(link("a", shape("visual")) + joint("tool_mount", "a")).components
+    (component,) = parse(
+        link("a", shape("visual")) + joint("tool_mount", "a")
+    ).components
     assert component.shape == Box((0.02, 0.02, 0.1))
 
 
 def test_mass_is_shared_by_volume():
     boxes = shape("collision", '<geometry><box size="0.1 0.1 0.1"/></geometry>')
-    boxes += shape("collision", '<geometry><box size="0.1 0.1 0.3"/></geometry>', '<origin xyz="0 0 -0.2"/>')
-    tool = parse(link("a", f'{boxes}<inertial><mass value="0.08"/></inertial>') + joint("tool_mount", "a"))
+    boxes += shape(
+        "collision",
+        '<geometry><box size="0.1 0.1 0.3"/></geometry>',
+        '<origin xyz="0 0 -0.2"/>',
+    )
+    tool = parse(
+        link("a", f'{boxes}<inertial><mass value="0.08"/></inertial>')
+        + joint("tool_mount", "a")
+    )
     assert [c.mass for c in tool.components] == pytest.approx([0.02, 0.06])
 
 
@@ -105,20 +133,30 @@ def test_mass_is_shared_by_volume():
         ('<material name="m"><color rgba="1 0 0.5 0.5"/></material>', (1, 0, 0.5, 0.5)),
         ('<material name="green"/>', (0, 1, 0, 1)),
         ('<material name="nowhere"/>', DEFAULT_COLOR),
-        ('<material name="m"><color rgba="255 0 0 0"/></material>', (1, 0, 0, 0.2)),  # always visible
+        (
+            '<material name="m"><color rgba="255 0 0 0"/></material>',
+            (1, 0, 0, 0.2),
+        ),  # always visible
         ("", DEFAULT_COLOR),
     ],
 )
 def test_color(material, color):
     top = '<material name="green"><color rgba="0 1 0 1"/></material>'
     both = shape("visual", material=material) + shape("collision")
-    assert parse(top + link("a", both) + joint("tool_mount", "a")).components[0].color == color
+    assert (
+        parse(top + link("a", both) + joint("tool_mount", "a")).components[0].color
+        == color
+    )
 
 
 def test_boxes_of_a_link_and_its_children_keep_their_places():
     turned = '<origin xyz="0 0 -0.1" rpy="0.3 -0.2 0.9"/>'
-    boxes = shape("collision", origin=turned) + shape("collision", origin='<origin xyz="0.1 0 0"/>')
-    text = link("a", boxes) + joint("tool_mount", "a", origin='<origin xyz="0.01 0.02 0.03" rpy="1 0.5 0.2"/>')
+    boxes = shape("collision", origin=turned) + shape(
+        "collision", origin='<origin xyz="0.1 0 0"/>'
+    )
+    text = link("a", boxes) + joint(
+        "tool_mount", "a", origin='<origin xyz="0.01 0.02 0.03" rpy="1 0.5 0.2"/>'
+    )
     text += link("b") + joint("a", "b", origin='<origin xyz="0 0.2 0" rpy="0 0 1.5"/>')
     tool = parse(text)
     assert [c.name for c in tool.components] == ["a", "a_2", "b"]
@@ -134,9 +172,14 @@ def test_boxes_of_a_link_and_its_children_keep_their_places():
 
 
 def test_boxes_hang_from_the_box_that_they_touch():
-    row = "".join(shape("collision", origin=f'<origin xyz="0 0 {z}"/>') for z in (0, -0.1, -0.2))
+    row = "".join(
+        shape("collision", origin=f'<origin xyz="0 0 {z}"/>') for z in (0, -0.1, -0.2)
+    )
     tool = parse(
-        link("a", row) + joint("tool_mount", "a") + link("b") + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
+        link("a", row)
+        + joint("tool_mount", "a")
+        + link("b")
+        + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
     )
     assert [(c.name, c.parent) for c in tool.components] == [
         ("a", "tool_mount"),
@@ -148,13 +191,20 @@ def test_boxes_hang_from_the_box_that_they_touch():
 
 
 def test_further_boxes_do_not_take_the_name_of_another_link():
-    tool = parse(link("a", shape("collision") * 2) + joint("tool_mount", "a") + link("a_2") + joint("a", "a_2"))
+    tool = parse(
+        link("a", shape("collision") * 2)
+        + joint("tool_mount", "a")
+        + link("a_2")
+        + joint("a", "a_2")
+    )
     assert sorted(c.name for c in tool.components) == ["a", "a_2", "a_3"]
 
 
 def test_a_link_without_boxes_is_composed_away():
     text = link("frame", "") + joint(
-        "tool_mount", "frame", origin='<origin xyz="0 0 -0.1" rpy="0 1.5707963267948966 0"/>'
+        "tool_mount",
+        "frame",
+        origin='<origin xyz="0 0 -0.1" rpy="0 1.5707963267948966 0"/>',
     )
     (component,) = parse(text + link("a") + joint("frame", "a")).components
     assert component.parent == "tool_mount"
@@ -173,67 +223,138 @@ def test_a_missing_field():
 
 
 HOSTILE = {
-    "external entity": ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot>&x;</robot>', "malformed XML"),
-    "external DTD": ('<!DOCTYPE r SYSTEM "http://example.com/r.dtd"><robot/>', "malformed XML"),
-    "DOCTYPE after a declaration": ("<?xml version='1.0'?><!DOCTYPE r><robot/>", "malformed XML"),
+    "external entity": (
+        '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot>&x;</robot>',
+        "malformed XML",
+    ),
+    "external DTD": (
+        '<!DOCTYPE r SYSTEM "http://example.com/r.dtd"><robot/>',
+        "malformed XML",
+    ),
+    "DOCTYPE after a declaration": (
+        "<?xml version='1.0'?><!DOCTYPE r><robot/>",
+        "malformed XML",
+    ),
     "undefined entity": (f"{A}&x;", "undefined entity"),
     "nesting": ("<link>" * 2000 + "</link>" * 2000, "link name '' is not 1 to 64"),
-    "too many elements": ("<link name='a'/>" * 20_000, "20000 <link> elements; at most"),
+    "too many elements": (
+        "<link name='a'/>" * 20_000,
+        "20000 <link> elements; at most",
+    ),
     "too long": ("x" * 1_000_001, "1000001 characters"),
     "a way out of the root": (f"</robot><robot>{A}", "junk after document element"),
     "null character": ("\0", "malformed XML"),
     "lone surrogate": ("\ud800", "malformed XML"),
     "not closed": (f"{A}\n<link name='b'>", "malformed XML: mismatched tag: line 3"),
     "mesh": (
-        link("a", shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>')) + HELD,
+        link(
+            "a",
+            shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>'),
+        )
+        + HELD,
         "boxes only.*<mesh>",
     ),
     "package": (
-        link("a", shape("visual", '<geometry><mesh filename="package://x/y.stl"/></geometry>')) + HELD,
+        link(
+            "a",
+            shape(
+                "visual", '<geometry><mesh filename="package://x/y.stl"/></geometry>'
+            ),
+        )
+        + HELD,
         "boxes only",
     ),
     "cylinder": (
-        link("a", shape("collision", '<geometry><cylinder radius="1" length="1"/></geometry>')) + HELD,
+        link(
+            "a",
+            shape(
+                "collision", '<geometry><cylinder radius="1" length="1"/></geometry>'
+            ),
+        )
+        + HELD,
         "boxes only",
     ),
-    "sphere": (link("a", shape("collision", '<geometry><sphere radius="1"/></geometry>')) + HELD, "boxes only"),
-    "two shapes": (link("a", shape("collision", BOX.replace("<box", '<box size="1 1 1"/><box'))), "2 <box> elements"),
+    "sphere": (
+        link("a", shape("collision", '<geometry><sphere radius="1"/></geometry>'))
+        + HELD,
+        "boxes only",
+    ),
+    "two shapes": (
+        link("a", shape("collision", BOX.replace("<box", '<box size="1 1 1"/><box'))),
+        "2 <box> elements",
+    ),
     "no geometry": (link("a", "<collision/>") + HELD, "has no <geometry>"),
-    "two geometries": (link("a", f"<collision>{BOX * 2}</collision>"), "2 <geometry> elements"),
-    "no size": (link("a", "<collision><geometry><box/></geometry></collision>") + HELD, "size is missing"),
+    "two geometries": (
+        link("a", f"<collision>{BOX * 2}</collision>"),
+        "2 <geometry> elements",
+    ),
+    "no size": (
+        link("a", "<collision><geometry><box/></geometry></collision>") + HELD,
+        "size is missing",
+    ),
     "duplicate links": (A + link("a"), "two links are named 'a'"),
     "duplicate joints": (A + joint("tool_mount", "a"), "two joints are named"),
-    "cycle": (link("a") + link("b") + joint("a", "b") + joint("b", "a"), "links form a loop: a -> b -> a"),
+    "cycle": (
+        link("a") + link("b") + joint("a", "b") + joint("b", "a"),
+        "links form a loop: a -> b -> a",
+    ),
     "its own parent": (link("a") + joint("a", "a"), "links form a loop: a -> a"),
-    "unreachable": (A + link("b") + link("c") + joint("b", "c"), "no joint holds link 'b'"),
+    "unreachable": (
+        A + link("b") + link("c") + joint("b", "c"),
+        "no joint holds link 'b'",
+    ),
     "unknown child": (A + joint("a", "ghost"), "no link 'ghost' in joint 'a-ghost'"),
-    "unknown parent": (link("a") + joint("ghost", "a"), "no link 'ghost' in joint 'ghost-a'; possible: .*tool_mount"),
-    "hand as mount": (link("a") + joint("panda_hand", "a"), "no link 'panda_hand'.*possible: .*tool_mount"),
+    "unknown parent": (
+        link("a") + joint("ghost", "a"),
+        "no link 'ghost' in joint 'ghost-a'; possible: .*tool_mount",
+    ),
+    "hand as mount": (
+        link("a") + joint("panda_hand", "a"),
+        "no link 'panda_hand'.*possible: .*tool_mount",
+    ),
     "finger as mount of a rigid tool": (
         link("a") + joint("left_finger", "a"),
         "no link 'left_finger'.*possible: .*tool_mount",
     ),
     "moves the robot": (A + joint("a", "panda_link7"), "no link 'panda_link7'"),
-    "two parents": (A + link("b") + joint("tool_mount", "b") + joint("a", "b"), "link 'b' hangs on two joints"),
+    "two parents": (
+        A + link("b") + joint("tool_mount", "b") + joint("a", "b"),
+        "link 'b' hangs on two joints",
+    ),
     "robot's link": (link("panda_link7"), "robot's own"),
     "the mount itself": (link("tool_mount"), "robot's own"),
     "the mount by its other name": (link("panda_virtual"), "robot's own"),
-    "finger by its other name": (link("a") + joint("panda_leftfinger", "a"), "no link 'panda_leftfinger'"),
+    "finger by its other name": (
+        link("a") + joint("panda_leftfinger", "a"),
+        "no link 'panda_leftfinger'",
+    ),
     "a mount of other tools": (link("left_finger"), "robot's own"),
     "robot's joint": (A.replace("tool_mount-a", "panda_joint1"), "robot's own"),
     "name with a space": (link("a b"), "letters, digits"),
     "long name": (link("a" * 65), "1 to 64"),
     "empty name": (link(""), "letters, digits"),
     "no name": ("<link/>", "link name '' is not 1 to 64"),
-    "hinge": (link("a") + joint("tool_mount", "a", kind="revolute"), "'revolute'; tools are rigid"),
+    "hinge": (
+        link("a") + joint("tool_mount", "a", kind="revolute"),
+        "'revolute'; tools are rigid",
+    ),
     "no type": (A.replace('type="fixed"', ""), "no type '' in joint"),
-    "no parent": (A.replace('<parent link="tool_mount"/>', ""), 'names no parent; add <parent link="..."'),
+    "no parent": (
+        A.replace('<parent link="tool_mount"/>', ""),
+        'names no parent; add <parent link="..."',
+    ),
     "no child": (A.replace('<child link="a"/>', "<child/>"), "no joint holds link 'a'"),
-    "two origins": (A.replace('<origin xyz="0 0 -0.05"/>', "<origin/><origin/>"), "2 <origin> elements"),
+    "two origins": (
+        A.replace('<origin xyz="0 0 -0.05"/>', "<origin/><origin/>"),
+        "2 <origin> elements",
+    ),
     "foreign element": (A + "<gazebo/>", "<gazebo> is not allowed"),
     "massless inertial": (link("a", "<inertial/>") + HELD, "inertial has no <mass>"),
     "colour of three numbers": (
-        link("a", shape("visual", material='<material><color rgba="1 0 0"/></material>')) + HELD,
+        link(
+            "a", shape("visual", material='<material><color rgba="1 0 0"/></material>')
+        )
+        + HELD,
         "rgba is '1 0 0'; expected 4 numbers",
     ),
 }
@@ -268,16 +389,23 @@ def test_hostile_text_gets_a_reason(text, reason):
 @pytest.mark.parametrize("place", ["size", "xyz", "rpy"])
 def test_bad_numbers(numbers, reason, place):
     origin = f'<origin {place}="{numbers}"/>' if place != "size" else ""
-    geometry = f'<geometry><box size="{numbers}"/></geometry>' if place == "size" else BOX
+    geometry = (
+        f'<geometry><box size="{numbers}"/></geometry>' if place == "size" else BOX
+    )
     with pytest.raises(DesignError, match=reason) as caught:
-        parse(link("a", shape("collision", geometry, origin)) + joint("tool_mount", "a"))
+        parse(
+            link("a", shape("collision", geometry, origin)) + joint("tool_mount", "a")
+        )
     assert len(str(caught.value)) < 200
 
 
 @pytest.mark.parametrize("size", ["0 1 1", "-0.1 1 1"])
 def test_sides_are_positive(size):
     with pytest.raises(DesignError, match="must be greater than 0"):
-        parse(link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>')) + HELD)
+        parse(
+            link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>'))
+            + HELD
+        )
 
 
 def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
@@ -288,8 +416,13 @@ def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
     shapes = visuals + shape("collision", origin=high) + shape("collision", origin=low)
     tool = parse(link("a", shapes) + joint("tool_mount", "a"))
     assert [c.color for c in tool.components] == [(1, 0, 0, 1), DEFAULT_COLOR]
-    (component,) = parse(link("a", visuals + shape("collision")) + joint("tool_mount", "a")).components
-    assert (component.pose.position.tolist(), component.color) == ([0, 0, -0.05], DEFAULT_COLOR)
+    (component,) = parse(
+        link("a", visuals + shape("collision")) + joint("tool_mount", "a")
+    ).components
+    assert (component.pose.position.tolist(), component.color) == (
+        [0, 0, -0.05],
+        DEFAULT_COLOR,
+    )
 
 
 def grid(low, high):
@@ -301,7 +434,12 @@ def grid(low, high):
 def tools(draw):
     gripper = draw(st.booleans())
     names = draw(
-        st.lists(st.text(string.ascii_letters + "_.-0", min_size=1, max_size=64), min_size=1, max_size=6, unique=True)
+        st.lists(
+            st.text(string.ascii_letters + "_.-0", min_size=1, max_size=64),
+            min_size=1,
+            max_size=6,
+            unique=True,
+        )
     )
     parents = list(Tool(gripper=gripper).mounts)
     components = []
@@ -311,7 +449,11 @@ def tools(draw):
         box = Box(tuple(draw(grid(0.001, 2)) for _ in range(3)))
         color = tuple(draw(grid(0.2, 1)) for _ in range(4))
         parent = draw(st.sampled_from(parents))
-        components.append(Component(name, parent, Pose.xyz_rpy(xyz, rpy), box, draw(grid(0.001, 1)), color))
+        components.append(
+            Component(
+                name, parent, Pose.xyz_rpy(xyz, rpy), box, draw(grid(0.001, 1)), color
+            )
+        )
         parents.append(name)
     return Tool(tuple(components), gripper)
 
@@ -320,12 +462,21 @@ def tools(draw):
 @given(tools())
 def test_dump_and_parse_give_the_same_tool(tool):
     again = URDF.parse(URDF.dump(tool), gripper=tool.gripper)
-    assert [(c.name, c.parent) for c in again.components] == [(c.name, c.parent) for c in tool.components]
+    assert [(c.name, c.parent) for c in again.components] == [
+        (c.name, c.parent) for c in tool.components
+    ]
     before = tool.placed()
     after = again.placed()
     for component, other in zip(tool.components, again.components, strict=True):
-        np.testing.assert_allclose(other.shape.size, component.shape.size, rtol=0, atol=1e-9)
-        np.testing.assert_allclose([other.mass, *other.color], [component.mass, *component.color], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            other.shape.size, component.shape.size, rtol=0, atol=1e-9
+        )
+        np.testing.assert_allclose(
+            [other.mass, *other.color],
+            [component.mass, *component.color],
+            rtol=0,
+            atol=1e-9,
+        )
         here = before[component.name]
         there = after[component.name]
         assert here[0] == there[0]
@@ -339,22 +490,54 @@ def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
     made_of_pla.material = Material("pla", 1240)
     text = " ".join(
         made_of_pla.instructions(
-            Brief(on_panda(OneBook()), 0, made_of_pla, False, 1, 1, 0, 0, 0, actions=WaypointActions())
+            Brief(
+                on_panda(OneBook()),
+                0,
+                made_of_pla,
+                False,
+                1,
+                1,
+                0,
+                0,
+                0,
+                actions=WaypointActions(),
+            )
         ).split()
     )
     assert "Tools are made of pla, 1240 kg/m^3, solid." in text
     assert "bend it by more than 10 mm or 10 N would break it." in text
     assert "mass value" not in text
     assert "A few grams per box" not in text
-    heavy = link("a", f'<collision>{BOX}</collision><inertial><mass value="as much as you like"/></inertial>')
+    heavy = link(
+        "a",
+        f'<collision>{BOX}</collision><inertial><mass value="as much as you like"/></inertial>',
+    )
     data = {"tool_urdf": heavy + joint("tool_mount", "a")}
     assert len(made_of_pla.parse(data, gripper=False).components) == 1
-    with pytest.raises(DesignError, match="value is 'as much as you like'; expected a number"):
+    with pytest.raises(
+        DesignError, match="value is 'as much as you like'; expected a number"
+    ):
         URDF.parse(data, gripper=False)
 
 
 def test_of_paper_the_instructions_are_as_ever():
-    text = URDF.instructions(Brief(on_panda(OneBook()), 0, URDF, False, 1, 1, 0, 0, 0, actions=WaypointActions()))
+    text = URDF.instructions(
+        Brief(
+            on_panda(OneBook()),
+            0,
+            URDF,
+            False,
+            1,
+            1,
+            0,
+            0,
+            0,
+            actions=WaypointActions(),
+        )
+    )
     assert '- The inertial needs <mass value="..."/> in kilograms' in text
-    assert "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length." in text
+    assert (
+        "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length."
+        in text
+    )
     assert '<inertial><mass value="0.005"/></inertial>' in text

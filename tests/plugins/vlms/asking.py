@@ -13,7 +13,11 @@ KEYS = {
     "google": "AIza-planted+0123456789",
     "anthropic": "sk-ant-planted=0123456789",
 }
-VARIABLES = {"openai": "OPENAI_API_KEY", "google": "GEMINI_API_KEY", "anthropic": "ANTHROPIC_API_KEY"}
+VARIABLES = {
+    "openai": "OPENAI_API_KEY",
+    "google": "GEMINI_API_KEY",
+    "anthropic": "ANTHROPIC_API_KEY",
+}
 PAID = list(KEYS)
 PROTOCOLS = {
     "openai": ("openai/gpt-4.1", "/v1"),
@@ -36,7 +40,11 @@ def agent_of(call):
 
 def ask(server, protocol, agents=1, **settings):
     """The replies by agent."""
-    replies = list(model_at(server, protocol, **settings).complete([request(agent) for agent in range(agents)]))
+    replies = list(
+        model_at(server, protocol, **settings).complete(
+            [request(agent) for agent in range(agents)]
+        )
+    )
     assert len(replies) == agents
     return {int(reply.request_id.removeprefix("g0-a")): reply for reply in replies}
 

@@ -12,7 +12,9 @@ from tests.plugins.vlms.servers import Say, request, serving
 @pytest.fixture
 def planted(monkeypatch):
     """An environment with a key of every provider, and without proxies."""
-    for name in [n for n in os.environ if n.endswith("_API_KEY") or n.lower().endswith("_proxy")]:
+    for name in [
+        n for n in os.environ if n.endswith("_API_KEY") or n.lower().endswith("_proxy")
+    ]:
         monkeypatch.delenv(name)
     for protocol, key in KEYS.items():
         monkeypatch.setenv(VARIABLES[protocol], key)

@@ -29,7 +29,14 @@ PATHS = {
 PNG = b"\x89PNG\r\n" + bytes(range(256))
 SCHEMA = {
     "type": "object",
-    "properties": {"numbers": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}},
+    "properties": {
+        "numbers": {
+            "type": "array",
+            "items": {"type": "number"},
+            "minItems": 2,
+            "maxItems": 2,
+        }
+    },
     "required": ["numbers"],
     "additionalProperties": False,
 }
@@ -37,9 +44,28 @@ SCHEMA = {
 
 def request(agent: int, temperature: float = 1.25) -> Request:
     """An agent's request. The text names the agent, and its seed is 100 more."""
-    brief: Any = Brief(cast(Any, None), 0, cast(Any, None), False, 1, 1, 0, agent, 100 + agent, actions=cast(Any, None))
-    user = Message("user", (Text(f"I am agent {agent}.\n\n"), Text("Design."), Picture(PNG)))
-    return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be brief."),)), user), SCHEMA, temperature)
+    brief: Any = Brief(
+        cast(Any, None),
+        0,
+        cast(Any, None),
+        False,
+        1,
+        1,
+        0,
+        agent,
+        100 + agent,
+        actions=cast(Any, None),
+    )
+    user = Message(
+        "user", (Text(f"I am agent {agent}.\n\n"), Text("Design."), Picture(PNG))
+    )
+    return Request(
+        f"g0-a{agent}",
+        brief,
+        (Message("system", (Text("Be brief."),)), user),
+        SCHEMA,
+        temperature,
+    )
 
 
 @dataclass(frozen=True)
@@ -105,7 +131,9 @@ class Server:
 
 
 @contextmanager
-def serving(script: Callable[[Call], Act], *, any_path: bool = False, at_once: int = 1) -> Iterator[Server]:
+def serving(
+    script: Callable[[Call], Act], *, any_path: bool = False, at_once: int = 1
+) -> Iterator[Server]:
     """A server that answers each call as ``script`` returns; it lives as long as the context.
 
     With ``any_path`` it takes calls of other protocols too, without reading what they say. It answers nothing before
@@ -124,7 +152,10 @@ def serving(script: Callable[[Call], Act], *, any_path: bool = False, at_once: i
                 server.most_at_once = max(server.most_at_once, server.waiting)
                 act = script(call)
                 together.notify_all()
-                together.wait_for(lambda: server.most_at_once >= at_once or server.closing.is_set(), timeout=60)
+                together.wait_for(
+                    lambda: server.most_at_once >= at_once or server.closing.is_set(),
+                    timeout=60,
+                )
             try:
                 _act(self, act, call, server.closing)
             finally:
@@ -137,11 +168,15 @@ def serving(script: Callable[[Call], Act], *, any_path: bool = False, at_once: i
         daemon_threads = True
         request_queue_size = 64
 
-        def handle_error(self, request: Any, client_address: Any) -> None: ...  # a client that hung up
+        def handle_error(
+            self, request: Any, client_address: Any
+        ) -> None: ...  # a client that hung up
 
     with Quiet(("127.0.0.1", 0), Handler) as http:
         server.url = f"http://127.0.0.1:{http.server_port}"
-        thread = threading.Thread(target=http.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+        thread = threading.Thread(
+            target=http.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
+        )
         thread.start()
         try:
             yield server
@@ -168,10 +203,15 @@ def _read(handler: BaseHTTPRequestHandler) -> Call:
     system = [message for message in messages if message["role"] == "system"]
     system += [{"text": body.get("system")}, body.get("system_instruction")]
     said = "".join(_strings(system, "text", "content"))
-    data = [text.removeprefix("data:image/png;base64,") for text in _strings(user, "data", "url", "images")]
+    data = [
+        text.removeprefix("data:image/png;base64,")
+        for text in _strings(user, "data", "url", "images")
+    ]
     pictures = [base64.b64decode(text, validate=True) for text in data]
     texts = list(_strings(user, "text", "content"))
-    return Call(handler.path, headers, body, protocol, said, texts, pictures, time.monotonic())
+    return Call(
+        handler.path, headers, body, protocol, said, texts, pictures, time.monotonic()
+    )
 
 
 def _strings(node: Any, *names: str) -> Iterator[str]:
@@ -179,17 +219,23 @@ def _strings(node: Any, *names: str) -> Iterator[str]:
     if isinstance(node, dict):
         for name, value in node.items():
             texts = value if isinstance(value, list) else [value]
-            yield from (text for text in texts if name in names and isinstance(text, str))
+            yield from (
+                text for text in texts if name in names and isinstance(text, str)
+            )
             yield from _strings(value, *names)
     elif isinstance(node, list):
         for item in node:
             yield from _strings(item, *names)
 
 
-def _act(handler: BaseHTTPRequestHandler, act: Act, call: Call, closing: threading.Event) -> None:
+def _act(
+    handler: BaseHTTPRequestHandler, act: Act, call: Call, closing: threading.Event
+) -> None:
     if isinstance(act, Reset):
         # No lingering: closing sends a reset.
-        handler.connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        handler.connection.setsockopt(
+            socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0)
+        )
         handler.connection.close()
         handler.close_connection = True
         return
@@ -221,13 +267,30 @@ def _act(handler: BaseHTTPRequestHandler, act: Act, call: Call, closing: threadi
 def document(say: Say, call: Call) -> dict[str, Any]:
     """An answer of 7 tokens to a prompt of 1000."""
     if call.protocol == "google":
-        candidate = {"content": {"role": "model", "parts": [{"text": say.text}]}, "finishReason": say.finish or "STOP"}
-        usage = {"promptTokenCount": 1000, "candidatesTokenCount": 7, "totalTokenCount": 1007}
-        return {"candidates": [candidate], "usageMetadata": usage, "modelVersion": "gemini-2.5-pro"}
+        candidate = {
+            "content": {"role": "model", "parts": [{"text": say.text}]},
+            "finishReason": say.finish or "STOP",
+        }
+        usage = {
+            "promptTokenCount": 1000,
+            "candidatesTokenCount": 7,
+            "totalTokenCount": 1007,
+        }
+        return {
+            "candidates": [candidate],
+            "usageMetadata": usage,
+            "modelVersion": "gemini-2.5-pro",
+        }
     message = {"role": "assistant", "content": say.text}
     if call.protocol == "ollama":
         counts = {"prompt_eval_count": 1000, "eval_count": 7}
-        return {"model": "m", "message": message, "done": True, "done_reason": say.finish or "stop", **counts}
+        return {
+            "model": "m",
+            "message": message,
+            "done": True,
+            "done_reason": say.finish or "stop",
+            **counts,
+        }
     if call.protocol == "anthropic":
         usage = {"input_tokens": 1000, "output_tokens": 7}
         block = {"type": "text", "text": say.text}

@@ -30,7 +30,9 @@ SOLUTION = (ROOT / "tests/tasks/solutions/BringCube.json").read_text()
 class Priced(VLM):
     """Answers at a cost; ``earns`` is what tests let its designs earn."""
 
-    def __init__(self, model: str = "one", earns: float = 0.5, cost: float | None = None) -> None:
+    def __init__(
+        self, model: str = "one", earns: float = 0.5, cost: float | None = None
+    ) -> None:
         self.model = model
         self.earns = earns
         self.cost = cost
@@ -48,7 +50,9 @@ class Priced(VLM):
 @pytest.fixture
 def priced(monkeypatch):
     """The name of a model for members."""
-    offers = dict(installed().offers) | {("vlm", "priced"): Offer("vlm", "priced", "tests", "tests", Priced)}
+    offers = dict(installed().offers) | {
+        ("vlm", "priced"): Offer("vlm", "priced", "tests", "tests", Priced)
+    }
     monkeypatch.setattr(installed(), "offers", offers)
 
 
@@ -59,14 +63,22 @@ def member(model, earns, cost=None):
 def requests_of(generation, agents):
     found = [request(agent) for agent in range(agents)]
     return [
-        replace(r, id=f"g{generation}-a{r.brief.agent}", brief=replace(r.brief, generation=generation)) for r in found
+        replace(
+            r,
+            id=f"g{generation}-a{r.brief.agent}",
+            brief=replace(r.brief, generation=generation),
+        )
+        for r in found
     ]
 
 
 def generation(index, earned):
     """What each agent's design earned."""
     plan = Waypoints([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
-    evaluations = [tried_once(Candidate(None, plan, index, a), "ok", reward) for a, reward in earned.items()]
+    evaluations = [
+        tried_once(Candidate(None, plan, index, a), "ok", reward)
+        for a, reward in earned.items()
+    ]
     return Generation(index, tuple(evaluations))
 
 
@@ -80,7 +92,11 @@ def played(vlm, members, generations=25, agents=4, stored=()):
             replies.append({reply.request_id: reply for reply in vlm.complete(asked)})
         for one in asked:
             vlm.reply_received(one, replies[index][one.id])
-        vlm.generation_finished(generation(index, {r.brief.agent: earns[replies[index][r.id].model] for r in asked}))
+        vlm.generation_finished(
+            generation(
+                index, {r.brief.agent: earns[replies[index][r.id].model] for r in asked}
+            )
+        )
     return replies
 
 
@@ -127,9 +143,18 @@ def test_a_resumed_run_deals_as_the_undisturbed_one():
         ({"members": ["ofline"]}, "no vlm 'ofline'.*did you mean 'offline'"),
         ({"members": ["offline", "offline"]}, "'offline' is repeated"),
         ({"members": [{"model": "x"}]}, "names no model"),
-        ({"members": [{"name": "offline", "size": 3}]}, "no setting 'size' in vlm=offline"),
-        ({"members": [{"name": "ensemble", "members": ["offline"]}]}, "an ensemble can't be a member"),
-        ({"members": ["offline"], "max_cost_usd": 0}, "vlm.max_cost_usd must be greater than 0"),
+        (
+            {"members": [{"name": "offline", "size": 3}]},
+            "no setting 'size' in vlm=offline",
+        ),
+        (
+            {"members": [{"name": "ensemble", "members": ["offline"]}]},
+            "an ensemble can't be a member",
+        ),
+        (
+            {"members": ["offline"], "max_cost_usd": 0},
+            "vlm.max_cost_usd must be greater than 0",
+        ),
     ],
 )
 def test_settings_that_can_not_be_used(settings, said):
@@ -140,13 +165,25 @@ def test_settings_that_can_not_be_used(settings, said):
 def test_a_key_of_a_member_is_refused_before_anything_is_written():
     for words in (
         ["vlm=ensemble", "vlm.members=[{name: openai, api_key: abcdefgh}]"],
-        ["vlm=ensemble", "vlm.members=[{name: openai, api_base: 'http://me:sk-0123456789abcdef@x/v1'}]"],
+        [
+            "vlm=ensemble",
+            "vlm.members=[{name: openai, api_base: 'http://me:sk-0123456789abcdef@x/v1'}]",
+        ],
     ):
         with pytest.raises(UserError, match="is a key or holds one") as error:
             load("config", words)
         assert "abcdef" not in str(error.value)
-    config = OmegaConf.create({"vlm": {"name": "ensemble", "members": [{"name": "openai", "api_key": "abcdefgh"}]}})
-    with pytest.raises(UserError, match=r"vlm\.members\.api_key of the configuration is a key"):
+    config = OmegaConf.create(
+        {
+            "vlm": {
+                "name": "ensemble",
+                "members": [{"name": "openai", "api_key": "abcdefgh"}],
+            }
+        }
+    )
+    with pytest.raises(
+        UserError, match=r"vlm\.members\.api_key of the configuration is a key"
+    ):
         refuse_keys(config)
 
 
@@ -161,7 +198,13 @@ def test_it_conforms(check):
 def two(open_ai, google, **more):
     """Members of both protocols, one call at a time."""
     return [
-        {"name": "openai", "model": "openai/gpt-4.1", "api_base": f"{open_ai.url}/v1", "concurrency": 1, **more},
+        {
+            "name": "openai",
+            "model": "openai/gpt-4.1",
+            "api_base": f"{open_ai.url}/v1",
+            "concurrency": 1,
+            **more,
+        },
         {"name": "gemini", "api_base": google.url, "concurrency": 1, **more},
     ]
 
@@ -173,13 +216,21 @@ def test_the_others_go_on_where_a_member_reaches_its_limit():
         members[0]["max_tokens_total"] = 1500  # two answers
         vlm = Ensemble(members)
         replies = list(vlm.complete(requests_of(0, 12)))
-        assert sorted(reply.request_id for reply in replies) == sorted(r.id for r in requests_of(0, 12))
+        assert sorted(reply.request_id for reply in replies) == sorted(
+            r.id for r in requests_of(0, 12)
+        )
         assert [len(first.calls), len(second.calls)] == [2, 10]
-        assert Counter(reply.model for reply in replies) == {"openai/gpt-4.1": 2, "gemini/gemini-2.5-pro": 10}
+        assert Counter(reply.model for reply in replies) == {
+            "openai/gpt-4.1": 2,
+            "gemini/gemini-2.5-pro": 10,
+        }
         members[1]["max_tokens_total"] = 2500
         replies, said = until_limit(Ensemble(members), requests_of(0, 12))
         assert len(replies) == 5
-        assert "openai/gpt-4.1: vlm.max_tokens_total=1500 is reached: 2014 tokens are used" in said
+        assert (
+            "openai/gpt-4.1: vlm.max_tokens_total=1500 is reached: 2014 tokens are used"
+            in said
+        )
         assert "gemini/gemini-2.5-pro: vlm.max_tokens_total=2500 is reached" in said
         assert said.endswith("; 7 of 12 requests are left without a reply")
 
@@ -190,17 +241,36 @@ def test_one_limit_holds_for_all_members_also_for_what_a_resumed_run_had_spent(l
     with serving(lambda call: Say()) as first, serving(lambda call: Say()) as second:
         if "max_cost_usd" in limit:
             limit = {
-                "max_cost_usd": 4.5 * max(r.cost_usd for r in Ensemble(two(first, second)).complete(requests_of(0, 2)))
+                "max_cost_usd": 4.5
+                * max(
+                    r.cost_usd
+                    for r in Ensemble(two(first, second)).complete(requests_of(0, 2))
+                )
             }
             first.calls.clear()
             second.calls.clear()
-        replies, said = until_limit(Ensemble(two(first, second), **limit), requests_of(0, 20))
+        replies, said = until_limit(
+            Ensemble(two(first, second), **limit), requests_of(0, 20)
+        )
         assert 5 <= len(replies) == len(first.calls) + len(second.calls) <= 9
         assert f"vlm.{next(iter(limit))}=" in said
         resumed = Ensemble(two(first, second), **limit)
         for reply in replies:
-            resumed.reply_received(next(r for r in requests_of(0, 20) if r.id == reply.request_id), reply)
+            resumed.reply_received(
+                next(r for r in requests_of(0, 20) if r.id == reply.request_id), reply
+            )
         again, _ = until_limit(resumed, requests_of(0, 20)[-3:])
         assert again == []
-        with pytest.raises(UserError, match=r"can't be applied: .* no price for openai/my-own"):
-            Ensemble([{"name": "litellm", "model": "openai/my-own", "api_base": f"{first.url}/v1"}], max_cost_usd=1.0)
+        with pytest.raises(
+            UserError, match=r"can't be applied: .* no price for openai/my-own"
+        ):
+            Ensemble(
+                [
+                    {
+                        "name": "litellm",
+                        "model": "openai/my-own",
+                        "api_base": f"{first.url}/v1",
+                    }
+                ],
+                max_cost_usd=1.0,
+            )

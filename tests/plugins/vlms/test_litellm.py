@@ -22,8 +22,26 @@ from plugins.vlms import LITELLM
 from plugins.vlms.litellm.client import estimate
 from plugins.vlms.litellm.model import LanguageModel
 from tests.commands import python_m
-from tests.plugins.vlms.asking import KEYS, PAID, PROTOCOLS, VARIABLES, agent_of, ask, in_turn, model_at
-from tests.plugins.vlms.servers import PNG, SCHEMA, Reset, Say, Send, Stall, request, serving
+from tests.plugins.vlms.asking import (
+    KEYS,
+    PAID,
+    PROTOCOLS,
+    VARIABLES,
+    agent_of,
+    ask,
+    in_turn,
+    model_at,
+)
+from tests.plugins.vlms.servers import (
+    PNG,
+    SCHEMA,
+    Reset,
+    Say,
+    Send,
+    Stall,
+    request,
+    serving,
+)
 from tests.rare import rare
 
 ROOT = Path(__file__).parents[3]
@@ -42,9 +60,13 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
     assert call.protocol == protocol
     assert call.pictures == [PNG]
     assert call.system == "Be brief."
-    said, _, schema = "".join(call.texts).replace("\n", "").partition("JSON schema of the answer:")
+    said, _, schema = (
+        "".join(call.texts).replace("\n", "").partition("JSON schema of the answer:")
+    )
     assert said == "I am agent 0.Design."
-    assert bool(schema) == (protocol == "ollama")  # which holds the model to it without showing it
+    assert bool(schema) == (
+        protocol == "ollama"
+    )  # which holds the model to it without showing it
     sent = call.body
     if protocol == "openai":
         assert sent["response_format"]["json_schema"]["schema"] == SCHEMA
@@ -55,13 +77,17 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
         assert call.headers["x-goog-api-key"] == KEYS["google"]
     elif protocol == "anthropic":
         numbers = sent["output_format"]["schema"]["properties"]["numbers"]
-        assert numbers["items"] == {"type": "number"}  # LiteLLM turns limits that Claude refuses into words
+        assert numbers["items"] == {
+            "type": "number"
+        }  # LiteLLM turns limits that Claude refuses into words
         assert "minimum number of items: 2" in numbers["description"]
         assert call.headers["x-api-key"] == KEYS["anthropic"]
     else:
         assert sent["format"] == SCHEMA
         sent = sent["options"]
-    assert (sent["temperature"], sent.get("seed")) == ((1.0, None) if protocol == "anthropic" else (1.25, 100))
+    assert (sent["temperature"], sent.get("seed")) == (
+        (1.0, None) if protocol == "anthropic" else (1.25, 100)
+    )
     assert (reply.text, reply.error) == ('{"numbers": [1, 2]}', None)
     assert (reply.prompt_tokens, reply.completion_tokens) == (1000, 7)
     if protocol == "ollama":
@@ -72,7 +98,9 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
 
 def test_unknown_price_is_not_zero_and_unknown_model_gets_no_schema():
     with serving(lambda call: Say()) as server:
-        (reply,) = LanguageModel("openai/my-own", server.url + "/v1").complete([request(0)])
+        (reply,) = LanguageModel("openai/my-own", server.url + "/v1").complete(
+            [request(0)]
+        )
     assert reply.cost_usd is None
     assert "response_format" not in server.calls[0].body
     assert json.dumps(SCHEMA, separators=(",", ":")) in "".join(server.calls[0].texts)
@@ -80,7 +108,9 @@ def test_unknown_price_is_not_zero_and_unknown_model_gets_no_schema():
 
 def test_vllm_is_sent_the_schema_for_any_model_and_no_key_of_other_providers():
     with serving(lambda call: Say()) as server:
-        (reply,) = LanguageModel("hosted_vllm/who/what-8B", server.url + "/v1").complete([request(0)])
+        (reply,) = LanguageModel(
+            "hosted_vllm/who/what-8B", server.url + "/v1"
+        ).complete([request(0)])
     (call,) = server.calls
     assert (call.body["model"], reply.cost_usd) == ("who/what-8B", None)
     assert call.body["response_format"]["json_schema"]["schema"] == SCHEMA
@@ -105,21 +135,35 @@ def test_a_critique_is_asked_for_without_a_schema(protocol):
         (reply,) = model_at(server, protocol).complete([asked])
     assert reply.text == "It slips off."
     sent = json.dumps(server.calls[0].body)
-    assert not any(word in sent for word in ("json_schema", "response_format", '"format"', "JSON schema"))
+    assert not any(
+        word in sent
+        for word in ("json_schema", "response_format", '"format"', "JSON schema")
+    )
 
 
 def test_schema_that_is_refused_is_left_out(caplog):
     def script(call):
-        refused = Send('{"error": {"message": "the schema has too many states for serving"}}', 400)
-        return refused if "response_json_schema" in call.body["generationConfig"] else Say("{}")
+        refused = Send(
+            '{"error": {"message": "the schema has too many states for serving"}}', 400
+        )
+        return (
+            refused
+            if "response_json_schema" in call.body["generationConfig"]
+            else Say("{}")
+        )
 
     with serving(script) as server:
         vlm = LanguageModel("gemini/gemini-2.5-pro", server.url, concurrency=1)
         replies = list(vlm.complete([request(0), request(1)]))
     assert [reply.error for reply in replies] == [None, None]
     assert len(server.calls) == 3
-    assert len([record for record in caplog.records if record.levelno == logging.WARNING]) == 1
-    shown = ["JSON schema of the answer" in "".join(call.texts) for call in server.calls]
+    assert (
+        len([record for record in caplog.records if record.levelno == logging.WARNING])
+        == 1
+    )
+    shown = [
+        "JSON schema of the answer" in "".join(call.texts) for call in server.calls
+    ]
     assert shown == [False, True, True]
 
 
@@ -131,13 +175,20 @@ def test_requests_are_sent_in_parallel(protocol):
     """Twenty agents wait at the same time: no answer is sent before all requests have arrived."""
     with serving(lambda call: Say(f"{agent_of(call)}"), at_once=20) as server:
         replies = ask(server, protocol, agents=20)
-    assert {agent: reply.text for agent, reply in replies.items()} == {agent: str(agent) for agent in range(20)}
+    assert {agent: reply.text for agent, reply in replies.items()} == {
+        agent: str(agent) for agent in range(20)
+    }
     assert server.most_at_once == 20
 
 
 def test_replies_come_as_they_arrive():
-    with serving(lambda call: Say("{}", after_s=1.0 if agent_of(call) == 0 else 0.0)) as server:
-        replies = [reply.request_id for reply in model_at(server, "openai").complete([request(0), request(1)])]
+    with serving(
+        lambda call: Say("{}", after_s=1.0 if agent_of(call) == 0 else 0.0)
+    ) as server:
+        replies = [
+            reply.request_id
+            for reply in model_at(server, "openai").complete([request(0), request(1)])
+        ]
     assert replies == ["g0-a1", "g0-a0"]
 
 
@@ -145,7 +196,9 @@ def test_no_more_calls_than_allowed_wait_at_once():
     with serving(lambda call: Say("{}", after_s=0.2)) as server:
         ask(server, "openai", agents=6, concurrency=2)
     at = sorted(call.at for call in server.calls)
-    assert all(later - earlier >= 0.19 for earlier, later in zip(at, at[2:], strict=False))
+    assert all(
+        later - earlier >= 0.19 for earlier, later in zip(at, at[2:], strict=False)
+    )
 
 
 def test_no_more_calls_than_allowed_begin_in_a_minute():
@@ -171,26 +224,68 @@ def cases(protocol):
     """For each agent: the server's act at each try, a pattern of the error (None: no error), the text, and the number
     of calls.
     """
-    blocked = Send('{"promptFeedback": {"blockReason": "SAFETY"}, "usageMetadata": {"promptTokenCount": 9}}')
+    blocked = Send(
+        '{"promptFeedback": {"blockReason": "SAFETY"}, "usageMetadata": {"promptTokenCount": 9}}'
+    )
     html = Send(f"<html>log in, {ECHO}</html>", type="text/html")
     return [
         ([FINE], None, FINE.text, 1),
         ([BUSY, FINE], None, FINE.text, 2),
         ([BROKEN, FINE], None, FINE.text, 2),
-        ([Send("<html>bad gateway</html>", 502, type="text/html"), FINE], None, FINE.text, 2),
+        (
+            [Send("<html>bad gateway</html>", 502, type="text/html"), FINE],
+            None,
+            FINE.text,
+            2,
+        ),
         ([Reset(), FINE], None, FINE.text, 2),
         ([Reset()], r"\(after 3 tries\)", "", 3),
         ([BUSY], r"RateLimitError: .*slow down.*\(after 3 tries\)", "", 3),
-        ([Send(json.dumps({"error": {"message": f"bad key {ECHO}"}}), 401)], "AuthenticationError: .*bad key", "", 1),
-        ([Send('{"error": {"message": "no such model"}}', 404)], "no such model", "", 1),
-        ([Send('{"error": {"code": "insufficient_quota", "message": "insufficient_quota"}}', 429)], "quota", "", 1),
+        (
+            [Send(json.dumps({"error": {"message": f"bad key {ECHO}"}}), 401)],
+            "AuthenticationError: .*bad key",
+            "",
+            1,
+        ),
+        (
+            [Send('{"error": {"message": "no such model"}}', 404)],
+            "no such model",
+            "",
+            1,
+        ),
+        (
+            [
+                Send(
+                    '{"error": {"code": "insufficient_quota", "message": "insufficient_quota"}}',
+                    429,
+                )
+            ],
+            "quota",
+            "",
+            1,
+        ),
         ([Say("", SAFETY[protocol])], "safety filter blocked", "", 1),
-        ([blocked] if protocol == "google" else [Say("", SAFETY[protocol])], "safety filter blocked", "", 1),
+        (
+            [blocked] if protocol == "google" else [Say("", SAFETY[protocol])],
+            "safety filter blocked",
+            "",
+            1,
+        ),
         ([Say("")], r"the reply is empty \(finish reason: stop\)", "", 1),
         ([Say(CUT, LENGTH[protocol])], None, CUT, 1),
-        ([Say("", LENGTH[protocol])], "length limit was reached before any text", "", 1),
+        (
+            [Say("", LENGTH[protocol])],
+            "length limit was reached before any text",
+            "",
+            1,
+        ),
         ([Say("half a pair: \ud83d")], None, "half a pair: ?", 1),
-        ([Send(json.dumps({"error": {"message": "half a pair: \ud83d"}}), 400)], "half a pair:", "", 1),
+        (
+            [Send(json.dumps({"error": {"message": "half a pair: \ud83d"}}), 400)],
+            "half a pair:",
+            "",
+            1,
+        ),
         ([Say(HUGE)], None, HUGE, 1),
         ([html], "Error: .", "", None),
         ([Send("null")], "Error: .", "", None),
@@ -209,7 +304,9 @@ def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplo
     wanted = cases(protocol)
     scripts = [in_turn(*acts) for acts, *_ in wanted]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
-        replies = ask(server, protocol, agents=len(wanted), concurrency=len(wanted), retries=2)
+        replies = ask(
+            server, protocol, agents=len(wanted), concurrency=len(wanted), retries=2
+        )
     calls = [agent_of(call) for call in server.calls]
     for agent, (acts, error, text, tries) in enumerate(wanted):
         reply = replies[agent]
@@ -233,7 +330,10 @@ def test_a_server_that_stalls_meets_the_time_limit(protocol):
     scripts = [in_turn(Stall()), in_turn(Stall(drip=True), FINE), in_turn(FINE)]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
         replies = ask(server, protocol, agents=3, timeout_s=1.0, retries=2)
-    assert (replies[0].error, replies[0].unanswered) == ("no answer within 1 s (after 3 tries)", True)
+    assert (replies[0].error, replies[0].unanswered) == (
+        "no answer within 1 s (after 3 tries)",
+        True,
+    )
     assert [replies[agent].text for agent in (1, 2)] == [FINE.text] * 2
     calls = [agent_of(call) for call in server.calls]
     assert calls.count(0) == 3
@@ -243,7 +343,11 @@ def test_a_server_that_stalls_meets_the_time_limit(protocol):
 @pytest.mark.parametrize("protocol", PAID)
 def test_the_wait_that_a_server_requests_is_observed(protocol):
     hint = '{"error": {"message": "slow", "details": [{"retryDelay": "0.5s"}]}}'
-    busy = Send(hint, 429) if protocol == "google" else Send("{}", 429, (("Retry-After", "0.5"),))
+    busy = (
+        Send(hint, 429)
+        if protocol == "google"
+        else Send("{}", 429, (("Retry-After", "0.5"),))
+    )
     with serving(in_turn(busy, FINE)) as server:
         assert ask(server, protocol)[0].error is None
     first, second = (call.at for call in server.calls)
@@ -258,13 +362,19 @@ def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
         raise UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed")
 
     monkeypatch.setattr("plugins.vlms.litellm.model.explain", fail)
-    model = LanguageModel("ollama_chat/m", "http://127.0.0.1:9", concurrency=2, retries=0)
+    model = LanguageModel(
+        "ollama_chat/m", "http://127.0.0.1:9", concurrency=2, retries=0
+    )
     with pytest.raises(UnicodeEncodeError):
         list(model.complete([request(agent) for agent in range(agents)]))
 
 
 def test_an_expired_key_leaves_the_request_unanswered():
-    expired = {"code": 400, "message": "API key expired. Renew it.", "status": "INVALID_ARGUMENT"}
+    expired = {
+        "code": 400,
+        "message": "API key expired. Renew it.",
+        "status": "INVALID_ARGUMENT",
+    }
     with serving(lambda call: Send(json.dumps({"error": expired}), 400)) as server:
         reply = ask(server, "google")[0]
     assert "API key expired" in reply.error
@@ -288,7 +398,10 @@ def test_a_missing_key_is_an_error_at_once(model, variable, monkeypatch):
         monkeypatch.delenv(name)
     with pytest.raises(UserError) as error:
         LanguageModel(model)
-    assert str(error.value) == f"vlm.model={model} needs an API key; set the environment variable {variable}"
+    assert (
+        str(error.value)
+        == f"vlm.model={model} needs an API key; set the environment variable {variable}"
+    )
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
@@ -300,7 +413,10 @@ def test_a_local_server_needs_no_key(protocol, monkeypatch):
 
 
 def test_unknown_provider(capfd):
-    with pytest.raises(UserError, match=r"vlm.model=foo/bar: LiteLLM knows no such provider; write provider/model"):
+    with pytest.raises(
+        UserError,
+        match=r"vlm.model=foo/bar: LiteLLM knows no such provider; write provider/model",
+    ):
         LanguageModel("foo/bar")
     assert capfd.readouterr() == ("", "")
 
@@ -324,7 +440,10 @@ def test_invalid_settings(settings):
 @pytest.mark.parametrize("name", LITELLM)
 def test_each_name_has_a_configuration_that_fits(name, monkeypatch):
     monkeypatch.setenv("ANTHROPIC_API_KEY", "planted-for-anthropic")
-    config = load("config", [f"vlm={name}", *(["vlm.model=openai/gpt-4.1"] if name == "litellm" else [])])
+    config = load(
+        "config",
+        [f"vlm={name}", *(["vlm.model=openai/gpt-4.1"] if name == "litellm" else [])],
+    )
     settings = dict(config.vlm)
     vlm = installed().create("vlm", settings.pop("name"), settings)
     assert vlm.model == config.vlm.model
@@ -335,12 +454,22 @@ def test_each_name_has_a_configuration_that_fits(name, monkeypatch):
 
 def python(code, *arguments):
     return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", code, *arguments],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
 NO_MODEL = {
-    "core.run": ["vlm=offline", "budget.n_agent=1", "budget.n_iteration=0", "film=false", "hydra.run.dir=run"],
+    "core.run": [
+        "vlm=offline",
+        "budget.n_agent=1",
+        "budget.n_iteration=0",
+        "film=false",
+        "hydra.run.dir=run",
+    ],
     "core.plugins": [],
     "core.evaluate": [f"designs={ROOT / 'tests/tasks/solutions/BringCube.json'}"],
     "core.prompt": ["vlm=offline"],
@@ -351,8 +480,13 @@ NO_MODEL = {
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     """In no process: a LiteLLM that fails on import precedes the real one."""
     (tmp_path / "litellm.py").write_text("raise SystemExit('LiteLLM was imported')")
-    done = python_m(tmp_path, command, *NO_MODEL[command], PYTHONPATH=f"{tmp_path}:{ROOT}")
-    assert (done.returncode, "LiteLLM was imported" in done.stdout + done.stderr) == (0, False), done.stderr
+    done = python_m(
+        tmp_path, command, *NO_MODEL[command], PYTHONPATH=f"{tmp_path}:{ROOT}"
+    )
+    assert (done.returncode, "LiteLLM was imported" in done.stdout + done.stderr) == (
+        0,
+        False,
+    ), done.stderr
 
 
 CALL_TWICE = """
@@ -378,7 +512,11 @@ def test_only_calls_go_over_the_network_nothing_is_printed_and_an_interrupt_wait
     with serving(lambda call: FINE if agent_of(call) < 2 else Stall()) as server:
         process = python(CALL_TWICE, "gemini/gemini-2.5-pro", server.url)
         deadline = time.monotonic() + 60
-        while len(server.calls) < 4 and process.poll() is None and time.monotonic() < deadline:
+        while (
+            len(server.calls) < 4
+            and process.poll() is None
+            and time.monotonic() < deadline
+        ):
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
@@ -394,7 +532,15 @@ def test_pictures_are_estimated_by_their_pixels():
     sent = request(0)
     model = "anthropic/claude-sonnet-4-6"
     *before, user = sent.messages
-    plain = replace(user, parts=tuple(part for part in user.parts if isinstance(part, Text)))
-    shown = replace(plain, parts=(*plain.parts, Picture(drawn.getvalue()), Picture(drawn.getvalue())))
-    counts = [estimate(replace(sent, messages=(*before, last)), model).prompt_tokens for last in (plain, shown)]
+    plain = replace(
+        user, parts=tuple(part for part in user.parts if isinstance(part, Text))
+    )
+    shown = replace(
+        plain,
+        parts=(*plain.parts, Picture(drawn.getvalue()), Picture(drawn.getvalue())),
+    )
+    counts = [
+        estimate(replace(sent, messages=(*before, last)), model).prompt_tokens
+        for last in (plain, shown)
+    ]
     assert counts[1] - counts[0] == 2000

@@ -15,7 +15,11 @@ from tests.plugins.vlms.asking import KEYS, ask
 from tests.plugins.vlms.servers import Say, request, serving
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted")]
-OWNERS = {"anthropic": ["anthropic"], "anthropic_text": ["anthropic"], "gemini": ["google"]}
+OWNERS = {
+    "anthropic": ["anthropic"],
+    "anthropic_text": ["anthropic"],
+    "gemini": ["google"],
+}
 OWN = "planted-own-0123456789"
 
 
@@ -34,21 +38,33 @@ def sent(monkeypatch):
     monkeypatch.setattr(httpx.HTTPTransport, "handle_request", send)
     monkeypatch.setattr(socket, "getaddrinfo", nowhere)
     monkeypatch.setattr("time.sleep", lambda seconds: None)
-    for name in ("OPENAI_ORGANIZATION", "OPENAI_ORG_ID", "OPENAI_PROJECT_ID", "OPENAI_PROJECT"):
+    for name in (
+        "OPENAI_ORGANIZATION",
+        "OPENAI_ORG_ID",
+        "OPENAI_PROJECT_ID",
+        "OPENAI_PROJECT",
+    ):
         monkeypatch.setenv(name, f"planted-{name}")
     return requests
 
 
 def providers():
     registry = load().llms.openai_like.json_loader.JSONProviderRegistry
-    return sorted({str(getattr(p, "value", p)) for p in load().provider_list} | {*registry.list_providers()})
+    return sorted(
+        {str(getattr(p, "value", p)) for p in load().provider_list}
+        | {*registry.list_providers()}
+    )
 
 
 def tried(provider, api_base, sent):
     """All that one call would send, as text; and why there was no call."""
     sent.clear()
     try:
-        list(LanguageModel(f"{provider}/m", api_base, retries=0, timeout_s=20).complete([request(0)]))
+        list(
+            LanguageModel(f"{provider}/m", api_base, retries=0, timeout_s=20).complete(
+                [request(0)]
+            )
+        )
         refused = ""
     except UserError as error:
         refused = str(error)
@@ -67,19 +83,32 @@ def test_what_is_openais_goes_to_no_other_provider(api_base, sent, monkeypatch):
             assert ("planted-OPENAI" in text) == (api_base is None)
         else:
             assert "api.openai.com" not in text, provider
-            others = [key for owner, key in KEYS.items() if key in text and owner not in OWNERS.get(provider, ())]
-            leaks += [(provider, found) for found in (*others, *re.findall("planted-OPENAI", text))]
+            others = [
+                key
+                for owner, key in KEYS.items()
+                if key in text and owner not in OWNERS.get(provider, ())
+            ]
+            leaks += [
+                (provider, found)
+                for found in (*others, *re.findall("planted-OPENAI", text))
+            ]
         if name := re.search(r"set the environment variable (\w+)$", refused):
             refusals[provider] = name[1]
     assert leaks == []
-    assert api_base is not None or {"zai", "poe", "meta", "lambda_ai", "meta_llama"} < {*refusals}
+    assert api_base is not None or {"zai", "poe", "meta", "lambda_ai", "meta_llama"} < {
+        *refusals
+    }
     wrong = []
     for provider, name in refusals.items():
         monkeypatch.setenv(name, OWN)
         text, refused = tried(provider, None, sent)
         wrong += [(provider, name)] if refused or (text and OWN not in text) else []
         monkeypatch.delenv(name)
-    asking_first = {"huggingface", "replicate", "text-completion-codestral"}  # for something else, without a key
+    asking_first = {
+        "huggingface",
+        "replicate",
+        "text-completion-codestral",
+    }  # for something else, without a key
     assert {provider for provider, _ in wrong} <= asking_first
 
 

@@ -15,7 +15,9 @@ from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Say, Send, document, serving
 
 ROOT = Path(__file__).parents[3]
-SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())["strategies"][0]
+SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())[
+    "strategies"
+][0]
 COMMON = ["sim=mujoco", "film=false", "listener={}"]
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm", "inline")]
@@ -24,23 +26,42 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm", "inli
 def result(folder):
     """A run's result without the fields that may differ between equal runs."""
     found = json.loads((folder / "result.json").read_text())
-    return {key: value for key, value in found.items() if key not in ("wall_time_s", "rollouts_per_s", "vlm")}
+    return {
+        key: value
+        for key, value in found.items()
+        if key not in ("wall_time_s", "rollouts_per_s", "vlm")
+    }
 
 
 def secrets_in(folder):
     """The files below ``folder`` with a planted key in them."""
     files = [file for file in folder.rglob("*") if file.is_file()]
     assert len(files) > 10
-    keys = [part for key in KEYS.values() for part in (key.encode(), key.encode().replace(b"/", b"%2F"))]
+    keys = [
+        part
+        for key in KEYS.values()
+        for part in (key.encode(), key.encode().replace(b"/", b"%2F"))
+    ]
     return [file for file in files if any(key in file.read_bytes() for key in keys)]
 
 
 def test_a_served_run_has_the_result_of_its_answers(tmp_path):
-    small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"]
+    small = [
+        *COMMON,
+        "budget.n_agent=2",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=1",
+    ]
     run(load("config", ["vlm=offline", *small]), tmp_path / "offline")
     # The embedded designer's answers, served in the order in which one caller at a time asks for them.
     ids = ["g0-a0", "g0-a1", "g1-a0", "g1-a1"]
-    answers = iter([Say((tmp_path / "offline" / "replies" / f"{name}.txt").read_text()) for name in ids])
+    answers = iter(
+        [
+            Say((tmp_path / "offline" / "replies" / f"{name}.txt").read_text())
+            for name in ids
+        ]
+    )
     with serving(lambda call: next(answers)) as server:
         chosen = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
         run(load("config", [*chosen, *small]), tmp_path / "served")
@@ -48,21 +69,35 @@ def test_a_served_run_has_the_result_of_its_answers(tmp_path):
     assert expected["best"]["reward"] > 0
     assert result(tmp_path / "served") == expected
     assert len(server.calls) == len(ids)
-    assert server.calls[0].pictures == [(tmp_path / "served" / "scene.png").read_bytes()]
-    schema = json.loads((tmp_path / "served" / "requests" / "g1-a1.schema.json").read_text())
+    assert server.calls[0].pictures == [
+        (tmp_path / "served" / "scene.png").read_bytes()
+    ]
+    schema = json.loads(
+        (tmp_path / "served" / "requests" / "g1-a1.schema.json").read_text()
+    )
     assert server.calls[3].body["generationConfig"]["response_json_schema"] == schema
     with closing(sqlite3.connect(tmp_path / "served" / "run.sqlite")) as database:
-        rows = database.execute("SELECT request_id, prompt_tokens, cost_usd > 0 FROM replies ORDER BY 1").fetchall()
+        rows = database.execute(
+            "SELECT request_id, prompt_tokens, cost_usd > 0 FROM replies ORDER BY 1"
+        ).fetchall()
     assert rows == [(name, 1000, 1) for name in ids]
     assert not secrets_in(tmp_path)
 
 
 def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
     folder = tmp_path / "run"
-    words = [*COMMON, "budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
+    words = [
+        *COMMON,
+        "budget.n_agent=4",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
     with serving(lambda call: Say(json.dumps({"strategies": [SOLUTION]}))) as server:
         model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
-        first = run(load("config", [*model, *words, "vlm.max_tokens_total=1500"]), folder)
+        first = run(
+            load("config", [*model, *words, "vlm.max_tokens_total=1500"]), folder
+        )
         assert len(server.calls) == 2
         message = "vlm.max_tokens_total=1500 is reached: 2014 tokens are used; 2 of 4 requests are left without a reply"
         assert message in first.stopped
@@ -76,7 +111,11 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
         )
         assert len(server.calls) == 2
         resume(folder, ["vlm.max_tokens_total=null", f"vlm.api_base={server.url}"])
-    assert len({call.body["generationConfig"]["seed"] for call in server.calls}) == len(server.calls) == 4
+    assert (
+        len({call.body["generationConfig"]["seed"] for call in server.calls})
+        == len(server.calls)
+        == 4
+    )
     (generation,) = result(tmp_path / "run")["generations"]
     assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
 
@@ -95,11 +134,22 @@ def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path, monkeypatch,
         answer = document(Say(json.dumps({"strategies": [design]})), call)
         return Send(json.dumps(answer | {"model": f"m {sent}\x1b[2J"}))
 
-    words = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
+    words = [
+        *COMMON,
+        "budget.n_agent=2",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
     monkeypatch.setenv("OPENAI_API_KEY", f"{key}\r\n")
     with serving(script) as server:
-        run(load("config", ["vlm=openai", *words, f"vlm.api_base={server.url}/v1"]), tmp_path / "run")
-    written = [file.read_bytes() for file in (tmp_path / "run").rglob("*") if file.is_file()]
+        run(
+            load("config", ["vlm=openai", *words, f"vlm.api_base={server.url}/v1"]),
+            tmp_path / "run",
+        )
+    written = [
+        file.read_bytes() for file in (tmp_path / "run").rglob("*") if file.is_file()
+    ]
     written.append("".join(capfd.readouterr()).encode())
     assert len(written) > 10
     for form in (key, "planted"):

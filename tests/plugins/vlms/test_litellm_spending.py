@@ -43,9 +43,18 @@ def test_calls_that_are_under_way_are_completed():
 
 
 def test_tokens_that_a_server_does_not_report_are_counted():
-    bare = {"choices": [{"message": {"role": "assistant", "content": "word " * 500}, "finish_reason": "stop"}]}
+    bare = {
+        "choices": [
+            {
+                "message": {"role": "assistant", "content": "word " * 500},
+                "finish_reason": "stop",
+            }
+        ]
+    }
     with serving(
-        lambda call: Send(json.dumps(bare | {"id": "1", "object": "chat.completion", "model": "m"}))
+        lambda call: Send(
+            json.dumps(bare | {"id": "1", "object": "chat.completion", "model": "m"})
+        )
     ) as server:
         vlm = model_at(server, "openai", concurrency=1, max_tokens_total=900)
         replies, _ = until_limit(vlm, [request(agent) for agent in range(5)])
@@ -77,16 +86,26 @@ def test_the_cost_before_a_run_was_resumed_counts():
             assert len(server.calls) == calls
 
 
-@pytest.mark.parametrize("model", ["openai/my-own", "hosted_vllm/m", "ollama_chat/qwen3-vl:8b"])
+@pytest.mark.parametrize(
+    "model", ["openai/my-own", "hosted_vllm/m", "ollama_chat/qwen3-vl:8b"]
+)
 def test_a_limit_of_cost_needs_a_price(model):
     with serving(lambda call: FINE) as server:
-        with pytest.raises(UserError, match=r"vlm\.max_cost_usd can't be applied: .* no price for .*max_tokens_total"):
+        with pytest.raises(
+            UserError,
+            match=r"vlm\.max_cost_usd can't be applied: .* no price for .*max_tokens_total",
+        ):
             LanguageModel(model, server.url + "/v1", max_cost_usd=5.0)
         LanguageModel(model, server.url + "/v1", max_tokens_total=5)
     assert not server.calls
 
 
-@pytest.mark.parametrize("settings", [{"max_cost_usd": 0.0}, {"max_tokens_total": 0}, {"max_cost_usd": float("nan")}])
+@pytest.mark.parametrize(
+    "settings",
+    [{"max_cost_usd": 0.0}, {"max_tokens_total": 0}, {"max_cost_usd": float("nan")}],
+)
 def test_invalid_limits(settings):
-    with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))} must be greater than 0"):
+    with pytest.raises(
+        UsageError, match=rf"vlm\.{next(iter(settings))} must be greater than 0"
+    ):
         LanguageModel("openai/gpt-4.1", **settings)

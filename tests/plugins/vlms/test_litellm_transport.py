@@ -14,12 +14,15 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 
 
 def redirecting(status, target):
-    return lambda call: Send("{}", status, (("Location", f"{target}{call.path}?key={KEYS['google']}"),))
+    return lambda call: Send(
+        "{}", status, (("Location", f"{target}{call.path}?key={KEYS['google']}"),)
+    )
 
 
 @pytest.mark.parametrize(
     ("protocol", "status"),
-    [(protocol, 307) for protocol in PROTOCOLS] + [("openai", status) for status in (300, 301, 302, 303, 305, 308)],
+    [(protocol, 307) for protocol in PROTOCOLS]
+    + [("openai", status) for status in (300, 301, 302, 303, 305, 308)],
 )
 def test_no_redirect_is_followed(protocol, status):
     with serving(lambda call: Say()) as other:
@@ -36,7 +39,8 @@ def test_no_redirect_is_followed(protocol, status):
 
 
 @pytest.mark.parametrize(
-    "location", ["//", "http://[", "\ud83d", "http://\u202e/", "/v1/elsewhere", "javascript:0", ""]
+    "location",
+    ["//", "http://[", "\ud83d", "http://\u202e/", "/v1/elsewhere", "javascript:0", ""],
 )
 def test_a_redirect_to_anywhere_is_one_line(location):
     header = (("Location", location.encode("utf-8", "replace").decode("latin-1")),)
@@ -60,11 +64,16 @@ def packed(text):
     return Send(gzip.compress(text), headers=(("Content-Encoding", "gzip"),))
 
 
-@pytest.mark.parametrize("act", [Send(MEGABYTE, repeat=1000), packed(MEGABYTE * 100)], ids=["long", "packed"])
+@pytest.mark.parametrize(
+    "act", [Send(MEGABYTE, repeat=1000), packed(MEGABYTE * 100)], ids=["long", "packed"]
+)
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_what_is_too_large_is_one_line_and_one_call(protocol, act):
     with serving(in_turn(act, Say("{}"))) as server:
-        assert ask(server, protocol)[0].error == "the answer is larger than 32 MiB; the rest is not read"
+        assert (
+            ask(server, protocol)[0].error
+            == "the answer is larger than 32 MiB; the rest is not read"
+        )
     assert len(server.calls) == 1
 
 
@@ -82,7 +91,10 @@ def test_a_packed_answer_is_read_and_half_of_one_is_an_error(protocol):
 def test_no_thread_reads_on_after_the_time_limit():
     with serving(lambda call: Stall(drip=True)) as server:
         before = threading.active_count()
-        assert ask(server, "openai", timeout_s=1.0, retries=0)[0].error == "no answer within 1 s"
+        assert (
+            ask(server, "openai", timeout_s=1.0, retries=0)[0].error
+            == "no answer within 1 s"
+        )
         for _ in range(100):
             if threading.active_count() <= before + 1:  # the server's own
                 break
@@ -107,27 +119,69 @@ def changed(protocol, path, value):
 
 FIELDS = {
     "openai": [
-        *(("usage", "prompt_tokens"), ("usage",), ("model",), ("created",), ("choices",), ("choices", 0)),
-        *(("choices", 0, "finish_reason"), ("choices", 0, "message"), ("choices", 0, "message", "content")),
+        *(
+            ("usage", "prompt_tokens"),
+            ("usage",),
+            ("model",),
+            ("created",),
+            ("choices",),
+            ("choices", 0),
+        ),
+        *(
+            ("choices", 0, "finish_reason"),
+            ("choices", 0, "message"),
+            ("choices", 0, "message", "content"),
+        ),
     ],
     "google": [
-        *(("usageMetadata", "promptTokenCount"), ("usageMetadata",), ("modelVersion",), ("candidates", 0)),
-        *(("candidates", 0, "finishReason"), ("candidates", 0, "content", "parts", 0, "text")),
+        *(
+            ("usageMetadata", "promptTokenCount"),
+            ("usageMetadata",),
+            ("modelVersion",),
+            ("candidates", 0),
+        ),
+        *(
+            ("candidates", 0, "finishReason"),
+            ("candidates", 0, "content", "parts", 0, "text"),
+        ),
     ],
-    "anthropic": [("usage", "input_tokens"), ("usage",), ("model",), ("content",), ("stop_reason",)],
-    "ollama": [("prompt_eval_count",), ("model",), ("message",), ("message", "content")],
+    "anthropic": [
+        ("usage", "input_tokens"),
+        ("usage",),
+        ("model",),
+        ("content",),
+        ("stop_reason",),
+    ],
+    "ollama": [
+        ("prompt_eval_count",),
+        ("model",),
+        ("message",),
+        ("message", "content"),
+    ],
 }
 
 
 @pytest.mark.parametrize(
-    ("protocol", "path"), [(protocol, path) for protocol, paths in FIELDS.items() for path in paths], ids=str
+    ("protocol", "path"),
+    [(protocol, path) for protocol, paths in FIELDS.items() for path in paths],
+    ids=str,
 )
 def test_a_wrong_field_gives_a_reply_that_can_be_stored(protocol, path):
     bodies = [changed(protocol, path, value) for value in WRONG]
-    bodies += [changed(protocol, path, NAN).replace(f'"{NAN}"', number) for number in ("NaN", "-Infinity", "1e999")]
+    bodies += [
+        changed(protocol, path, NAN).replace(f'"{NAN}"', number)
+        for number in ("NaN", "-Infinity", "1e999")
+    ]
     turn = iter(bodies)
     with serving(lambda call: Send(next(turn))) as server:
-        replies = ask(server, protocol, agents=len(bodies), retries=0, concurrency=1, max_tokens_total=10**9)
+        replies = ask(
+            server,
+            protocol,
+            agents=len(bodies),
+            retries=0,
+            concurrency=1,
+            max_tokens_total=10**9,
+        )
     for reply in replies.values():
         for count in (reply.prompt_tokens, reply.completion_tokens):
             assert count is None or (type(count) is int and 0 <= count < 2**53)

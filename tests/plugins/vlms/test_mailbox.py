@@ -30,9 +30,33 @@ QUICK = {"poll_s": 0.02}
 
 def request(agent=0, text="Design.", n_tool=2):
     tools = installed().create("tool", "urdf")
-    brief = Brief(on_panda(BringCube()), 0, tools, False, n_tool, 2, 0, agent, 0, actions=WaypointActions())
-    user = Message("user", (Text(f"{text} {agent}\n\n"), Picture(b"\x89PNG"), Picture(b"\x89elite", "elite_x")))
-    return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be bold.\n\n"),)), user), {"type": "object"}, 1.0)
+    brief = Brief(
+        on_panda(BringCube()),
+        0,
+        tools,
+        False,
+        n_tool,
+        2,
+        0,
+        agent,
+        0,
+        actions=WaypointActions(),
+    )
+    user = Message(
+        "user",
+        (
+            Text(f"{text} {agent}\n\n"),
+            Picture(b"\x89PNG"),
+            Picture(b"\x89elite", "elite_x"),
+        ),
+    )
+    return Request(
+        f"g0-a{agent}",
+        brief,
+        (Message("system", (Text("Be bold.\n\n"),)), user),
+        {"type": "object"},
+        1.0,
+    )
 
 
 class Person(threading.Thread):
@@ -90,7 +114,9 @@ def says(file, text):
 
 def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
     box = tmp_path / "g0-a0"
-    reply = answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
+    reply = answered(
+        tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", GOOD))
+    )
     assert (reply.request_id, reply.text, reply.error) == ("g0-a0", GOOD, None)
     assert (reply.prompt_tokens, reply.cost_usd) == (None, None)
     prompt = (box / "prompt.md").read_text()
@@ -103,7 +129,10 @@ def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
         *("prompt.md", "scene.png", "elite_x.png", "schema.json", "reply.json")
     }
     err = capsys.readouterr().err
-    assert f"mailbox: 1 request waits for an answer in {tmp_path}; put reply.json or reply.md" in err
+    assert (
+        f"mailbox: 1 request waits for an answer in {tmp_path}; put reply.json or reply.md"
+        in err
+    )
 
 
 def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
@@ -111,10 +140,15 @@ def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
     chat = f"Sure! Here it is:\n```json\n{GOOD}\n```\nGood luck."
     person = Person(
         (exists(boxes[2] / "prompt.md"), writes(boxes[2] / "reply.md", chat)),
-        (lambda: "g0-a2 is answered; 2 left" in capsys.readouterr().err, writes(boxes[0] / "reply.json", GOOD)),
+        (
+            lambda: "g0-a2 is answered; 2 left" in capsys.readouterr().err,
+            writes(boxes[0] / "reply.json", GOOD),
+        ),
         (lambda: True, writes(boxes[1] / "skip", "")),
     )
-    replies = list(Mailbox(str(tmp_path), **QUICK).complete([request(n) for n in range(3)]))
+    replies = list(
+        Mailbox(str(tmp_path), **QUICK).complete([request(n) for n in range(3)])
+    )
     person.done()
     assert (replies[0].request_id, replies[0].text) == ("g0-a2", chat)
     skipped = next(r for r in replies if r.request_id == "g0-a1")
@@ -130,7 +164,13 @@ def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
         (b"\xff\xfe", "is not UTF-8 text"),
         (b'{"strategies": [{"tool_urdf": "<link/>"}]}', "strategy 1: "),
         (
-            json.dumps({"strategies": [SOLUTION["strategies"][0] | {"action_sets": [[[9] * 6]]}]}).encode(),
+            json.dumps(
+                {
+                    "strategies": [
+                        SOLUTION["strategies"][0] | {"action_sets": [[[9] * 6]]}
+                    ]
+                }
+            ).encode(),
             "x is beyond",
         ),
     ],
@@ -163,10 +203,14 @@ def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
     strategy = SOLUTION["strategies"][0]
     text = json.dumps({"strategies": [strategy, strategy | {"tool_urdf": "<link/>"}]})
     box = tmp_path / "g0-a0"
-    reply = answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", text)))
+    reply = answered(
+        tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", text))
+    )
     assert reply.text == text
     listed = (box / "problem.md").read_text()
-    assert listed.startswith("reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: ")
+    assert listed.startswith(
+        "reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: "
+    )
     assert "strategy 1" not in listed
 
 
@@ -174,7 +218,9 @@ def test_a_reply_is_judged_by_the_runs_own_representation_of_plans():
     asked = request()
     anchored = replace(asked, brief=replace(asked.brief, actions=AnchoredActions()))
     plan = [{"anchor": "cube", "offset": [0.0, 0.0, 0.4]}]
-    text = json.dumps({"strategies": [SOLUTION["strategies"][0] | {"action_sets": [plan]}]})
+    text = json.dumps(
+        {"strategies": [SOLUTION["strategies"][0] | {"action_sets": [plan]}]}
+    )
     assert judge(anchored, text) == (True, [])
     assert judge(asked, text)[0] is judge(anchored, GOOD)[0] is False
 
@@ -199,7 +245,9 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
 def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path):
     text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})[:-30]
     box = tmp_path / "g0-a0"
-    reply = answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.md", text)))
+    reply = answered(
+        tmp_path, (exists(box / "prompt.md"), writes(box / "reply.md", text))
+    )
     assert reply.text == text
     assert "strategy 2: the strategy is cut off" in (box / "problem.md").read_text()
 
@@ -211,18 +259,26 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
     answered(
         tmp_path,
         (exists(box / "prompt.md"), writes(box / "reply.json", large)),
-        (exists(box / "problem.md"), lambda: (box / "problem.md").rename(box / "first.md")),
+        (
+            exists(box / "problem.md"),
+            lambda: (box / "problem.md").rename(box / "first.md"),
+        ),
         (lambda: True, lambda: (box / "reply.md").mkdir()),
         (exists(box / "problem.md"), writes(box / "skip", "")),
     )
-    assert "reply.json has 0.1 MB; at most 0.1 MB are read" in (box / "first.md").read_text()
+    assert (
+        "reply.json has 0.1 MB; at most 0.1 MB are read"
+        in (box / "first.md").read_text()
+    )
     assert "reply.md can't be read: Is a directory" in (box / "problem.md").read_text()
 
 
 # --- folders that others may write to ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["prompt.md", "schema.json", "scene.png", "prompt.partial", "problem.md"])
+@pytest.mark.parametrize(
+    "name", ["prompt.md", "schema.json", "scene.png", "prompt.partial", "problem.md"]
+)
 def test_nothing_is_written_through_a_link(name, tmp_path):
     private = tmp_path / "private"
     box = tmp_path / "mailbox" / "g0-a0"
@@ -231,7 +287,10 @@ def test_nothing_is_written_through_a_link(name, tmp_path):
     (box / name).symlink_to(private)
     answered(
         tmp_path / "mailbox",
-        (says(box / "prompt.md", "Design."), writes(box / "reply.json", "Here you are.")),
+        (
+            says(box / "prompt.md", "Design."),
+            writes(box / "reply.json", "Here you are."),
+        ),
         (says(box / "problem.md", "can't be used"), writes(box / "skip", "")),
     )
     assert private.read_text() == "mine"
@@ -253,7 +312,10 @@ def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_pat
     reply = answered(
         tmp_path,
         (exists(box / "prompt.md"), lambda: os.mkfifo(box / "reply.md")),
-        (lambda: True, lambda: (box / "reply.json").symlink_to(tmp_path / "private.json")),
+        (
+            lambda: True,
+            lambda: (box / "reply.json").symlink_to(tmp_path / "private.json"),
+        ),
         (exists(box / "problem.md"), writes(box / "skip", "")),
     )
     assert reply.text == ""
@@ -280,9 +342,15 @@ def test_a_reply_to_another_request_is_refused(tmp_path):
     box.mkdir()
     (box / "prompt.md").write_text("another")
     answered(
-        tmp_path, (lambda: "Design." in (box / "prompt.md").read_text(), writes(box / "reply.json", GOOD))
+        tmp_path,
+        (
+            lambda: "Design." in (box / "prompt.md").read_text(),
+            writes(box / "reply.json", GOOD),
+        ),
     )  # unanswered: written anew
-    with pytest.raises(UserError, match=r"g0-a0 has a reply to a different request; move it away"):
+    with pytest.raises(
+        UserError, match=r"g0-a0 has a reply to a different request; move it away"
+    ):
         list(Mailbox(str(tmp_path)).complete([request(text="Invent.")]))
 
 
@@ -304,17 +372,27 @@ def test_a_run_answered_by_hand(tmp_path):
     folder = tmp_path / "run"
     box = folder / "mailbox"
     person = Person(
-        (exists(box / "g0-a0" / "prompt.md"), writes(box / "g0-a0" / "reply.json", GOOD)),
+        (
+            exists(box / "g0-a0" / "prompt.md"),
+            writes(box / "g0-a0" / "reply.json", GOOD),
+        ),
         (exists(box / "g0-a1" / "prompt.md"), writes(box / "g0-a1" / "skip", "")),
     )
     result = run(load("config", [*RUN, "listener={}"]), folder)
     person.done()
     assert result.best.reward > 0.95
-    assert [e.reason for e in result.generations[0].evaluations] == ["", "the model gave no answer: skipped by hand"]
+    assert [e.reason for e in result.generations[0].evaluations] == [
+        "",
+        "the model gave no answer: skipped by hand",
+    ]
     assert (folder / "replies" / "g0-a0.txt").read_text() == GOOD
-    assert (box / "g0-a0" / "scene.png").read_bytes() == (folder / "scene.png").read_bytes()
+    assert (box / "g0-a0" / "scene.png").read_bytes() == (
+        folder / "scene.png"
+    ).read_bytes()
     assert "# Mission" in (box / "g0-a0" / "prompt.md").read_text()
-    plan = json.loads((box / "g0-a0" / "schema.json").read_text())["properties"]["strategies"]
+    plan = json.loads((box / "g0-a0" / "schema.json").read_text())["properties"][
+        "strategies"
+    ]
     assert plan["maxItems"] == 1
 
 

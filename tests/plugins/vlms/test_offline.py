@@ -29,7 +29,16 @@ from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
-TASKS = ("BringCube", "DislodgeCube", "ElevatePlate", "HighObject", "LiftBox", "OneBook", "PourGrains", "SweepCards")
+TASKS = (
+    "BringCube",
+    "DislodgeCube",
+    "ElevatePlate",
+    "HighObject",
+    "LiftBox",
+    "OneBook",
+    "PourGrains",
+    "SweepCards",
+)
 RED = (0.8, 0.2, 0.2, 1.0)
 URDF = installed().create("tool", "urdf")
 
@@ -41,12 +50,24 @@ class CubeTask(Task):
 
     def scene(self, seed):
         return Scene(
-            (floor(), table(), Body.of("cube", Box((0.07, 0.07, 0.07)), (0.95, -0.1, 0.035), mass=1.0, color=RED))
+            (
+                floor(),
+                table(),
+                Body.of(
+                    "cube",
+                    Box((0.07, 0.07, 0.07)),
+                    (0.95, -0.1, 0.035),
+                    mass=1.0,
+                    color=RED,
+                ),
+            )
         )
 
     def reward(self, start, end):
         def left(state):
-            return np.abs(state.position("cube") - np.array(self.goals[0].place)).sum(axis=-1)
+            return np.abs(state.position("cube") - np.array(self.goals[0].place)).sum(
+                axis=-1
+            )
 
         return np.clip(1 - left(end) / left(start), 0.0, 1.0)
 
@@ -58,10 +79,18 @@ class RenamedCubeTask(CubeTask):
 
     def scene(self, seed):
         ground, desk, cube = super().scene(seed).bodies
-        return Scene((replace(ground, name="g"), replace(desk, name="d"), replace(cube, name="solid")))
+        return Scene(
+            (
+                replace(ground, name="g"),
+                replace(desk, name="d"),
+                replace(cube, name="solid"),
+            )
+        )
 
 
-def brief(task, *, gripper=False, n_tool=2, n_action=3, seed=7, elites=(), representation=URDF):
+def brief(
+    task, *, gripper=False, n_tool=2, n_action=3, seed=7, elites=(), representation=URDF
+):
     task = on_panda(task)
     return Brief(
         task,
@@ -97,11 +126,16 @@ def candidates(given):
 
 
 def elite(candidate, reward):
-    return tried_once(candidate, "ok", reward=reward, distance_m=1.0, moved_m={"cube": 0.3})
+    return tried_once(
+        candidate, "ok", reward=reward, distance_m=1.0, moved_m={"cube": 0.3}
+    )
 
 
 def numbers(candidate):
-    tool = [(c.parent, c.pose.matrix.tolist(), c.shape.size) for c in candidate.tool.components]
+    tool = [
+        (c.parent, c.pose.matrix.tolist(), c.shape.size)
+        for c in candidate.tool.components
+    ]
     return tool, candidate.plan.poses.tolist()
 
 
@@ -137,16 +171,29 @@ def test_designs_keep_the_rules(name, gripper):
     task = installed().create("task", name)
     designs = candidates(brief(task, gripper=gripper, n_tool=8, n_action=2))
     assert len(designs) == 16
-    assert sum(design.problem is not None for design in designs) <= 1, [design.problem for design in designs]
-    assert all(design.plan.poses.shape[1] == (7 if gripper else 6) for design in designs if design.problem is None)
+    assert sum(design.problem is not None for design in designs) <= 1, [
+        design.problem for design in designs
+    ]
+    assert all(
+        design.plan.poses.shape[1] == (7 if gripper else 6)
+        for design in designs
+        if design.problem is None
+    )
 
 
 def test_long_forks_stay_clear_of_the_arm():
     """A large box is lifted by a fork that reaches back towards the shoulder."""
     task = installed().create("task", "LiftBox")
-    designs = [design for design in candidates(brief(task, n_tool=4, n_action=2)) if design.problem is None]
+    designs = [
+        design
+        for design in candidates(brief(task, n_tool=4, n_action=2))
+        if design.problem is None
+    ]
     motions = [plan_motion(design.plan.poses, task.home, ARM) for design in designs]
-    met = [find_self_collision(PANDA, d.tool, motion.trajectory) for d, motion in zip(designs, motions, strict=True)]
+    met = [
+        find_self_collision(PANDA, d.tool, motion.trajectory)
+        for d, motion in zip(designs, motions, strict=True)
+    ]
     assert len(met) >= 6
     assert sum(one is not None for one in met) <= 1, met
 
@@ -156,7 +203,10 @@ def test_names_make_no_difference():
 
 
 def test_offspring_differ_from_their_parents_and_name_them():
-    parents = [replace(c, strategy=i) for i, c in enumerate(candidates(brief(CubeTask(), n_tool=3, n_action=1)))]
+    parents = [
+        replace(c, strategy=i)
+        for i, c in enumerate(candidates(brief(CubeTask(), n_tool=3, n_action=1)))
+    ]
     elites = [elite(parent, 0.9 - 0.1 * i) for i, parent in enumerate(parents)]
     given = brief(CubeTask(), n_tool=8, n_action=3, seed=3, elites=elites)
     known = {parent.id: numbers(parent) for parent in parents}
@@ -168,21 +218,30 @@ def test_offspring_differ_from_their_parents_and_name_them():
     children = candidates(given)
     assert sum(child.problem is not None for child in children) == 0
     for child in children:
-        assert all(json.dumps(numbers(child)[0]) != json.dumps(tool) for tool, _ in known.values())
-    assert any("crossover" in strategy["strategy_name"] for strategy in document["strategies"])
+        assert all(
+            json.dumps(numbers(child)[0]) != json.dumps(tool)
+            for tool, _ in known.values()
+        )
+    assert any(
+        "crossover" in strategy["strategy_name"] for strategy in document["strategies"]
+    )
 
 
 def test_elites_of_the_other_kind_are_not_remounted():
     (parent,) = candidates(brief(CubeTask(), n_tool=1, n_action=1))
     children = candidates(brief(CubeTask(), gripper=True, elites=[elite(parent, 0.9)]))
-    assert all(child.tool.gripper and child.plan.poses.shape[1] == 7 for child in children)
+    assert all(
+        child.tool.gripper and child.plan.poses.shape[1] == 7 for child in children
+    )
 
 
 def test_a_task_without_goals_gets_designs():
     class Aimless(CubeTask):
         goals = ()
 
-    assert [design.problem for design in candidates(brief(Aimless(), n_tool=1, n_action=1))] == [None]
+    assert [
+        design.problem for design in candidates(brief(Aimless(), n_tool=1, n_action=1))
+    ] == [None]
 
 
 def test_a_scene_where_nothing_can_move_gets_an_error():
@@ -202,9 +261,17 @@ def test_a_scene_where_nothing_can_move_gets_an_error():
 def test_given_tools_get_plans_only(name):
     task = installed().create("task", "BringCube")
     representation = installed().create("tool", name)
-    given = brief(task, representation=representation, gripper=representation.given(task).gripper, n_tool=1, n_action=4)
+    given = brief(
+        task,
+        representation=representation,
+        gripper=representation.given(task).gripper,
+        n_tool=1,
+        n_action=4,
+    )
     document = json.loads(reply(given).text)
-    assert set(document["strategies"][0]) == set(answer_schema(given)["properties"]["strategies"]["items"]["required"])
+    assert set(document["strategies"][0]) == set(
+        answer_schema(given)["properties"]["strategies"]["items"]["required"]
+    )
     designs = candidates(given)
     assert [design.problem for design in designs] == [None] * 4
 
@@ -212,14 +279,25 @@ def test_given_tools_get_plans_only(name):
 def rewards(task, designs: list[Candidate]) -> list[float]:
     simulator = installed().create("sim", "pybullet")
     return [
-        evaluation.reward for evaluation in evaluate_batch(on_panda(task), simulator, designs, 0, RolloutSettings())
+        evaluation.reward
+        for evaluation in evaluate_batch(
+            on_panda(task), simulator, designs, 0, RolloutSettings()
+        )
     ]
 
 
 @pytest.mark.parametrize("gripper", rare([False, True], False))
 def test_a_fresh_population_makes_real_progress(gripper):
     pytest.importorskip("pybullet")
-    assert max(rewards(CubeTask(), candidates(brief(CubeTask(), gripper=gripper, n_tool=5, n_action=2)))) > 0.6
+    assert (
+        max(
+            rewards(
+                CubeTask(),
+                candidates(brief(CubeTask(), gripper=gripper, n_tool=5, n_action=2)),
+            )
+        )
+        > 0.6
+    )
 
 
 @pytest.mark.parametrize("name", ["HighObject", "TurkeyLegs"])
@@ -228,21 +306,28 @@ def test_high_and_covered_bodies_are_moved(name):
     assert max(rewards(task, candidates(brief(task, n_tool=4, n_action=1)))) > 0.9
 
 
-@pytest.mark.parametrize("task", [HighObject(), ScoreGoal()], ids=lambda task: task.name)
+@pytest.mark.parametrize(
+    "task", [HighObject(), ScoreGoal()], ids=lambda task: task.name
+)
 def test_tools_of_a_soft_material_are_stout_enough(task):
     """In PLA, most of what it designs for the stiff default material would bend too far or break."""
     soft = installed().create("tool", "urdf")
     soft.material = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6)
     read = {}
     for representation in (soft, URDF):
-        document = json.loads(reply(brief(task, n_tool=4, n_action=1, representation=representation)).text)
+        document = json.loads(
+            reply(brief(task, n_tool=4, n_action=1, representation=representation)).text
+        )
         read[representation] = read_designs(document, soft, task)
     assert [candidate.problem for candidate in read[soft]] == [None] * 4
     assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])
 
 
 def test_what_no_plan_is_made_for_is_named():
-    bodies = tuple(Body.of(name, Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=1.0, color=RED) for name in ("can", "tin"))
+    bodies = tuple(
+        Body.of(name, Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=1.0, color=RED)
+        for name in ("can", "tin")
+    )
     door = Joint("door", "hinge", "tin", axis=(0, 0, 1))
     turned = Goal(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
 

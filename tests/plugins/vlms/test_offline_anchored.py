@@ -26,26 +26,50 @@ URDF, GIVEN = (installed().create("tool", name) for name in ("urdf", "none"))
 
 def brief(name, variation="none", actions=None, **more):
     task = on_panda(installed().create("task", name, variation=variation))
-    settings = {"gripper": False, "n_tool": 1, "n_action": 2, "generation": 0, "agent": 0, "seed": 7} | more
+    settings = {
+        "gripper": False,
+        "n_tool": 1,
+        "n_action": 2,
+        "generation": 0,
+        "agent": 0,
+        "seed": 7,
+    } | more
     return Brief(task, 0, URDF, actions=actions or AnchoredActions(), **settings)
 
 
 def candidates(given, document):
-    return read_designs(document, URDF, given.task, actions=given.actions, most=(None, given.n_action))
+    return read_designs(
+        document, URDF, given.task, actions=given.actions, most=(None, given.n_action)
+    )
 
 
-TASKS = ("BringCube", "ElevatePlate", "HighObject", "LiftBox", "OneBook", "ScoreGoal", "SnatchCookie", "TurkeyLegs")
+TASKS = (
+    "BringCube",
+    "ElevatePlate",
+    "HighObject",
+    "LiftBox",
+    "OneBook",
+    "ScoreGoal",
+    "SnatchCookie",
+    "TurkeyLegs",
+)
 
 
 @pytest.mark.parametrize("name", rare(TASKS, "BringCube", "SnatchCookie"))
 def test_in_its_own_layout_a_plan_is_the_literal_one(name):
     given = brief(name)
     document = answer(given)
-    literal = answer(replace(given, actions=WaypointActions()))["strategies"][0]["action_sets"]
+    literal = answer(replace(given, actions=WaypointActions()))["strategies"][0][
+        "action_sets"
+    ]
     seen = look(given.task, 0, Perception())
-    for data, rows in zip(document["strategies"][0]["action_sets"], literal, strict=True):
+    for data, rows in zip(
+        document["strategies"][0]["action_sets"], literal, strict=True
+    ):
         plan = given.actions.parse(data, gripper=False)
-        np.testing.assert_allclose(plan.resolve(seen).poses[:, :3], np.array(rows)[:, :3], atol=1e-4)
+        np.testing.assert_allclose(
+            plan.resolve(seen).poses[:, :3], np.array(rows)[:, :3], atol=1e-4
+        )
         assert {anchor.name for anchor in plan.anchors} - {"world"}
 
 
@@ -54,13 +78,19 @@ def test_offspring_of_what_flew_away_can_be_written():
     given = brief("BringCube")
     (first, *_) = candidates(given, answer(given))
     flown = (tried_once(first, "ok", 0.1, moved_m={"cube": 60.0}),)
-    offspring = replace(given, elites=flown, n_tool=4, n_action=3, actions=AnchoredActions(), seed=8)
+    offspring = replace(
+        given, elites=flown, n_tool=4, n_action=3, actions=AnchoredActions(), seed=8
+    )
     assert len(answer(offspring)["strategies"]) == 4
 
 
 def feeling(name, **more):
     given = brief(name, "wide", AnchoredActions(guards=True), **more)
-    return given, [c for c in candidates(given, answer(given)) if any(step.until for step in c.plan.steps)]
+    return given, [
+        c
+        for c in candidates(given, answer(given))
+        if any(step.until for step in c.plan.steps)
+    ]
 
 
 def test_every_other_plan_feels_for_the_ground():
@@ -71,7 +101,9 @@ def test_every_other_plan_feels_for_the_ground():
 
 
 def test_the_bare_hand_feels_for_nothing():
-    given = replace(brief("BringCube", actions=AnchoredActions(guards=True)), representation=GIVEN)
+    given = replace(
+        brief("BringCube", actions=AnchoredActions(guards=True)), representation=GIVEN
+    )
     plans = answer(given)["strategies"][0]["action_sets"]
     assert len(plans) == 2
     assert not any("until" in step for plan in plans for step in plan)
@@ -79,11 +111,19 @@ def test_the_bare_hand_feels_for_nothing():
 
 def test_what_feels_for_the_ground_minds_heights_less():
     given, found = feeling("ElevatePlate", n_tool=4)
-    blind = [replace(c, plan=replace(c.plan, steps=tuple(s for s in c.plan.steps if not s.until))) for c in found]
+    blind = [
+        replace(
+            c, plan=replace(c.plan, steps=tuple(s for s in c.plan.steps if not s.until))
+        )
+        for c in found
+    ]
     sim = installed().create("sim", "mujoco")
     settings = RolloutSettings(perception=Perception(height=0.008))
     felt, missed = (
-        [[e.reward for e in evaluate_batch(given.task, sim, tried, s, settings)] for s in (50, 51, 52)]
+        [
+            [e.reward for e in evaluate_batch(given.task, sim, tried, s, settings)]
+            for s in (50, 51, 52)
+        ]
         for tried in (found, blind)
     )
     assert np.mean(felt) > np.mean(missed) + 0.05
@@ -92,14 +132,26 @@ def test_what_feels_for_the_ground_minds_heights_less():
 def test_offspring_of_a_plan_with_guards_have_one_at_most():
     given = brief("BringCube", actions=AnchoredActions(guards=True))
     (first, *_) = candidates(given, answer(given))
-    steps = [*first.plan.dump(), {"anchor": "cube", "offset": [0, 0.1, 0.3], "until": "touch"}]
-    steps += [{"anchor": "here", "offset": [0, 0, 0.1]}, {"anchor": "cube", "toward": "here", "offset": [0, 0, 0.1]}]
+    steps = [
+        *first.plan.dump(),
+        {"anchor": "cube", "offset": [0, 0.1, 0.3], "until": "touch"},
+    ]
+    steps += [
+        {"anchor": "here", "offset": [0, 0, 0.1]},
+        {"anchor": "cube", "toward": "here", "offset": [0, 0, 0.1]},
+    ]
     guarded = replace(first, plan=given.actions.parse(steps, gripper=False))
     elites = (tried_once(guarded, "ok", 0.9, moved_m={"cube": 0.3}),)
     offspring = replace(given, elites=elites, n_tool=2, n_action=3)
     plans = [c.plan for c in candidates(offspring, answer(offspring))]
-    assert [sum(bool(step.until) for step in plan.steps) for plan in plans] == [1, 0, 1] * 2
-    assert not any("here" in (step.anchor, step.toward) for plan in plans for step in plan.steps)
+    assert [sum(bool(step.until) for step in plan.steps) for plan in plans] == [
+        1,
+        0,
+        1,
+    ] * 2
+    assert not any(
+        "here" in (step.anchor, step.toward) for plan in plans for step in plan.steps
+    )
 
 
 @pytest.mark.thorough
@@ -107,7 +159,10 @@ def test_one_plan_lifts_a_plate_in_layouts_that_it_was_not_made_for():
     given = brief("ElevatePlate", "wide", AnchoredActions(), n_tool=3)
     sim = installed().create("sim", "mujoco")
     found = candidates(given, answer(given))
-    rewards = [[e.reward for e in evaluate_batch(given.task, sim, found, s, RolloutSettings())] for s in (50, 51, 52)]
+    rewards = [
+        [e.reward for e in evaluate_batch(given.task, sim, found, s, RolloutSettings())]
+        for s in (50, 51, 52)
+    ]
     assert np.mean(rewards, axis=0).max() > 0.9
 
 
@@ -116,5 +171,8 @@ def test_tools_for_varied_layouts_reach_the_bodies_there():
     plans = [c.plan for c in candidates(given, answer(given))]
     arm = arm_of(given.task.robot)
     seen = [look(given.task, seed, Perception()) for seed in range(40, 46)]
-    missed = [[reach_error(plan.resolve(one).poses, arm) > 0.005 for one in seen] for plan in plans]
+    missed = [
+        [reach_error(plan.resolve(one).poses, arm) > 0.005 for one in seen]
+        for plan in plans
+    ]
     assert np.mean(missed, axis=1).min() < 0.2

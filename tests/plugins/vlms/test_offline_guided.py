@@ -18,11 +18,18 @@ NAMES = sorted(path.stem for path in SCENES.glob("*.yaml"))
 
 def scene(name):
     file = SCENES / f"{name}.yaml"
-    return installed().create("task", "file", file=str(file)) if file.exists() else installed().create("task", name)
+    return (
+        installed().create("task", "file", file=str(file))
+        if file.exists()
+        else installed().create("task", name)
+    )
 
 
 def subgoal(task):
-    return max(analysis(task).subgoals(np.random.default_rng(0)), key=lambda one: len(one.solids))
+    return max(
+        analysis(task).subgoals(np.random.default_rng(0)),
+        key=lambda one: len(one.solids),
+    )
 
 
 @pytest.mark.parametrize("name", [*NAMES, "InsertPlug"])
@@ -38,9 +45,15 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "least"), [("press_plunger", 0.95), ("turn_plate", 0.95), ("InsertPlug", 0.95)])
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("press_plunger", 0.95), ("turn_plate", 0.95), ("InsertPlug", 0.95)],
+)
 def test_fresh_designs_earn(name, least):
     task = scene(name)
     sim = installed().create("sim", "mujoco")
     designs = candidates(brief(task, n_tool=4, n_action=1, seed=3))
-    assert max(e.reward for e in evaluate_batch(task, sim, designs, 0, RolloutSettings())) >= least
+    assert (
+        max(e.reward for e in evaluate_batch(task, sim, designs, 0, RolloutSettings()))
+        >= least
+    )

@@ -12,14 +12,23 @@ from core.search.orchestration import run
 
 SMALL = [
     *("sim=mujoco", "film=false", "listener={}", "prompt.picture=false"),
-    *("budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=1"),
+    *(
+        "budget.n_agent=2",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=1",
+    ),
 ]
 
 
 def result(folder, *overrides):
     run(load("config", [*SMALL, *overrides]), folder)
     found = json.loads((folder / "result.json").read_text())
-    return {key: value for key, value in found.items() if key not in ("wall_time_s", "rollouts_per_s", "vlm")}
+    return {
+        key: value
+        for key, value in found.items()
+        if key not in ("wall_time_s", "rollouts_per_s", "vlm")
+    }
 
 
 @pytest.mark.slow
@@ -32,8 +41,16 @@ def test_the_same_result_as_the_past_run_and_requests_that_it_lacks(tmp_path):
     with sqlite3.connect(tmp_path / "again" / "run.sqlite") as database:
         models = {row[0] for row in database.execute("SELECT model FROM replies")}
     assert models == {"offline (embedded designer, no language model)"}
-    more = result(tmp_path / "more", "vlm=replay", f"vlm.run={tmp_path / 'past'}", "budget.n_agent=3")
-    assert [(g["n_candidates"], g["n_rejected"]) for g in more["generations"]] == [(3, 1), (3, 1)]
+    more = result(
+        tmp_path / "more",
+        "vlm=replay",
+        f"vlm.run={tmp_path / 'past'}",
+        "budget.n_agent=3",
+    )
+    assert [(g["n_candidates"], g["n_rejected"]) for g in more["generations"]] == [
+        (3, 1),
+        (3, 1),
+    ]
 
 
 def test_mistakes_are_errors(tmp_path):
@@ -41,6 +58,10 @@ def test_mistakes_are_errors(tmp_path):
         installed().create("vlm", "replay")
     with pytest.raises(UserError, match=r"vlm\.run: .* there is no run\.sqlite"):
         installed().create("vlm", "replay", {"run": str(tmp_path)})
-    (tmp_path / "run.sqlite").write_text("this is no database, but it is long enough to be taken for one" * 20)
-    with pytest.raises(UserError, match=r"vlm\.run: .*can't be read: file is not a database"):
+    (tmp_path / "run.sqlite").write_text(
+        "this is no database, but it is long enough to be taken for one" * 20
+    )
+    with pytest.raises(
+        UserError, match=r"vlm\.run: .*can't be read: file is not a database"
+    ):
         installed().create("vlm", "replay", {"run": str(tmp_path)})

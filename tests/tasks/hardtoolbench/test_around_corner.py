@@ -17,7 +17,12 @@ def reward(at, frame="box", raised=0.0, speed=0.0):
     """The reward of a cube that ends at a place in a body's frame."""
     pose = SCENE[frame].pose @ Pose.xyz_rpy((*at, 0.02 + raised))
     moving = np.array([[speed, 0.0, 0.0]])
-    return float(TASK.reward(START, replace(START, positions=pose.position[None], linear_velocities=moving)))
+    return float(
+        TASK.reward(
+            START,
+            replace(START, positions=pose.position[None], linear_velocities=moving),
+        )
+    )
 
 
 def test_a_cube_on_the_mark_is_done():
@@ -31,7 +36,9 @@ def test_a_cube_held_above_the_mark_or_flung_across_it_was_not_left_there(case):
 
 
 def test_progress_rises_all_the_way():
-    inside = [reward((x, 0.0)) for x in (0.03 - LENGTH / 2, 0.0, OPENING, OPENING + 0.029)]
+    inside = [
+        reward((x, 0.0)) for x in (0.03 - LENGTH / 2, 0.0, OPENING, OPENING + 0.029)
+    ]
     outside = [reward((x, 0.0), "mark") for x in (-0.1, -0.06, -0.03, 0.0)]
     assert inside + outside == sorted(inside + outside)
     assert inside[0] == 0.0

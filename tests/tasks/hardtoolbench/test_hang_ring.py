@@ -17,9 +17,13 @@ HANGING = (-HANGS, 0.0, -0.03)
 def reward(at, rpy=(0.0, 0.0, 0.0), speed=0.0, touching=()):
     """The reward of a ring that ends at a place in the frame of the second peg."""
     pose = SCENE["peg_b"].pose @ Pose.xyz_rpy(at, rpy)
-    end = replace(START, positions=pose.position[None], quaternions=pose.quaternion[None])
+    end = replace(
+        START, positions=pose.position[None], quaternions=pose.quaternion[None]
+    )
     end = replace(end, linear_velocities=np.array([[0.0, 0.0, speed]]))
-    flags = {(kind, one, "ring"): np.array([True, last]) for kind, one, last in touching}
+    flags = {
+        (kind, one, "ring"): np.array([True, last]) for kind, one, last in touching
+    }
     return float(TASK.reward(START, end, Trace.of(START, end, touching=flags)))
 
 
@@ -34,12 +38,17 @@ def test_a_ring_may_hang_turned(rpy):
     assert reward(HANGING, rpy) == 1.0
 
 
-@pytest.mark.parametrize("touched", [("arm", "hand", False), ("tool", "left_finger", False)])
+@pytest.mark.parametrize(
+    "touched", [("arm", "hand", False), ("tool", "left_finger", False)]
+)
 def test_a_ring_that_hand_arm_or_finger_touched_earns_nothing(touched):
     assert reward(HANGING, touching=[touched]) == 0.0
 
 
-@pytest.mark.parametrize("at", [(-0.13, 0.0, -0.03), (0.03, 0.0, -0.03), (-0.05, 0.06, -0.03), (-0.05, 0.0, 0.06)])
+@pytest.mark.parametrize(
+    "at",
+    [(-0.13, 0.0, -0.03), (0.03, 0.0, -0.03), (-0.05, 0.06, -0.03), (-0.05, 0.0, 0.06)],
+)
 def test_a_ring_beside_the_peg_earns_little(at):
     assert 0.05 < reward(at) < 0.16
 
@@ -55,11 +64,21 @@ def test_a_ring_that_stands_on_the_peg_or_is_held_above_it_does_not_hang(seed):
     scene = TASK.scene(seed)
     inner = TASK.draw(seed)("ring.inner", 0.04)
     start = scene.state()
-    for height, hangs in ((-inner, True), (-inner - 0.0015, True), (inner + SECTION, False), (inner + 0.005, False)):
+    for height, hangs in (
+        (-inner, True),
+        (-inner - 0.0015, True),
+        (inner + SECTION, False),
+        (inner + 0.005, False),
+    ):
         pose = scene["peg_b"].pose @ Pose.xyz_rpy((-HANGS, 0.0, height))
-        end = replace(start, positions=pose.position[None], quaternions=pose.quaternion[None])
+        end = replace(
+            start, positions=pose.position[None], quaternions=pose.quaternion[None]
+        )
         touching = {("body", "ring", "peg_b"): np.array([False, True])}
-        assert (float(TASK.reward(start, end, Trace.of(start, end, touching=touching))) == 1.0) == hangs, height
+        assert (
+            float(TASK.reward(start, end, Trace.of(start, end, touching=touching)))
+            == 1.0
+        ) == hangs, height
 
 
 def test_the_way_to_the_second_peg_counts():

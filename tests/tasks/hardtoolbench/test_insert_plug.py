@@ -15,7 +15,14 @@ START = SCENE.state()
 def reward(at, rpy=(0.0, 0.0, 0.0)):
     """The reward of a plug that ends at a place in the socket's frame."""
     pose = SCENE["socket"].pose @ Pose.xyz_rpy(at, rpy)
-    return float(TASK.reward(START, replace(START, positions=pose.position[None], quaternions=pose.quaternion[None])))
+    return float(
+        TASK.reward(
+            START,
+            replace(
+                START, positions=pose.position[None], quaternions=pose.quaternion[None]
+            ),
+        )
+    )
 
 
 def test_the_plug_is_in_at_35_mm():
@@ -24,7 +31,9 @@ def test_the_plug_is_in_at_35_mm():
 
 def test_depth_counts_in_the_hole_alone():
     inside = [reward((0.0, 0.0, -depth)) for depth in (0.005, 0.015, 0.025)]
-    assert inside == pytest.approx([0.15 + 0.85 * depth / 0.035 for depth in (0.005, 0.015, 0.025)])
+    assert inside == pytest.approx(
+        [0.15 + 0.85 * depth / 0.035 for depth in (0.005, 0.015, 0.025)]
+    )
     assert reward((0.05, 0.0, -0.03)) == 0.0
 
 

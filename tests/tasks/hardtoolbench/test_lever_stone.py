@@ -13,13 +13,20 @@ SCENE = TASK.scene(0)
 START = SCENE.complete(SCENE.state())
 
 
-def reward(raised: float, slid: float = 0.0, roll: float = 0.0, speed: float = 0.0) -> float:
+def reward(
+    raised: float, slid: float = 0.0, roll: float = 0.0, speed: float = 0.0
+) -> float:
     """The reward of a stone whose near edge was raised about its far edge."""
     far = Pose.xyz_rpy((LENGTH / 2, 0.0, -HEIGHT / 2))
     turn = Pose.xyz_rpy((slid, 0.0, 0.0), (roll, np.arcsin(raised / LENGTH), 0.0))
     pose = SCENE["stone"].pose @ far @ turn @ far.inverse()
     moving = np.array([[0.0, 0.0, speed]])
-    end = replace(START, positions=pose.position[None], quaternions=pose.quaternion[None], linear_velocities=moving)
+    end = replace(
+        START,
+        positions=pose.position[None],
+        quaternions=pose.quaternion[None],
+        linear_velocities=moving,
+    )
     return float(TASK.reward(START, end))
 
 

@@ -16,7 +16,9 @@ START = SCENE.complete(SCENE.state())
 STILL = np.zeros(3)
 
 
-def ended(angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0) -> State:
+def ended(
+    angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0
+) -> State:
     """The end of a door at an angle, and a glass that was moved."""
     parent = Placement.at_rest(SCENE["cabinet"].pose)
     leaf = START.joints["hinge"].carry(np.asarray(angle), np.asarray(speed), parent)
@@ -30,7 +32,9 @@ def ended(angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 
     )
 
 
-def reward(angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0) -> float:
+def reward(
+    angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0
+) -> float:
     """The reward of such an end."""
     return float(TASK.reward(START, ended(angle, speed, shift, tilt)))
 
@@ -46,9 +50,13 @@ def test_the_reward_rises_with_the_angle() -> None:
     ("case", "most"),
     [
         pytest.param({"speed": 1.0}, 0.0, id="in a swing"),
-        pytest.param({"shift": np.array([-0.06, 0.0, 0.0])}, 0.0, id="the glass was pushed"),
+        pytest.param(
+            {"shift": np.array([-0.06, 0.0, 0.0])}, 0.0, id="the glass was pushed"
+        ),
         pytest.param({"tilt": 1.57}, 0.0, id="the glass fell"),
-        pytest.param({"shift": np.array([-0.03, 0.0, 0.0])}, 0.51, id="the glass was touched"),
+        pytest.param(
+            {"shift": np.array([-0.03, 0.0, 0.0])}, 0.51, id="the glass was touched"
+        ),
     ],
 )
 def test_what_costs(case: dict[str, float], most: float) -> None:
@@ -56,8 +64,18 @@ def test_what_costs(case: dict[str, float], most: float) -> None:
 
 
 def test_margins_of_the_glass_and_of_the_door() -> None:
-    glass, door = TASK.margins(START, ended(OPEN + 0.1, shift=np.array([0.005, 0.0, 0.0])))
-    assert (glass.name, glass.limit, round(glass.margin, 6)) == ("glass moved", 0.01, 0.5)
-    assert (door.name, door.limit, door.value) == ("door", OPEN, pytest.approx(OPEN + 0.1))
+    glass, door = TASK.margins(
+        START, ended(OPEN + 0.1, shift=np.array([0.005, 0.0, 0.0]))
+    )
+    assert (glass.name, glass.limit, round(glass.margin, 6)) == (
+        "glass moved",
+        0.01,
+        0.5,
+    )
+    assert (door.name, door.limit, door.value) == (
+        "door",
+        OPEN,
+        pytest.approx(OPEN + 0.1),
+    )
     assert 0 < door.margin < 1
     assert TASK.margins(START, ended(OPEN - 0.1))[1].margin < 0

@@ -23,7 +23,9 @@ def earned(touched=(), **places):
 
 def test_the_share_of_the_way_counts_and_the_last_millimetres_are_given():
     begin = START.position("tin")
-    on_the_way = [earned(tin=begin + share * (MARK - begin)) for share in (0.0, 0.3, 0.6, 0.9)]
+    on_the_way = [
+        earned(tin=begin + share * (MARK - begin)) for share in (0.0, 0.3, 0.6, 0.9)
+    ]
     assert on_the_way == sorted(on_the_way)
     assert on_the_way[0] == 0.0
     assert on_the_way[1] == pytest.approx(0.3, abs=0.02)
@@ -38,7 +40,10 @@ def test_a_touch_of_any_glass_costs_all_that_was_earned():
 
 def test_a_glass_that_the_tin_pushes_costs_more_the_farther_it_goes():
     at = START.position("glass_2")
-    shifts = [earned(tin=MARK, glass_2=np.add(at, (shift, 0.0, 0.0))) for shift in (0.003, 0.01, 0.02, 0.04)]
+    shifts = [
+        earned(tin=MARK, glass_2=np.add(at, (shift, 0.0, 0.0)))
+        for shift in (0.003, 0.01, 0.02, 0.04)
+    ]
     assert shifts[0] == 1.0
     assert shifts == sorted(shifts, reverse=True)
     assert shifts[-1] == 0.0

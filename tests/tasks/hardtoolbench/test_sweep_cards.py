@@ -28,7 +28,9 @@ def ended(cards, touched=(), press=0.0, seconds=5.0, vase=0.0, gap=0.02):
     end = replace(START, positions=positions)
     touching = {("tool", "blade", name): np.array([True, False]) for name in touched}
     forces = {("tool", "board"): np.array([press, 0.0])}
-    trace = Trace.of(START, end, touching=touching, forces=forces, clearances={"vase": np.array(gap)})
+    trace = Trace.of(
+        START, end, touching=touching, forces=forces, clearances={"vase": np.array(gap)}
+    )
     return end, replace(trace, times=np.array([0.0, seconds]))
 
 
@@ -65,12 +67,30 @@ def test_margins_of_the_vase_and_of_the_board():
 def test_a_plate_that_presses_the_cards_presses_the_board(engine):
     """It bears on five cards and never touches the board."""
     task = installed().create("task", "SweepCards")
-    post = Component("post", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), Box((0.02, 0.02, 0.1)), 0.05)
-    plate = Component("plate", "post", Pose(np.array([0.0, 0.0, -0.055])), Box((0.03, 0.37, 0.01)), 0.1)
-    down = np.array([[0.64, 0.0, height, 0.0, 0.0, 0.0] for height in (0.3, 0.19, 0.166)])
-    _, job = prepare(task, Candidate(Tool((post, plate)), down), 0, RolloutSettings(), record_hz=25.0)
+    post = Component(
+        "post",
+        "tool_mount",
+        Pose(np.array([0.0, 0.0, -0.05])),
+        Box((0.02, 0.02, 0.1)),
+        0.05,
+    )
+    plate = Component(
+        "plate",
+        "post",
+        Pose(np.array([0.0, 0.0, -0.055])),
+        Box((0.03, 0.37, 0.01)),
+        0.1,
+    )
+    down = np.array(
+        [[0.64, 0.0, height, 0.0, 0.0, 0.0] for height in (0.3, 0.19, 0.166)]
+    )
+    _, job = prepare(
+        task, Candidate(Tool((post, plate)), down), 0, RolloutSettings(), record_hz=25.0
+    )
     (outcome,) = simulator(engine).rollout(task, [replace(job, forces=True)])
     scene = task.scene(0)
-    trace = make_trace(scene, [find_contacts(scene, task.robot, job.tool, outcome.recording)])[0]
+    trace = make_trace(
+        scene, [find_contacts(scene, task.robot, job.tool, outcome.recording)]
+    )[0]
     assert not trace.touched("board", "robot")
     assert trace.force_n("board", "robot") > PRESS_N

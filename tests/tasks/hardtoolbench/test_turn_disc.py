@@ -36,7 +36,10 @@ def test_the_reward_rises_with_the_turn() -> None:
 
 
 def test_the_reward_falls_with_the_distance_from_the_mark() -> None:
-    rewards = [reward(180.0, MARK + np.array([away, 0.0, 0.0])) for away in np.linspace(0.0, 0.2, 21)]
+    rewards = [
+        reward(180.0, MARK + np.array([away, 0.0, 0.0]))
+        for away in np.linspace(0.0, 0.2, 21)
+    ]
     assert rewards[0] == rewards[1] == 1.0
     assert (np.diff(rewards) <= 0).all()
     assert rewards[-1] == pytest.approx(0.1)
@@ -47,10 +50,20 @@ def test_the_reward_falls_with_the_distance_from_the_mark() -> None:
     [
         pytest.param(0.0, MARK, 0.0, 0.0, id="only pushed onto the mark"),
         pytest.param(90.0, MARK, 0.0, 0.1, id="left standing on its rim"),
-        pytest.param(180.0, MARK + np.array([0.0, 0.0, 0.2]), 0.0, 0.1, id="held upside down above the mark"),
-        pytest.param(180.0, np.array([2.0, 0.0, -0.6]), 0.0, 0.1, id="thrown to the floor"),
+        pytest.param(
+            180.0,
+            MARK + np.array([0.0, 0.0, 0.2]),
+            0.0,
+            0.1,
+            id="held upside down above the mark",
+        ),
+        pytest.param(
+            180.0, np.array([2.0, 0.0, -0.6]), 0.0, 0.1, id="thrown to the floor"
+        ),
         pytest.param(180.0, MARK, 1.0, 0.0, id="still in motion"),
     ],
 )
-def test_what_earns_little(degrees: float, at: Array, speed: float, most: float) -> None:
+def test_what_earns_little(
+    degrees: float, at: Array, speed: float, most: float
+) -> None:
     assert reward(degrees, at, speed) <= most + 1e-9

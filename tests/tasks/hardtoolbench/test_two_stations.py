@@ -15,7 +15,11 @@ START = SCENE.state()
 
 def reward(pressed, pulled):
     """The reward of a button and a drawer that moved so far, m."""
-    ways = {"button": Pose.xyz_rpy((pressed, 0.0, 0.0)), "drawer": Pose.xyz_rpy((-pulled, 0.0, 0.0)), "roller": Pose()}
+    ways = {
+        "button": Pose.xyz_rpy((pressed, 0.0, 0.0)),
+        "drawer": Pose.xyz_rpy((-pulled, 0.0, 0.0)),
+        "roller": Pose(),
+    }
     moved = np.array([(SCENE[name].pose @ ways[name]).position for name in START.names])
     return float(TASK.reward(START, replace(START, positions=moved)))
 

@@ -18,7 +18,9 @@ def earned(seed, by, over=0.0, tail=None):
     nodes[:, 0] += by
     nodes[np.abs(nodes[:, 0]) < 0.06, 2] += over
     if tail is not None:
-        nodes[:-IN_EYE, 0] = np.linspace(tail, nodes[-IN_EYE, 0], len(nodes) - IN_EYE, endpoint=False)
+        nodes[:-IN_EYE, 0] = np.linspace(
+            tail, nodes[-IN_EYE, 0], len(nodes) - IN_EYE, endpoint=False
+        )
     end = replace(start, soft={"rope": scene["ring"].pose.apply(nodes)})
     return float(TASK.reward(start, end))
 

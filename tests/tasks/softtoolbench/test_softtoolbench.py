@@ -27,7 +27,11 @@ pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent
 ROOT = Path(__file__).parents[3]
 OFFERS = installed().offers.items()
-TASKS = [name for (kind, name), offer in OFFERS if kind == "task" and offer.entry_point == "softtoolbench"]
+TASKS = [
+    name
+    for (kind, name), offer in OFFERS
+    if kind == "task" and offer.entry_point == "softtoolbench"
+]
 PROTOCOL = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
 BARE = json.loads((HERE / "bare.json").read_text())
 
@@ -48,7 +52,10 @@ def designs(file):
 
 def trials(name, candidates, seeds=(0,)):
     """The rewards of designs that are played, with a layout in each row."""
-    found = [evaluate_batch(task_of(name), simulator("mujoco"), candidates, seed, PROTOCOL) for seed in seeds]
+    found = [
+        evaluate_batch(task_of(name), simulator("mujoco"), candidates, seed, PROTOCOL)
+        for seed in seeds
+    ]
     assert not [trial.reason for row in found for trial in row if trial.status != "ok"]
     return np.array([[trial.reward for trial in row] for row in found])
 
@@ -56,10 +63,16 @@ def trials(name, candidates, seeds=(0,)):
 @every_task
 def test_names_words_and_configs(name):
     task = task_of(name)
-    assert all(words.endswith(".") and len(words) > 80 for words in (task.description, task.in_words))
+    assert all(
+        words.endswith(".") and len(words) > 80
+        for words in (task.description, task.in_words)
+    )
     assert f"class {name}(Task):" in task.source()
     assert set(task.variations) == {"near", "wide"}
-    assert all(heading in type(task).__doc__ for heading in ("Task: ", "Layouts: ", "Success: "))
+    assert all(
+        heading in type(task).__doc__
+        for heading in ("Task: ", "Layouts: ", "Success: ")
+    )
     assert load("config", [f"task={name}"]).task.name == name
     scenes = [task.scene(seed) for seed in range(3)]
     assert len({scene.bodies[-1].pose.position.tobytes() for scene in scenes}) == 3
@@ -71,14 +84,29 @@ def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
     parts = installed()
     tools = parts.create("tool", "boxes")
     actions = parts.create("action", "anchored")
-    brief = Brief(task_of(name), 0, tools, False, 2, 1, generation=0, agent=0, seed=1, actions=actions)
+    brief = Brief(
+        task_of(name),
+        0,
+        tools,
+        False,
+        2,
+        1,
+        generation=0,
+        agent=0,
+        seed=1,
+        actions=actions,
+    )
     assert len(answer(brief)["strategies"]) == 2
     assert "what a soft body does as it gives way" in left_out(task_of(name), 0)
 
 
 @every_task
 @pytest.mark.parametrize(
-    "seeds", [range(UNSEEN, UNSEEN + 2), pytest.param(range(UNSEEN, UNSEEN + 20), marks=pytest.mark.thorough)]
+    "seeds",
+    [
+        range(UNSEEN, UNSEEN + 2),
+        pytest.param(range(UNSEEN, UNSEEN + 20), marks=pytest.mark.thorough),
+    ],
 )
 def test_the_reference_solution_fits_layouts_that_it_was_not_made_for(name, seeds):
     assert trials(name, designs(HERE / f"{name}.json"), seeds).mean() >= 0.9
@@ -89,7 +117,10 @@ def test_doing_nothing_and_the_bare_gripper_earn_little(name):
     home = task_of(name).home
     plan = installed().create("action", "anchored").parse(BARE[name], gripper=True)
     nothing = Candidate(Tool(), Waypoints(np.array([[*home.position, *home.rpy]])))
-    assert trials(name, [nothing, Candidate(Tool(gripper=True), plan)], (0, 1, 2)).max() < 0.1
+    assert (
+        trials(name, [nothing, Candidate(Tool(gripper=True), plan)], (0, 1, 2)).max()
+        < 0.1
+    )
 
 
 @every_task

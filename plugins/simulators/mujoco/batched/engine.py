@@ -15,9 +15,13 @@ try:
     import warp
     from mujoco_warp._src import solver
 except ModuleNotFoundError as error:
-    raise UserError("sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'") from error
+    raise UserError(
+        "sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'"
+    ) from error
 
-warp.config.log_level = warp.LOG_ERROR  # otherwise it reports each kernel that it compiles, and a missing driver
+warp.config.log_level = (
+    warp.LOG_ERROR
+)  # otherwise it reports each kernel that it compiles, and a missing driver
 
 # On a GPU, several groups of threads may sum the terms of one world's constraints, more groups for fewer worlds. A
 # world's numbers would then depend on how many others there are. With many worlds each has one group anyway.
@@ -46,7 +50,9 @@ def device(name: str) -> Any:
         return warp.get_device(name)
     except ValueError as error:
         have = ", ".join(card.alias for card in cards) or "none"
-        raise UserError(f"sim.device={name}: there is no such graphics card; there are: {have}") from error
+        raise UserError(
+            f"sim.device={name}: there is no such graphics card; there are: {have}"
+        ) from error
 
 
 @contextmanager

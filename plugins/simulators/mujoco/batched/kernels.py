@@ -30,7 +30,9 @@ def sampled(
         else:
             high = middle
     share = (time - times[world, low]) / (times[world, high] - times[world, low])
-    return values[world, low, joint] + share * (values[world, high, joint] - values[world, low, joint])
+    return values[world, low, joint] + share * (
+        values[world, high, joint] - values[world, low, joint]
+    )
 
 
 @wp.kernel(enable_backward=False)
@@ -63,7 +65,9 @@ def drive(
     target = before
     if ahead != 0:
         target = after
-    control[world, joint] = wp.float32(stiffness[world, joint] * target + damping[world, joint] * (after - before) / dt)
+    control[world, joint] = wp.float32(
+        stiffness[world, joint] * target + damping[world, joint] * (after - before) / dt
+    )
 
 
 @wp.kernel(enable_backward=False)

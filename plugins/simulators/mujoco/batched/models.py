@@ -25,12 +25,33 @@ from plugins.simulators.mujoco.world import Joints, described
 
 PER_WORLD = (  # fields that depend on the tool
     *("geom_size", "geom_pos", "geom_quat", "geom_rbound", "geom_aabb"),
-    *("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_subtreemass", "body_invweight0"),
-    *("dof_invweight0", "actuator_acc0", "actuator_biasprm", "jnt_stiffness", "dof_frictionloss"),
+    *(
+        "body_mass",
+        "body_inertia",
+        "body_ipos",
+        "body_iquat",
+        "body_subtreemass",
+        "body_invweight0",
+    ),
+    *(
+        "dof_invweight0",
+        "actuator_acc0",
+        "actuator_biasprm",
+        "jnt_stiffness",
+        "dof_frictionloss",
+    ),
     *("qpos0", "qpos_spring", "body_pos", "body_quat"),  # and on the layout
 )
 # Fields that Warp does not use.
-_UNUSED = {"bvh_aabb", "bvh_nodeid", "bvh_child", "bvh_depth", "body_sameframe", "geom_sameframe", "dof_M0"}
+_UNUSED = {
+    "bvh_aabb",
+    "bvh_nodeid",
+    "bvh_child",
+    "bvh_depth",
+    "body_sameframe",
+    "geom_sameframe",
+    "dof_M0",
+}
 _FEWEST_SLOTS = 4
 _LEAST_FRICTION = 1e-5  # mjMINMU
 
@@ -89,7 +110,9 @@ class Played:
 
 def slots(tool: Tool) -> int:
     """Count the boxes on each mount of a tool's model: 4, 8, 16 and so on."""
-    most = max(Counter(mount for mount, _ in tool.placed().values()).values(), default=0)
+    most = max(
+        Counter(mount for mount, _ in tool.placed().values()).values(), default=0
+    )
     return _FEWEST_SLOTS << max(0, int(np.ceil(np.log2(max(most, 1) / _FEWEST_SLOTS))))
 
 
@@ -104,12 +127,17 @@ def model(
 ) -> Element:
     """Compile as `plugins.simulators.mujoco.world.compiled`, with unused boxes, and equivalents for what Warp lacks."""
     spec = described(robot, scene, inertias, tool, time_step, slip_rate, slots(tool))
-    for servo in spec.actuators:  # Warp has no servo with two inputs; a force, a spring and a damper make one
+    for servo in (
+        spec.actuators
+    ):  # Warp has no servo with two inputs; a force, a spring and a damper make one
         servo.set_to_position(kp=1.0, kv=1.0)
     compiled = spec.compile()
     set_gains(compiled, robot, tracking_rate)
     compiled.actuator_gainprm[:, 0] = 1.0
-    for friction in (compiled.geom_friction, compiled.pair_friction):  # as MuJoCo does itself
+    for friction in (
+        compiled.geom_friction,
+        compiled.pair_friction,
+    ):  # as MuJoCo does itself
         np.maximum(friction, _LEAST_FRICTION, out=friction)
     # Warp never resets a world anyway.
     compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -139,7 +167,9 @@ def _shared(compiled: Element) -> str:
     digest = hashlib.blake2b(digest_size=16)
     for part in (compiled, compiled.opt):
         for name in sorted(dir(part)):
-            if name.startswith("_") or (part is compiled and name in {*PER_WORLD, *_UNUSED}):
+            if name.startswith("_") or (
+                part is compiled and name in {*PER_WORLD, *_UNUSED}
+            ):
                 continue
             value = getattr(part, name)
             if isinstance(value, np.ndarray | int | float):

@@ -12,7 +12,13 @@ from core.errors import UsageError, UserError
 from core.interfaces import Outcome, Recording, Rollout, Task
 from core.scene import Scene
 from core.simulation.playback import record_every, schedule
-from plugins.simulators.mujoco.batched.models import ModelFigures, Played, Size, figures, model
+from plugins.simulators.mujoco.batched.models import (
+    ModelFigures,
+    Played,
+    Size,
+    figures,
+    model,
+)
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.mujoco.world import Joints, inertias_of
@@ -59,7 +65,9 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         self._device = engine.device(device)
         self._make = many.Worlds
-        self._figures: OrderedDict[tuple[int, str], tuple[Scene, ModelFigures]] = OrderedDict()
+        self._figures: OrderedDict[tuple[int, str], tuple[Scene, ModelFigures]] = (
+            OrderedDict()
+        )
         self._contacts: dict[str, int] = {}  # capacity, by digest
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
 
@@ -68,15 +76,24 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         groups: dict[str, list[int]] = {}
         mine: dict[int, ModelFigures] = {}
         if any(job.forces for job in jobs):
-            raise UserError("sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco")
+            raise UserError(
+                "sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco"
+            )
         for i, job in enumerate(jobs):
-            if not (np.isfinite(job.trajectory.arm).all() and np.isfinite(job.trajectory.fingers).all()):
-                outcomes[i] = Outcome(None, None, error="the trajectory's targets are not finite")
+            if not (
+                np.isfinite(job.trajectory.arm).all()
+                and np.isfinite(job.trajectory.fingers).all()
+            ):
+                outcomes[i] = Outcome(
+                    None, None, error="the trajectory's targets are not finite"
+                )
                 continue
             mine[i] = self._of(task, job)
             groups.setdefault(mine[i].shared, []).append(i)
         for members in groups.values():
-            members.sort(key=lambda i: self._steps(jobs[i]))  # so that neighbours end together
+            members.sort(
+                key=lambda i: self._steps(jobs[i])
+            )  # so that neighbours end together
             for i, played in self._played(task, members, mine, jobs):
                 outcomes[i] = self._outcome(jobs[i], mine[i], played)
         return [outcomes[i] for i in range(len(jobs))]
@@ -86,7 +103,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def _of(self, task: Task, job: Rollout) -> ModelFigures:
         scene = job.scene_in(task)
-        key = (id(scene), job.tool.content)  # the entry keeps the scene, so that its id is its own
+        key = (
+            id(scene),
+            job.tool.content,
+        )  # the entry keeps the scene, so that its id is its own
         if key not in self._figures:
             only_rigid(scene, task.name, "mujoco_warp")
             if scene.joints or any(body.launched for body in scene.free):
@@ -106,7 +126,11 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return model(task.robot, scene, inertias_of(scene), job.tool, *self._rates)
 
     def _played(
-        self, task: Task, members: Sequence[int], mine: dict[int, ModelFigures], jobs: Sequence[Rollout]
+        self,
+        task: Task,
+        members: Sequence[int],
+        mine: dict[int, ModelFigures],
+        jobs: Sequence[Rollout],
     ) -> Iterator[tuple[int, Played]]:
         """Yield each job's number and result. Jobs with too many contacts are repeated with more capacity."""
         waiting = list(members)
@@ -115,7 +139,11 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             now = waiting[: worlds.size.worlds]
             waiting = waiting[worlds.size.worlds :]
             again = []
-            for i, played in zip(now, worlds.play([mine[i] for i in now], [jobs[i] for i in now]), strict=True):
+            for i, played in zip(
+                now,
+                worlds.play([mine[i] for i in now], [jobs[i] for i in now]),
+                strict=True,
+            ):
                 if played.crowded and 2 * worlds.size.contacts <= _MOST_CONTACTS:
                     again.append(i)
                 else:
@@ -126,16 +154,23 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def _batch(self, task: Task, jobs: Sequence[Rollout], of: ModelFigures) -> Worlds:
         """Make worlds for the first of the jobs. Sizes are rounded up to powers of two, so that few are made."""
-        frames = [self._steps(job) // every + 1 for job in jobs if (every := record_every(job, self._rates[0]))]
+        frames = [
+            self._steps(job) // every + 1
+            for job in jobs
+            if (every := record_every(job, self._rates[0]))
+        ]
         size = Size(
             min(_up(len(jobs)), self.worlds),
             _up(max(frames, default=1)),
             _up(max(len(job.trajectory.times) for job in jobs)),
-            self._contacts.get(of.shared) or _up(32 + 4 * len(of.names) + len(of.geom_xpos)),
+            self._contacts.get(of.shared)
+            or _up(32 + 4 * len(of.names) + len(of.geom_xpos)),
         )
         known = of.shared, size
         if known not in self._batches:
-            self._batches[known] = self._make(self._model(task, jobs[0]), size, self._device)
+            self._batches[known] = self._make(
+                self._model(task, jobs[0]), size, self._device
+            )
             if len(self._batches) > _KEPT_BATCHES:
                 self._batches.popitem(last=False)
         self._batches.move_to_end(known)
@@ -143,9 +178,17 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def _outcome(self, job: Rollout, of: ModelFigures, played: Played) -> Outcome:
         if played.crowded:
-            return Outcome(None, None, error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once")
+            return Outcome(
+                None,
+                None,
+                error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once",
+            )
         if played.broken:
-            return Outcome(None, None, error="MuJoCo Warp: the simulation blew up: a state is not finite, or huge")
+            return Outcome(
+                None,
+                None,
+                error="MuJoCo Warp: the simulation blew up: a state is not finite, or huge",
+            )
         recording = None
         dt = self._rates[0]
         if every := record_every(job, dt):
@@ -153,7 +196,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             numbers = np.concatenate([played.film, played.end[None]]).astype(np.float64)
             instants = np.append(times[::every], times[-1] + dt)
             recording = Recording(instants, *of.joints.read(numbers), of.state(numbers))
-        start, end = (of.state(numbers.astype(np.float64)) for numbers in (played.start, played.end))
+        start, end = (
+            of.state(numbers.astype(np.float64))
+            for numbers in (played.start, played.end)
+        )
         return Outcome(start, end, played.lag, recording=recording)
 
 

@@ -12,8 +12,21 @@ from core.geometry import Array
 from core.interfaces import Rollout
 from core.simulation.playback import LAG_EVERY, record_every, schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
-from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note, release
-from plugins.simulators.mujoco.batched.models import PER_WORLD, ModelFigures, Played, Size
+from plugins.simulators.mujoco.batched.kernels import (
+    advance,
+    cut,
+    drive,
+    leave_out,
+    mend,
+    note,
+    release,
+)
+from plugins.simulators.mujoco.batched.models import (
+    PER_WORLD,
+    ModelFigures,
+    Played,
+    Size,
+)
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.world import HELD
@@ -40,23 +53,38 @@ class Worlds:
         joints = compiled.nactuator
         numbers = compiled.nq + compiled.nv
         count = size.worlds
-        self._ahead = int(compiled.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE)
+        self._ahead = int(
+            compiled.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
+        )
         with warp.ScopedDevice(device):
-            self._model = mujoco_warp.put_model(compiled, batch_sizes=dict.fromkeys(PER_WORLD, count))
-            self._model.opt.warn_overflow = 0  # otherwise printed; `Played.crowded` says it
+            self._model = mujoco_warp.put_model(
+                compiled, batch_sizes=dict.fromkeys(PER_WORLD, count)
+            )
+            self._model.opt.warn_overflow = (
+                0  # otherwise printed; `Played.crowded` says it
+            )
             self._model.opt.deterministic = True
             self._data = mujoco_warp.make_data(
-                compiled, count, nconmax=size.contacts, njmax=_rows(compiled, size.contacts)
+                compiled,
+                count,
+                nconmax=size.contacts,
+                njmax=_rows(compiled, size.contacts),
             )
             self._step = warp.zeros(1, dtype=int)
-            self._settle, self._last, self._every, self._instants = (warp.zeros(count, dtype=int) for _ in range(4))
+            self._settle, self._last, self._every, self._instants = (
+                warp.zeros(count, dtype=int) for _ in range(4)
+            )
             self._times = warp.zeros((count, size.instants), dtype=warp.float64)
-            self._targets = warp.zeros((count, size.instants, joints), dtype=warp.float64)
+            self._targets = warp.zeros(
+                (count, size.instants, joints), dtype=warp.float64
+            )
             self._stiffness, self._damping, self._aim = (
                 warp.zeros((count, joints), dtype=warp.float64) for _ in range(3)
             )
             self._first = warp.zeros((count, compiled.nq), dtype=float)
-            self._start, self._end = (warp.zeros((count, numbers), dtype=float) for _ in range(2))
+            self._start, self._end = (
+                warp.zeros((count, numbers), dtype=float) for _ in range(2)
+            )
             self._film = warp.zeros((size.frames, count, numbers), dtype=float)
             self._springs = warp.zeros((count, compiled.njnt), dtype=float)
             self._frictions = warp.zeros((count, compiled.nv), dtype=float)
@@ -68,7 +96,9 @@ class Worlds:
             self._model.callback.contactfilter = self._leave_out
             self._graph: Any = None
 
-    def play(self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]) -> list[Played]:
+    def play(
+        self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]
+    ) -> list[Played]:
         """Play one job in each world; at most `Size.worlds` jobs, of trajectories and recordings that fit the size."""
         with warp.ScopedDevice(self._device):
             last = self._load(figures, jobs)
@@ -100,7 +130,9 @@ class Worlds:
             for i in range(len(jobs))
         ]
 
-    def _load(self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]) -> list[int]:
+    def _load(
+        self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]
+    ) -> list[int]:
         """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
         count = self.size.worlds
         self._arm = jobs[0].trajectory.arm.shape[1]
@@ -144,7 +176,14 @@ class Worlds:
         _assign(self._data.qpos, first)
         _assign(self._data.geom_xpos, np.stack([one.geom_xpos for one in mine]))
         _assign(self._data.geom_xmat, np.stack([one.geom_xmat for one in mine]))
-        for array in (self._step, self._lag, self._lost, self._astray, self._broken, self._crowded):
+        for array in (
+            self._step,
+            self._lag,
+            self._lost,
+            self._astray,
+            self._broken,
+            self._crowded,
+        ):
             array.zero_()
         return [int(steps) for steps in last]
 
@@ -152,15 +191,38 @@ class Worlds:
         """Step all worlds once."""
         data = self._data
         self._note()
-        own = [self._springs, self._frictions, self._model.jnt_stiffness, self._model.dof_frictionloss]
+        own = [
+            self._springs,
+            self._frictions,
+            self._model.jnt_stiffness,
+            self._model.dof_frictionloss,
+        ]
         warp.launch(release, self._frictions.shape, [self._step, self._settle, *own])
-        warp.launch(mend, self.size.worlds, [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart])
+        warp.launch(
+            mend,
+            self.size.worlds,
+            [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart],
+        )
         warp.launch(
             drive,
             self._aim.shape,
             [
-                *(self._step, self._settle, self._broken, self._dt, self._ahead, self._instants),
-                *(self._times, self._targets, self._stiffness, self._damping, self._aim, data.ctrl),
+                *(
+                    self._step,
+                    self._settle,
+                    self._broken,
+                    self._dt,
+                    self._ahead,
+                    self._instants,
+                ),
+                *(
+                    self._times,
+                    self._targets,
+                    self._stiffness,
+                    self._damping,
+                    self._aim,
+                    data.ctrl,
+                ),
             ],
         )
         mujoco_warp.step(self._model, data)
@@ -173,7 +235,14 @@ class Worlds:
         warp.launch(
             leave_out,
             max(data.naconmax, self.size.worlds),
-            [most, data.nacon, contact.worldid, contact.type, self._counts, self._crowded],
+            [
+                most,
+                data.nacon,
+                contact.worldid,
+                contact.type,
+                self._counts,
+                self._crowded,
+            ],
         )
         warp.launch(cut, 1, [data.naconmax, data.nacon])
 
@@ -183,20 +252,39 @@ class Worlds:
             note,
             self._start.shape,
             [
-                *(self._step, self._settle, self._last, self._every, LAG_EVERY, self._arm),
+                *(
+                    self._step,
+                    self._settle,
+                    self._last,
+                    self._every,
+                    LAG_EVERY,
+                    self._arm,
+                ),
                 *(data.qpos, data.qvel, self._aim, data.overflow, self._crowded),
-                *(self._start, self._end, self._film, self._lag, self._lost, self._astray, self._broken),
+                *(
+                    self._start,
+                    self._end,
+                    self._film,
+                    self._lag,
+                    self._lost,
+                    self._astray,
+                    self._broken,
+                ),
             ],
         )
 
 
 def _rows(compiled: Element, contacts: int) -> int:
     """Count the constraint rows for so many contacts."""
-    most = max([int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)])
+    most = max(
+        [int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)]
+    )
     loose = int(np.count_nonzero(compiled.dof_frictionloss)) + MAX_JOINTS
     return contacts * most + int(compiled.jnt_limited.sum()) + int(compiled.neq) + loose
 
 
 def _assign(array: Any, values: Array) -> None:
-    scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)  # the type of a vector's components
+    scalar = getattr(
+        array.dtype, "_wp_scalar_type_", array.dtype
+    )  # the type of a vector's components
     array.assign(np.ascontiguousarray(values, dtype=warp.dtype_to_numpy(scalar)))

@@ -37,23 +37,36 @@ class Imported:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        shapes = [geom.shape for body in self.bodies for geom in (*body.visuals, *body.collisions)]
+        shapes = [
+            geom.shape
+            for body in self.bodies
+            for geom in (*body.visuals, *body.collisions)
+        ]
         faces = sum(len(shape.faces) for shape in shapes if isinstance(shape, Mesh))
         for body in self.bodies:
             where = f"body {body.name[:64]!r}"
             if not _NAME.fullmatch(body.name):
                 raise UserError(f"{where}: {_RENAME}")
             if not 0 <= body.friction <= MAX_FRICTION:
-                raise UserError(f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read")
+                raise UserError(
+                    f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read"
+                )
             for geom in (*body.visuals, *body.collisions):
                 size = geom.shape.bounds[1]
                 place = (body.pose @ geom.pose).position
                 if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
                     far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
-                    raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")
-            thinnest = min((geom.shape.bounds[1].min() for geom in body.collisions), default=SHORTEST_M)
+                    raise UserError(
+                        f"{where} has {far}; at most {LONGEST_M:g} m are read"
+                    )
+            thinnest = min(
+                (geom.shape.bounds[1].min() for geom in body.collisions),
+                default=SHORTEST_M,
+            )
             if thinnest < SHORTEST_M:
-                raise UserError(f"{where} has a collision shape of {thinnest:.3g} m; at least {SHORTEST_M:g} m is read")
+                raise UserError(
+                    f"{where} has a collision shape of {thinnest:.3g} m; at least {SHORTEST_M:g} m is read"
+                )
         for joint in self.joints:
             if not _NAME.fullmatch(joint.name):
                 raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
@@ -63,12 +76,19 @@ class Imported:
                 )
         if len(shapes) > MAX_SHAPES or faces > MAX_DRAWN:
             limits = f"at most {MAX_SHAPES} and {MAX_DRAWN}"
-            raise UserError(f"there are {len(shapes)} shapes of {faces} triangles; {limits} are read: leave some out")
+            raise UserError(
+                f"there are {len(shapes)} shapes of {faces} triangles; {limits} are read: leave some out"
+            )
         Scene(self.bodies, self.joints)
 
 
 def joined_body(
-    name: str, pose: Pose, mass: float | None, visuals: Sequence[Geom], collisions: Sequence[Geom], friction: float
+    name: str,
+    pose: Pose,
+    mass: float | None,
+    visuals: Sequence[Geom],
+    collisions: Sequence[Geom],
+    friction: float,
 ) -> Body:
     """Make a body of what is rigidly joined, of one density; without a mass it does not move.
 
@@ -78,7 +98,18 @@ def joined_body(
     if mass is not None and not mass > 0:
         raise UserError(f"body {name!r} moves, but has no mass; give it one")
     if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
-        raise UserError(f"body {name!r} has {mass:.3g} kg; {LIGHTEST:g} to {HEAVIEST:g} kg are read")
+        raise UserError(
+            f"body {name!r} has {mass:.3g} kg; {LIGHTEST:g} to {HEAVIEST:g} kg are read"
+        )
     if mass is not None and not collisions:
-        raise UserError(f"body {name!r} moves, but has no collision shape; repeat what is drawn as one")
-    return Body(name, pose, mass or 0.0, tuple(visuals or collisions), tuple(collisions), friction)
+        raise UserError(
+            f"body {name!r} moves, but has no collision shape; repeat what is drawn as one"
+        )
+    return Body(
+        name,
+        pose,
+        mass or 0.0,
+        tuple(visuals or collisions),
+        tuple(collisions),
+        friction,
+    )

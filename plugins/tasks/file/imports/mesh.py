@@ -15,10 +15,14 @@ from plugins.tasks.file.imports.solids import MeshSolid, load_solid
 
 _MORE = 0.05
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
-_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y up to z up
+_UPRIGHT = np.array(
+    [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+)  # y up to z up
 
 
-def read_mesh(file: str | Path, scale: float = 1.0, folder: Path | None = None) -> Imported:
+def read_mesh(
+    file: str | Path, scale: float = 1.0, folder: Path | None = None
+) -> Imported:
     """Make a body of 1 kg/m^3 of a mesh file, in the file's frame. What is not convex is cut into parts by CoACD.
 
     The y axis of a GLB file points up, as its standard says, and is turned to z.
@@ -33,7 +37,9 @@ def read_mesh(file: str | Path, scale: float = 1.0, folder: Path | None = None) 
     """
     file = Path(file).expanduser().absolute()
     stands = file.suffix.lower() == ".glb"
-    solid = load_solid(file, folder or file.parent, (scale,) * 3, turn=_UPRIGHT if stands else None)
+    solid = load_solid(
+        file, folder or file.parent, (scale,) * 3, turn=_UPRIGHT if stands else None
+    )
     visuals = tuple(Geom(mesh, color=own or _GREY) for mesh, own in solid.drawn)
     collisions = tuple(Geom(part, color=visuals[0].color) for part in solid.parts)
     try:
@@ -48,5 +54,8 @@ def _notes(solid: MeshSolid, turned: bool) -> Iterator[str]:
         yield "y is up in a GLB file; it was turned so that z is up"
     if not np.isfinite(solid.volume):
         yield "the mesh is not closed, so that its volume is that of its convex parts"
-    elif abs(excess := sum(part.volume for part in solid.parts) / solid.volume - 1) > _MORE:
+    elif (
+        abs(excess := sum(part.volume for part in solid.parts) / solid.volume - 1)
+        > _MORE
+    ):
         yield f"{len(solid.parts)} convex parts have {excess:+.0%} of volume"

@@ -40,7 +40,11 @@ class MeshSolid:
     @property
     def filled(self) -> float:
         """The volume of the mesh, or of its parts if it is not closed, m^3."""
-        return self.volume if np.isfinite(self.volume) else sum(part.volume for part in self.parts)
+        return (
+            self.volume
+            if np.isfinite(self.volume)
+            else sum(part.volume for part in self.parts)
+        )
 
 
 def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> bytes:
@@ -52,7 +56,11 @@ def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> 
     try:
         there = file.resolve()
         inside = there.is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:  # a name with a zero byte, links in a circle
+    except (
+        OSError,
+        ValueError,
+        RuntimeError,
+    ) as error:  # a name with a zero byte, links in a circle
         raise UserError(f"{kind} {str(file)[:200]!r} can't be read: {error}") from error
     if not inside:
         raise UserError(f"{kind} {file} is not in folder {folder}; put it there")
@@ -83,23 +91,44 @@ def load_solid(
         UserError: it can't be read or cut.
     """
     if file.suffix.lower() not in KINDS:
-        raise UserError(f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them")
+        raise UserError(
+            f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
+        )
     data = read_inside(file, folder, "mesh")
     kind = file.suffix.lower()[1:]
     found = _cut(data, kind, 0 if drawn_only else MAX_PARTS, str(file))
-    change = np.diag(np.asarray(scale, dtype=np.float64)) @ (np.eye(3) if turn is None else turn)
+    change = np.diag(np.asarray(scale, dtype=np.float64)) @ (
+        np.eye(3) if turn is None else turn
+    )
     flip = -1 if np.linalg.det(change) < 0 else 1
     drawn = []
-    for number in range(sum(name.startswith("v") and name != "volume" for name in found)):
+    for number in range(
+        sum(name.startswith("v") and name != "volume" for name in found)
+    ):
         red, green, blue, opacity = map(float, found[f"c{number}"])
         color = None if np.isnan(red) else (red, green, blue, opacity)
-        drawn.append((Mesh(found[f"v{number}"] @ change.T, found[f"f{number}"].astype(np.int64)[:, ::flip]), color))
-    parts = [found[f"p{number}"] @ change.T for number in range(sum(name.startswith("p") for name in found))]
+        drawn.append(
+            (
+                Mesh(
+                    found[f"v{number}"] @ change.T,
+                    found[f"f{number}"].astype(np.int64)[:, ::flip],
+                ),
+                color,
+            )
+        )
+    parts = [
+        found[f"p{number}"] @ change.T
+        for number in range(sum(name.startswith("p") for name in found))
+    ]
     size = float(max(mesh.bounds[1].max() for mesh, _ in drawn))
     if size > _LARGEST_M:
-        raise UserError(f"mesh {file} is {size:.4g} m large; if it is in millimetres, give its scale as 0.001")
+        raise UserError(
+            f"mesh {file} is {size:.4g} m large; if it is in millimetres, give its scale as 0.001"
+        )
     if size < 1e-4:
-        raise UserError(f"mesh {file} is only {size:.2g} m large; give it another scale")
+        raise UserError(
+            f"mesh {file} is only {size:.2g} m large; give it another scale"
+        )
     volume = float(found["volume"]) * abs(float(np.linalg.det(change)))
     return MeshSolid(tuple(drawn), tuple(map(_hull, parts)), volume)
 
@@ -117,9 +146,13 @@ def _hull(corners: Array) -> Mesh:
 def _cut(data: bytes, kind: str, max_parts: int, name: str) -> dict[str, Array]:
     words = [kind, str(max_parts)]
     key = " ".join([*words, ""]).encode() + data
-    file = kept("imports", "npz", key, lambda: isolated(cut_bytes, f"mesh {name}", data, *words))
+    file = kept(
+        "imports", "npz", key, lambda: isolated(cut_bytes, f"mesh {name}", data, *words)
+    )
     try:
         with np.load(file) as found:
             return dict(found)
     except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise UserError(f"what mesh {name} was cut into can't be read; delete {file}") from error
+        raise UserError(
+            f"what mesh {name} was cut into can't be read; delete {file}"
+        ) from error

@@ -25,7 +25,13 @@ _READ = ("link", "joint", "material")
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 
-def read_urdf(file: str | Path, *, fixed: bool = True, prefix: str = "", folder: Path | None = None) -> Imported:
+def read_urdf(
+    file: str | Path,
+    *,
+    fixed: bool = True,
+    prefix: str = "",
+    folder: Path | None = None,
+) -> Imported:
     """Make bodies and joints of a URDF file: a body of all links that are rigidly joined, named like the first.
 
     A joint starts at 0, or at the end of its range that is next to it. Meshes are OBJ, STL or GLB, in the file's own
@@ -44,7 +50,9 @@ def read_urdf(file: str | Path, *, fixed: bool = True, prefix: str = "", folder:
     folder = folder or file.parent
     data = read_inside(file, folder, "URDF", MAX_BYTES / 1e6)
     description = read_description(data, file, taken=RESERVED)
-    left = Counter(str(element.tag) for element in read_xml(data, file) if element.tag not in _READ)
+    left = Counter(
+        str(element.tag) for element in read_xml(data, file) if element.tag not in _READ
+    )
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
     try:
         return _UrdfBodies(description, folder, prefix, notes).read(fixed)
@@ -53,7 +61,9 @@ def read_urdf(file: str | Path, *, fixed: bool = True, prefix: str = "", folder:
 
 
 class _UrdfBodies:
-    def __init__(self, description: Description, folder: Path, prefix: str, notes: list[str]) -> None:
+    def __init__(
+        self, description: Description, folder: Path, prefix: str, notes: list[str]
+    ) -> None:
         self._description = description
         self._folder = folder
         self._prefix = prefix
@@ -62,13 +72,19 @@ class _UrdfBodies:
     def read(self, fixed: bool) -> Imported:
         tree = self._description
         root = self._description.root
-        moving = {child: joint for child, joint in tree.joints.items() if self._moves(joint)}
+        moving = {
+            child: joint for child, joint in tree.joints.items() if self._moves(joint)
+        }
         parts = tree.rigid_parts(moving)
         places = dict[str, Pose]()
         bodies = dict[str, Body]()
         joints = list[Joint]()
         for head in sorted({root, *moving}, key=lambda link: len(tree.above(link))):
-            links = [(tree.links[name], place) for name, (first, place) in parts.items() if first == head]
+            links = [
+                (tree.links[name], place)
+                for name, (first, place) in parts.items()
+                if first == head
+            ]
             joint = None if head == root else moving[head]
             if joint is None:
                 places[head] = Pose()
@@ -76,11 +92,19 @@ class _UrdfBodies:
                 first, place = parts[joint.parent]
                 places[head] = places[first] @ place @ joint.origin.pose @ _moved(joint)
                 if joint.kind != "floating":
-                    joints.append(self._joint(joint, first if first in bodies else None))
-            if body := self._body(head, places[head], links, fixed=fixed and joint is None):
+                    joints.append(
+                        self._joint(joint, first if first in bodies else None)
+                    )
+            if body := self._body(
+                head, places[head], links, fixed=fixed and joint is None
+            ):
                 bodies[head] = body
-        if any(joint.limits.effort or joint.limits.velocity for joint in moving.values()):
-            self._notes.append("left out: limits of effort and velocity, as nothing drives the joints")
+        if any(
+            joint.limits.effort or joint.limits.velocity for joint in moving.values()
+        ):
+            self._notes.append(
+                "left out: limits of effort and velocity, as nothing drives the joints"
+            )
         return Imported(tuple(bodies.values()), tuple(joints), tuple(self._notes))
 
     def _moves(self, joint: RobotJoint) -> bool:
@@ -89,16 +113,22 @@ class _UrdfBodies:
         if joint.kind == "planar":
             self._notes.append(f"{where} is planar, which can't be; it is fixed")
         if joint.mimic:
-            self._notes.append(f"{where} mimics another one, which is left out; it moves by itself")
+            self._notes.append(
+                f"{where} mimics another one, which is left out; it moves by itself"
+            )
         if joint.kind in ("revolute", "prismatic"):
             lower, upper = joint.range
             if lower > upper:
-                raise UserError(f"{where} has limits {lower:g} to {upper:g}; exchange them")
+                raise UserError(
+                    f"{where} has limits {lower:g} to {upper:g}; exchange them"
+                )
             if lower == upper:
                 self._notes.append(f"{where} has no range, so that it is fixed")
                 return False
             if joint.kind == "revolute" and upper - lower >= 2 * math.pi:
-                self._notes.append(f"{where} may turn a whole turn, so that it has no limits")
+                self._notes.append(
+                    f"{where} may turn a whole turn, so that it has no limits"
+                )
         return joint.kind not in ("fixed", "planar")
 
     def _joint(self, joint: RobotJoint, parent: str | None) -> Joint:
@@ -112,14 +142,30 @@ class _UrdfBodies:
             damping=joint.damping,
             friction=joint.friction,
         )
-        if joint.kind == "continuous" or (joint.kind == "revolute" and upper - lower >= 2 * math.pi):
+        if joint.kind == "continuous" or (
+            joint.kind == "revolute" and upper - lower >= 2 * math.pi
+        ):
             return made
         return replace(made, lower=lower, upper=upper, start=_start(joint))
 
-    def _body(self, head: str, pose: Pose, links: Sequence[tuple[RobotLink, Pose]], *, fixed: bool) -> Body | None:
-        visuals = [geom for link, place in links for shape in link.visuals for geom in self._geoms(shape, place, True)]
+    def _body(
+        self,
+        head: str,
+        pose: Pose,
+        links: Sequence[tuple[RobotLink, Pose]],
+        *,
+        fixed: bool,
+    ) -> Body | None:
+        visuals = [
+            geom
+            for link, place in links
+            for shape in link.visuals
+            for geom in self._geoms(shape, place, True)
+        ]
         solid = ((shape, place) for link, place in links for shape in link.collisions)
-        collisions = [geom for shape, place in solid for geom in self._geoms(shape, place, False)]
+        collisions = [
+            geom for shape, place in solid for geom in self._geoms(shape, place, False)
+        ]
         name = self._prefix + head
         if fixed and not (visuals or collisions):
             return None
@@ -132,7 +178,9 @@ class _UrdfBodies:
         if not isinstance(shape.shape, Path):
             return [Geom(shape.shape, pose, color)]
         if drawn and shape.shape.suffix.lower() not in KINDS:
-            self._notes.append(f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read")
+            self._notes.append(
+                f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read"
+            )
             return []
         solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=drawn)
         meshes = solid.drawn if drawn else [(part, None) for part in solid.parts]
@@ -141,10 +189,14 @@ class _UrdfBodies:
 
 def _start(joint: RobotJoint) -> float:
     lower, upper = joint.range
-    return min(max(0.0, lower), upper) if joint.kind in ("revolute", "prismatic") else 0.0
+    return (
+        min(max(0.0, lower), upper) if joint.kind in ("revolute", "prismatic") else 0.0
+    )
 
 
 def _moved(joint: RobotJoint) -> Pose:
     if joint.kind == "prismatic":
         return Pose(joint.direction * _start(joint))
-    return Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(joint.direction * _start(joint)))
+    return Pose.from_rotation(
+        np.zeros(3), Rotation.from_rotvec(joint.direction * _start(joint))
+    )

@@ -41,7 +41,11 @@ def test_the_page_is_served_here_and_nowhere_else_until_an_interrupt(folder):
         address = urlsplit(viewer.stdout.readline().strip())
         assert (address.scheme, address.hostname) == ("http", "127.0.0.1")
         data = urlsplit(parse_qs(address.query)["url"][0])
-        assert (data.scheme, data.hostname, data.path) == ("rerun+http", "127.0.0.1", "/proxy")
+        assert (data.scheme, data.hostname, data.path) == (
+            "rerun+http",
+            "127.0.0.1",
+            "/proxy",
+        )
         with urllib.request.urlopen(address.geturl(), timeout=30) as page:
             assert page.status == 200
             assert b"re_viewer" in page.read()
@@ -120,7 +124,10 @@ def test_recordings_of_a_run_or_of_a_multirun(folder, tmp_path):
     for job in ("0_seed=0", "1_seed=1"):
         (tmp_path / job).mkdir()
         (tmp_path / job / "recording.rrd").touch()
-    assert [found.parent.name for found in recordings(tmp_path)] == ["0_seed=0", "1_seed=1"]
+    assert [found.parent.name for found in recordings(tmp_path)] == [
+        "0_seed=0",
+        "1_seed=1",
+    ]
 
 
 def test_a_free_port_can_be_listened_on():

@@ -10,7 +10,10 @@ from plugins.results.pages.formats import CellLink, Column, Table, printed, to_c
 
 def test_cells_in_a_file_of_commas(tmp_path):
     columns = (Column("text"), Column("number", 2), Column("link"))
-    rows = (("=1+1|\x1b[31m\n*b*", 1 / 3, CellLink("a|b", tmp_path / "x" / "y")), ("", None, ()))
+    rows = (
+        ("=1+1|\x1b[31m\n*b*", 1 / 3, CellLink("a|b", tmp_path / "x" / "y")),
+        ("", None, ()),
+    )
     table = Table("t", columns, rows)
     text = to_csv(table, tmp_path / "out")
     (first, second) = csv.DictReader(io.StringIO(text))

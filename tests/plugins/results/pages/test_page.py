@@ -35,7 +35,12 @@ def hostile(tmp_path_factory):
     """A report of a run with texts that are an attack, in a folder with a name that is one."""
     root = tmp_path_factory.mktemp("hostile")
     folder = root / "runs" / "javascript:alert(1) <b>&\"'\x1b[31m\u202e"
-    write_run(folder, rewards=[[0.5], [0.7]], tools=[hook(0.2, HOSTILE, HOSTILE)], name=HOSTILE)
+    write_run(
+        folder,
+        rewards=[[0.5], [0.7]],
+        tools=[hook(0.2, HOSTILE, HOSTILE)],
+        name=HOSTILE,
+    )
     bad = write_run(root / "runs" / "<i>bad", rewards=[[0.5]])
     edit(bad, "UPDATE run SET result = ?", json.dumps(result(bad) | {"seed": HOSTILE}))
     report([root / "runs"], root / "out")
@@ -46,7 +51,11 @@ def test_what_a_model_wrote_stays_text(hostile):
     text = (hostile / "index.html").read_text()
     page = Page(text)
     assert page.tags.count("script") == 2  # the tools' data, and the page's own
-    assert all(v.startswith("data:image/svg+xml;") for tag, key, v in page.attributes if key == "src")
+    assert all(
+        v.startswith("data:image/svg+xml;")
+        for tag, key, v in page.attributes
+        if key == "src"
+    )
     assert not [a for a in page.attributes if a[1].startswith("on")]
     assert "<script>alert" not in text
     assert "{{ 7" in text  # no template of ours read it
@@ -56,7 +65,9 @@ def test_what_a_model_wrote_stays_text(hostile):
 
 def test_links_stay_inside_files(hostile):
     page = Page((hostile / "index.html").read_text())
-    addresses = [value for tag, key, value in page.attributes if tag == "a" and key == "href"]
+    addresses = [
+        value for tag, key, value in page.attributes if tag == "a" and key == "href"
+    ]
     assert addresses
     for address in addresses:
         assert address.startswith(("#", "data/", "tools/", "../")), address
@@ -65,14 +76,24 @@ def test_links_stay_inside_files(hostile):
 def test_the_page_needs_nothing_and_says_so(made):
     text = (made[0] / "out" / "index.html").read_text()
     page = Page(text)
-    policy = next(v for tag, key, v in page.attributes if key == "content" and "default-src" in v)
+    policy = next(
+        v for tag, key, v in page.attributes if key == "content" and "default-src" in v
+    )
     assert policy.startswith("default-src 'none'; img-src data:; style-src 'sha256-")
     assert "unsafe" not in policy
-    loaded = [v for tag, key, v in page.attributes if key in ("src", "srcset", "data", "poster", "xlink:href")]
+    loaded = [
+        v
+        for tag, key, v in page.attributes
+        if key in ("src", "srcset", "data", "poster", "xlink:href")
+    ]
     loaded += [v for tag, key, v in page.attributes if key == "href" and tag != "a"]
     assert all(address.startswith(("data:", "#")) for address in loaded)
-    assert "http://" not in re.sub(r'xmlns(:\w+)?="http://www\.w3\.org/[^"]+"', "", text)
-    assert not [a for a in page.attributes if a[1] == "style"]  # the policy forbids them
+    assert "http://" not in re.sub(
+        r'xmlns(:\w+)?="http://www\.w3\.org/[^"]+"', "", text
+    )
+    assert not [
+        a for a in page.attributes if a[1] == "style"
+    ]  # the policy forbids them
     identities = [v for _, key, v in page.attributes if key == "id"]
     assert len(identities) == len(set(identities))
 
@@ -81,4 +102,7 @@ def test_tools_that_cannot_be_shown_are_said(tmp_path):
     folder = write_run(tmp_path / "run", rewards=[[0.5]])
     edit(folder, "UPDATE run SET config = replace(config, '\"urdf\"', '\"gone\"')")
     report([folder], tmp_path / "out")
-    assert "Tools that can&#39;t be shown: BringCube" in (tmp_path / "out" / "index.html").read_text()
+    assert (
+        "Tools that can&#39;t be shown: BringCube"
+        in (tmp_path / "out" / "index.html").read_text()
+    )

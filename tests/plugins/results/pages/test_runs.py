@@ -18,11 +18,16 @@ pytestmark = pytest.mark.slow
 
 
 def folder_state(folder: Path) -> dict[str, tuple[int, int]]:
-    return {str(p.relative_to(folder)): (p.stat().st_mtime_ns, p.stat().st_size) for p in sorted(folder.rglob("*"))}
+    return {
+        str(p.relative_to(folder)): (p.stat().st_mtime_ns, p.stat().st_size)
+        for p in sorted(folder.rglob("*"))
+    }
 
 
 def test_a_finished_run(tmp_path):
-    folder = write_run(tmp_path / "run", "seed=4", rewards=[[0.2, None], [0.5, 0.1]], cost_usd=0.25)
+    folder = write_run(
+        tmp_path / "run", "seed=4", rewards=[[0.2, None], [0.5, 0.1]], cost_usd=0.25
+    )
     run = read_run(folder)
     assert isinstance(run, FinishedRun)
     assert (run.task, run.seed) == ("BringCube", 4)
@@ -31,7 +36,12 @@ def test_a_finished_run(tmp_path):
     assert [g.n_rejected for g in run.figures.generations] == [1, 0]
     assert run.config["budget"]["name"] == "quick"
     spent = RunCost.of(run.store.requests())
-    assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (2, 2, 200, 0.5)
+    assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (
+        2,
+        2,
+        200,
+        0.5,
+    )
     assert run.recordings() == {}
 
 
@@ -52,12 +62,18 @@ def test_a_run_that_was_killed_is_unfinished(tmp_path):
     run = read_run(folder)
     assert isinstance(run, LeftOutRun)
     assert (run.status, run.task) == ("unfinished", "BringCube")
-    assert run.reason == "1 generations and 2 candidates done, best reward so far 0.600; it goes on"
+    assert (
+        run.reason
+        == "1 generations and 2 candidates done, best reward so far 0.600; it goes on"
+    )
 
 
 def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
     run = read_run(write_run(tmp_path / "run", rewards=[[None, None]]))
-    assert (run.status, run.reason) == ("failed", "no candidate could be tried; the first reason: it is too heavy")
+    assert (run.status, run.reason) == (
+        "failed",
+        "no candidate could be tried; the first reason: it is too heavy",
+    )
 
 
 @pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal", ".hydra/config.yaml"])
@@ -97,21 +113,34 @@ sys.stdin.readline()
 
 def test_a_store_that_is_being_written(tmp_path):
     """It is read as far as it has come, the writer can go on, and what it wrote is there."""
-    script = WRITER.format(root=str(Path(__file__).parents[4]), folder=str(tmp_path / "run"))
-    writer = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    script = WRITER.format(
+        root=str(Path(__file__).parents[4]), folder=str(tmp_path / "run")
+    )
+    writer = subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     try:
         assert writer.stdout.readline() == "written\n"
         assert (tmp_path / "run" / "run.sqlite-wal").stat().st_size > 0
-        assert read_run(tmp_path / "run").reason.startswith("1 generations and 2 candidates done")
+        assert read_run(tmp_path / "run").reason.startswith(
+            "1 generations and 2 candidates done"
+        )
         writer.stdin.write("go on\n")
         writer.stdin.flush()
         assert writer.stdout.readline() == "written\n"
-        assert read_run(tmp_path / "run").reason.startswith("2 generations and 2 candidates done")
+        assert read_run(tmp_path / "run").reason.startswith(
+            "2 generations and 2 candidates done"
+        )
     finally:
         writer.kill()
         writer.wait()
     before = folder_state(tmp_path / "run").keys()
-    assert read_run(tmp_path / "run").reason.startswith("2 generations and 2 candidates done")  # of its log
+    assert read_run(tmp_path / "run").reason.startswith(
+        "2 generations and 2 candidates done"
+    )  # of its log
     assert folder_state(tmp_path / "run").keys() == before
 
 
@@ -120,14 +149,21 @@ def test_a_store_that_is_being_written(tmp_path):
 
 def test_runs_are_found_below_and_a_multiruns_by_number(tmp_path):
     for name in ("10_seed=2", "9_seed=1", "2_seed=0"):
-        shutil.copytree(write_run(tmp_path / "one", f"seed={name[-1]}"), tmp_path / "multirun" / "sunday" / name)
+        shutil.copytree(
+            write_run(tmp_path / "one", f"seed={name[-1]}"),
+            tmp_path / "multirun" / "sunday" / name,
+        )
         shutil.rmtree(tmp_path / "one")
     (tmp_path / "multirun" / "sunday" / "multirun.yaml").write_text("")
-    (tmp_path / "multirun" / "sunday" / ".hydra").mkdir()  # notes of the whole are no run
+    (
+        tmp_path / "multirun" / "sunday" / ".hydra"
+    ).mkdir()  # notes of the whole are no run
     finished, left_out = find_runs([tmp_path / "multirun"])
     assert [run.seed for run in finished] == [0, 1, 2]
     assert not left_out
-    again, _ = find_runs([tmp_path / "multirun" / "sunday" / "9_seed=1", tmp_path / "multirun"])
+    again, _ = find_runs(
+        [tmp_path / "multirun" / "sunday" / "9_seed=1", tmp_path / "multirun"]
+    )
     assert [run.seed for run in again] == [1, 0, 2]  # each once, in the order asked for
 
 

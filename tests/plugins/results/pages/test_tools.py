@@ -10,7 +10,9 @@ from tests.core.run_folders import edit, hook, write_run
 
 def test_the_tool_is_that_of_the_best_candidate(tmp_path):
     folder = write_run(
-        tmp_path / "run", rewards=[[0.5, 0.9], [0.8, 0.1]], tools=[hook(0.3, "long"), hook(0.2, "short")]
+        tmp_path / "run",
+        rewards=[[0.5, 0.9], [0.8, 0.1]],
+        tools=[hook(0.3, "long"), hook(0.2, "short")],
     )
     best = best_tool(read_run(folder))
     assert (best.name, best.reward, best.candidate[:2]) == ("short", 0.9, "g0")
@@ -25,6 +27,9 @@ def test_given_tools_are_known(tmp_path):
 
 def test_parts_that_are_not_installed_are_said_to_be(tmp_path):
     folder = write_run(tmp_path / "run")
-    edit(folder, """UPDATE run SET config = replace(config, '"BringCube"', '"Elsewhere"')""")
+    edit(
+        folder,
+        """UPDATE run SET config = replace(config, '"BringCube"', '"Elsewhere"')""",
+    )
     with pytest.raises(UserError, match="no task 'Elsewhere'"):
         best_tool(read_run(folder))

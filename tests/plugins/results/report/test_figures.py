@@ -29,7 +29,9 @@ def test_the_same_runs_give_the_same_report(made, tmp_path):
     files = [file for file in (root / "out").rglob("*") if file.is_file()]
     assert {file.suffix for file in files} == {".html", ".csv", ".png", ".svg"}
     for file in files:
-        assert (root / "again" / file.relative_to(root / "out")).read_bytes() == file.read_bytes(), file.name
+        assert (
+            root / "again" / file.relative_to(root / "out")
+        ).read_bytes() == file.read_bytes(), file.name
 
 
 def test_one_run_is_enough_for_a_report(tmp_path):

@@ -30,7 +30,15 @@ UNSEEN = {"mujoco": (0.8,) * 20, "sapien": (0.5, 0.7) * 10}
 
 
 def write(folder, *words, task="BringCube", unseen=UNSEEN, **others):
-    return write_run(folder, "protocol=varied", f"task={task}", *words, rewards=[[0.9, None]], unseen=unseen, **others)
+    return write_run(
+        folder,
+        "protocol=varied",
+        f"task={task}",
+        *words,
+        rewards=[[0.9, None]],
+        unseen=unseen,
+        **others,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -72,29 +80,63 @@ def test_the_tracks_have_twelve_tasks_and_the_protocol_fixes_what_it_sets():
 
 def test_a_lean_track_scores_what_holds_by_the_effort_that_it_saves():
     rules = protocol("lean")
-    assert {task for track in rules.tracks.values() for task in track} == set(rules.references)
+    assert {task for track in rules.tracks.values() for task in track} == set(
+        rules.references
+    )
     reference = rules.references["InsertPlug"]
-    run = RunResult(0, {"mujoco": (1.0,) * 20, "sapien": (0.92, 1.0) * 10}, 1, 1, 1, None, 0.0, effort=reference)
+    run = RunResult(
+        0,
+        {"mujoco": (1.0,) * 20, "sapien": (0.92, 1.0) * 10},
+        1,
+        1,
+        1,
+        None,
+        0.0,
+        effort=reference,
+    )
     assert run.score(rules, "InsertPlug") == 1
-    tenth = replace(reference, motion_s=reference.motion_s / 10, mass_kg=reference.mass_kg / 10)
-    assert replace(run, effort=tenth).score(rules, "InsertPlug") == pytest.approx(100 ** (1 / 3))
+    tenth = replace(
+        reference, motion_s=reference.motion_s / 10, mass_kg=reference.mass_kg / 10
+    )
+    assert replace(run, effort=tenth).score(rules, "InsertPlug") == pytest.approx(
+        100 ** (1 / 3)
+    )
     assert replace(run, effort=None).score(rules, "InsertPlug") == 0
-    assert replace(run, rewards=run.rewards | {"sapien": (0.9,) * 20}).score(rules, "InsertPlug") == 0
+    assert (
+        replace(run, rewards=run.rewards | {"sapien": (0.9,) * 20}).score(
+            rules, "InsertPlug"
+        )
+        == 0
+    )
     assert run.score(protocol("varied"), "InsertPlug") == pytest.approx(0.96)
 
 
 def test_an_entry_has_means_and_what_was_spent(entry):
-    assert (entry.name, entry.protocol, entry.version, entry.track) == ("ours", "varied", 2, "varied")
+    assert (entry.name, entry.protocol, entry.version, entry.track) == (
+        "ours",
+        "varied",
+        2,
+        "varied",
+    )
     assert entry.score == pytest.approx(0.6)  # of the worse engine
     assert entry.tasks["OneBook"].reward("sapien") == pytest.approx(0.6)
     assert [run.seed for run in entry.tasks["OneBook"].runs] == [0, 1]
     first = entry.runs[0]
-    assert (first.candidates, first.rollouts, first.requests, first.cost_usd) == (1, 1, 1, 0.5)
+    assert (first.candidates, first.rollouts, first.requests, first.cost_usd) == (
+        1,
+        1,
+        1,
+        0.5,
+    )
     assert entry.settings["vlm.name"] == "offline"
     assert "mujoco" in entry.versions
     table, by_task = entry_tables([ListedEntry(entry, "no")])
-    row = dict(zip([column.name for column in table.columns], table.rows[0], strict=True))
-    assert (row["score"], row["low"], row["seeds"], row["cost (USD)"]) == pytest.approx((0.6, 0.6, "0, 1", 12.0))
+    row = dict(
+        zip([column.name for column in table.columns], table.rows[0], strict=True)
+    )
+    assert (row["score"], row["low"], row["seeds"], row["cost (USD)"]) == pytest.approx(
+        (0.6, 0.6, "0, 1", 12.0)
+    )
     assert len(by_task.rows) == 12
 
 
@@ -108,11 +150,26 @@ def test_a_run_in_which_nothing_could_be_tried_counts_0(runs):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda runs: shutil.rmtree(runs / "OneBook_0"), "its tasks have other seeds, or one twice"),
-        (lambda runs: write(runs / "again"), "its tasks have other seeds, or one twice"),
-        (lambda runs: write(runs / "more", "seed=2", finish=False), "more is unfinished; resume it, or delete it"),
-        (lambda runs: write(runs / "more", unseen={"mujoco": UNSEEN["mujoco"]}), "its tasks have other seeds"),
-        (lambda runs: [shutil.rmtree(runs / f"OneBook_{seed}") for seed in (0, 1)], "it lacks OneBook; an entry has"),
+        (
+            lambda runs: shutil.rmtree(runs / "OneBook_0"),
+            "its tasks have other seeds, or one twice",
+        ),
+        (
+            lambda runs: write(runs / "again"),
+            "its tasks have other seeds, or one twice",
+        ),
+        (
+            lambda runs: write(runs / "more", "seed=2", finish=False),
+            "more is unfinished; resume it, or delete it",
+        ),
+        (
+            lambda runs: write(runs / "more", unseen={"mujoco": UNSEEN["mujoco"]}),
+            "its tasks have other seeds",
+        ),
+        (
+            lambda runs: [shutil.rmtree(runs / f"OneBook_{seed}") for seed in (0, 1)],
+            "it lacks OneBook; an entry has",
+        ),
     ],
 )
 def test_what_is_no_entry_is_told_in_a_line(runs, change, said):
@@ -123,7 +180,9 @@ def test_what_is_no_entry_is_told_in_a_line(runs, change, said):
     assert said in problem
 
 
-@pytest.mark.parametrize("word", ["material.most_g=900.0", "task.variation=near", "fitness.unseen=3"])
+@pytest.mark.parametrize(
+    "word", ["material.most_g=900.0", "task.variation=near", "fitness.unseen=3"]
+)
 def test_runs_that_change_what_is_fixed_are_no_entry(tmp_path, word):
     key, _, value = word.partition("=")
     write(tmp_path / "run", word)
@@ -141,16 +200,30 @@ REWARDS = ("tasks", "OneBook", "runs", 0, "rewards", "sapien")
         (("version",), 1, "follows version 1 of the protocol varied, not 2"),
         (("track",), "easy", "no track 'easy'"),
         (("protocol",), "theirs", "theirs"),
-        (("settings", "material.infill"), "0.1", "material.infill is 0.1, where the protocol varied has 0.2"),
-        (REWARDS, [1.0] * 19, "a run lacks rewards in 20 unseen layouts in each of mujoco, sapien"),
+        (
+            ("settings", "material.infill"),
+            "0.1",
+            "material.infill is 0.1, where the protocol varied has 0.2",
+        ),
+        (
+            REWARDS,
+            [1.0] * 19,
+            "a run lacks rewards in 20 unseen layouts in each of mujoco, sapien",
+        ),
         (REWARDS, [7.0] * 20, "less than or equal to 1"),
         (("tasks", "Another"), {"runs": []}, "at least 1 item"),
         (("tasks",), [], "tasks: "),
-        (("settings", "sim.time_step"), "0.02", "sim.time_step is 0.02, where pybullet has 0.00"),
+        (
+            ("settings", "sim.time_step"),
+            "0.02",
+            "sim.time_step is 0.02, where pybullet has 0.00",
+        ),
         (("settings", "sim.name"), "../x", "sim.name is '../x', which is no engine"),
     ],
 )
-def test_a_results_file_that_breaks_the_protocol_is_refused(entry, tmp_path, path, value, said):
+def test_a_results_file_that_breaks_the_protocol_is_refused(
+    entry, tmp_path, path, value, said
+):
     data = node = json.loads(entry.dump())
     for key in path[:-1]:
         node = node[key]
@@ -178,16 +251,24 @@ RECORDS = sorted((ROOT / "docs/entries").glob("*.json"))
 def test_records_follow_their_protocol_and_hold_their_designs(file):
     entry = read_entry(file)
     assert all(run.design for run in entry.runs)
-    if entry.protocol == "lean" and entry.name == "reference":  # by definition, but for rounded references
-        assert entry.scores == {task: pytest.approx([1], abs=1e-3) for task in entry.tasks}
+    if (
+        entry.protocol == "lean" and entry.name == "reference"
+    ):  # by definition, but for rounded references
+        assert entry.scores == {
+            task: pytest.approx([1], abs=1e-3) for task in entry.tasks
+        }
 
 
 def test_a_record_earns_its_score_again(monkeypatch, inline):
     quick = ["fitness.unseen=1", "fitness.unseen_sims=[mujoco]"]
-    monkeypatch.setattr(verify, "load", lambda name, words: load(name, [*words, *quick]))
+    monkeypatch.setattr(
+        verify, "load", lambda name, words: load(name, [*words, *quick])
+    )
     entry = read_entry(ROOT / "docs/entries/lean_hard_reference.json")
     (run,) = entry.tasks["StopCart"].runs
-    assert verify.earned(entry, "StopCart", run) == pytest.approx(run.score(protocol("lean"), "StopCart"), rel=0.1)
+    assert verify.earned(entry, "StopCart", run) == pytest.approx(
+        run.score(protocol("lean"), "StopCart"), rel=0.1
+    )
 
 
 @pytest.mark.thorough
@@ -196,18 +277,28 @@ def test_each_record_is_verified(file):
     assert [run for run in verify.verify(read_entry(file)) if not run.same] == []
 
 
-def test_runs_write_their_design_and_the_command_verifies_it(entry, tmp_path, monkeypatch, capsys):
+def test_runs_write_their_design_and_the_command_verifies_it(
+    entry, tmp_path, monkeypatch, capsys
+):
     assert entry.runs[0].design["action_sets"]
     (tmp_path / "theirs.json").write_bytes(entry.dump())
-    monkeypatch.setattr("plugins.results.report.verify.earned", lambda entry, task, run: 0.6 - 0.3 * run.seed)
-    with pytest.raises(UserError, match=r"claims what its designs don't earn here: .*OneBook with seed 1"):
+    monkeypatch.setattr(
+        "plugins.results.report.verify.earned",
+        lambda entry, task, run: 0.6 - 0.3 * run.seed,
+    )
+    with pytest.raises(
+        UserError,
+        match=r"claims what its designs don't earn here: .*OneBook with seed 1",
+    ):
         main([f"verify={tmp_path / 'theirs.json'}", f"output={tmp_path / 'out'}"])
     assert "12 of 24 runs" in capsys.readouterr().out
     table = (tmp_path / "out/data/verification.csv").read_text()
     assert table.count(",yes\n") == table.count(",no\n") == 12
 
 
-def test_the_command_writes_and_compares_results_files(whole, tmp_path, monkeypatch, capsys):
+def test_the_command_writes_and_compares_results_files(
+    whole, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
 
     def run(*words):

@@ -29,31 +29,56 @@ def config(**choices):
 
 
 def labels(*configs, tasks=None):
-    return label([((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)])
+    return label(
+        [((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)]
+    )
 
 
 def test_methods_are_named_by_the_choices_that_differ():
-    assert labels(config(), config(evolution="sampling"), config(tool="none"), config(tool="rlbench")) == [
+    assert labels(
+        config(),
+        config(evolution="sampling"),
+        config(tool="none"),
+        config(tool="rlbench"),
+    ) == [
         "tool=urdf evolution=vlmgineer",
         "tool=urdf evolution=sampling",
         "tool=none evolution=vlmgineer",
         "tool=rlbench evolution=vlmgineer",
     ]
     assert labels(config(), config(sim="sapien")) == ["sim=pybullet", "sim=sapien"]
-    assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
+    assert labels(config(), config(fitness="robust")) == [
+        "no fitness",
+        "fitness=robust",
+    ]
 
 
 def test_a_method_is_called_as_the_user_says():
     ours = config(sim="sapien") | {"name": "ours"}
-    assert labels(config(), ours, config() | {"name": ""}, config(evolution="sampling"), ours) == [
-        *("evolution=vlmgineer", "ours", "evolution=vlmgineer", "evolution=sampling", "ours")
+    assert labels(
+        config(), ours, config() | {"name": ""}, config(evolution="sampling"), ours
+    ) == [
+        *(
+            "evolution=vlmgineer",
+            "ours",
+            "evolution=vlmgineer",
+            "evolution=sampling",
+            "ours",
+        )
     ]
-    assert labels(ours, config(seed=1) | {"name": "ours"}) == ["ours"] * 2  # whatever else differs
-    assert labels(config() | {"name": ["no name"]}) == ["tool=urdf evolution=vlmgineer vlm=offline"]
+    assert (
+        labels(ours, config(seed=1) | {"name": "ours"}) == ["ours"] * 2
+    )  # whatever else differs
+    assert labels(config() | {"name": ["no name"]}) == [
+        "tool=urdf evolution=vlmgineer vlm=offline"
+    ]
 
 
 def test_a_setting_makes_a_method_where_the_choices_are_the_same():
-    assert labels(config(), config(budget__n_agent=8)) == ["budget.n_agent=4", "budget.n_agent=8"]
+    assert labels(config(), config(budget__n_agent=8)) == [
+        "budget.n_agent=4",
+        "budget.n_agent=8",
+    ]
     assert labels(config(), config(task__tool_kinds=["gripper"])) == [
         'task.tool_kinds=["rigid"]',
         'task.tool_kinds=["gripper"]',
@@ -63,7 +88,9 @@ def test_a_setting_makes_a_method_where_the_choices_are_the_same():
 def test_what_follows_from_a_choice_or_from_the_task_makes_none():
     quick = config()
     paper = config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
-    other = config(budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox")
+    other = config(
+        budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox"
+    )
     assert labels(quick, paper, other, tasks=["BringCube", "BringCube", "LiftBox"]) == [
         "budget=quick",
         "budget=paper",

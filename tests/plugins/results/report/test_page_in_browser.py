@@ -18,7 +18,13 @@ def page(tmp_path_factory):
         for seed in (0, 1):
             rewards = [[0.3, 0.4], [0.5, best - 0.1 * seed]]
             tools = [hook(0.2, f"short {task}"), hook(0.5, f"long {task}")]
-            write_run(root / "runs" / f"{task}{seed}", f"task={task}", f"seed={seed}", rewards=rewards, tools=tools)
+            write_run(
+                root / "runs" / f"{task}{seed}",
+                f"task={task}",
+                f"seed={seed}",
+                rewards=rewards,
+                tools=tools,
+            )
     write_run(root / "runs" / "sampled", "evolution=sampling", rewards=[[0.35]])
     write_run(root / "runs" / "killed", "seed=2", finish=False)
     report([root / "runs"], root / "out")
@@ -32,14 +38,18 @@ def chrome(page):
 
 
 def column(chrome, table, number):
-    script = "return Array.from(document.querySelectorAll(`#table-${arguments[0]} tbody tr`))\
+    script = (
+        "return Array.from(document.querySelectorAll(`#table-${arguments[0]} tbody tr`))\
 .filter((row) => !row.hidden).map((row) => row.cells[arguments[1]].textContent)"
+    )
     return chrome.execute_script(script, table, number)
 
 
 def press(chrome, table, number):
     chrome.execute_script(
-        "document.querySelectorAll(`#table-${arguments[0]} thead button`)[arguments[1]].click()", table, number
+        "document.querySelectorAll(`#table-${arguments[0]} thead button`)[arguments[1]].click()",
+        table,
+        number,
     )
 
 
@@ -47,7 +57,9 @@ def test_it_asks_for_nothing_and_the_browser_keeps_its_policy(page):
     with opened(page) as chrome:
         assert complaints(chrome) == []
         assert requests(chrome) == [page.resolve().as_uri()]
-        chrome.execute_script("document.body.innerHTML += '<img src=https://127.0.0.1:9/x><p onclick=1 style=top:0>'")
+        chrome.execute_script(
+            "document.body.innerHTML += '<img src=https://127.0.0.1:9/x><p onclick=1 style=top:0>'"
+        )
         said = " ".join(complaints(chrome))
         assert "img-src" in said
         assert "style-src" in said
@@ -86,13 +98,17 @@ def test_a_tool_is_drawn_and_turns(chrome):
     from selenium.webdriver import ActionChains
 
     ActionChains(chrome).drag_and_drop_by_offset(canvas, 120, 0).perform()
-    assert (np.abs(screenshot(chrome, canvas).astype(int) - first).sum(axis=-1) > 30).mean() > 0.01
+    assert (
+        np.abs(screenshot(chrome, canvas).astype(int) - first).sum(axis=-1) > 30
+    ).mean() > 0.01
 
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_on_a_phone_the_page_does_not_scroll_sideways(page, dark):
     with opened(page, 390, 844, dark=dark) as chrome:
-        width, window = chrome.execute_script("return [document.documentElement.scrollWidth, innerWidth]")
+        width, window = chrome.execute_script(
+            "return [document.documentElement.scrollWidth, innerWidth]"
+        )
         assert (width, window) == (390, 390)
         assert complaints(chrome) == []
         colours = chrome.execute_script(

@@ -29,7 +29,9 @@ RLIABLE = {
 
 def test_the_interquartile_mean_is_rliables():
     pooled = [score for task in SCORES for score in task]
-    assert interquartile_mean(pooled) == pytest.approx(RLIABLE["interquartile mean"][0], abs=1e-8)
+    assert interquartile_mean(pooled) == pytest.approx(
+        RLIABLE["interquartile mean"][0], abs=1e-8
+    )
 
 
 @pytest.mark.parametrize("statistic", ["mean", "interquartile mean"])
@@ -37,7 +39,9 @@ def test_stratified_intervals_are_rliables(statistic, monkeypatch):
     monkeypatch.setattr(statistics, "RESAMPLES", 20_000)
     low, high = interval(SCORES, statistic)
     assert (low, high) == interval(SCORES, statistic)
-    assert low == pytest.approx(RLIABLE[statistic][1], abs=0.002)  # of 50,000 samples of theirs, 20,000 of ours
+    assert low == pytest.approx(
+        RLIABLE[statistic][1], abs=0.002
+    )  # of 50,000 samples of theirs, 20,000 of ours
     assert high == pytest.approx(RLIABLE[statistic][2], abs=0.002)
 
 
@@ -45,5 +49,7 @@ def test_an_interval_is_resampled_within_each_task():
     """Tasks that differ a lot, runs that don't: drawn over all runs at once, the interval would be wide."""
     tasks = [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]]
     assert interval(tasks, "mean") == (0.5, 0.5)
-    loose = scipy.stats.bootstrap([np.concatenate(tasks)], np.mean, method="percentile", rng=0).confidence_interval
+    loose = scipy.stats.bootstrap(
+        [np.concatenate(tasks)], np.mean, method="percentile", rng=0
+    ).confidence_interval
     assert loose.high - loose.low > 0.4

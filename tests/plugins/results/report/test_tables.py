@@ -22,16 +22,24 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
     rows = read_csv(root / "out" / "data" / "rewards.csv")
     assert len(rows) == 7
     for row in rows:
-        tool, evolution = re.fullmatch(r"tool=(\w+) evolution=(\w+)", row["method"]).groups()
+        tool, evolution = re.fullmatch(
+            r"tool=(\w+) evolution=(\w+)", row["method"]
+        ).groups()
         method = f"{tool}/{evolution}"
         stored = [result(folder) for folder in finished]
-        of = [t for t in stored if t["task"] == row["task"] and f"{t['tool']}/{t['evolution']}" == method]
+        of = [
+            t
+            for t in stored
+            if t["task"] == row["task"] and f"{t['tool']}/{t['evolution']}" == method
+        ]
         rewards = [t["best"]["reward"] for t in of]
         best = of[int(np.argmax(rewards))]["best"]
         assert int(row["runs"]) == len(of) == 2
         assert float(row["best"]) == max(rewards)
         assert float(row["average"]) == pytest.approx(np.mean(rewards), abs=1e-15)
-        assert float(row["standard deviation"]) == pytest.approx(np.std(rewards, ddof=1), abs=1e-15)
+        assert float(row["standard deviation"]) == pytest.approx(
+            np.std(rewards, ddof=1), abs=1e-15
+        )
         assert float(row["distance of the best (m)"]) == best["distance_m"]
         assert row["candidate"] == best["candidate"]
 
@@ -39,8 +47,13 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
 def test_runs_that_do_not_count_are_listed_and_nowhere_else(made):
     root, _, results = made
     rows = read_csv(root / "out" / "data" / "left_out.csv")
-    assert {(r["status"], r["task"]) for r in rows} == {("unfinished", "BringCube"), ("failed", "BringCube")}
-    assert "best reward so far 1.000" in next(r["reason"] for r in rows if r["status"] == "unfinished")
+    assert {(r["status"], r["task"]) for r in rows} == {
+        ("unfinished", "BringCube"),
+        ("failed", "BringCube"),
+    }
+    assert "best reward so far 1.000" in next(
+        r["reason"] for r in rows if r["status"] == "unfinished"
+    )
     rewards = read_csv(root / "out" / "data" / "rewards.csv")
     assert max(float(r["best"]) for r in rewards) < 1
     assert sum(int(r["left out"]) for r in rewards) == 2
@@ -63,11 +76,43 @@ def test_figures_by_model(tmp_path):
     )
     report([tmp_path], tmp_path / "out")
     first, critic, second = read_csv(tmp_path / "out" / "data" / "models.csv")
-    names = ("model", "asked for", "replies", "of them failed", "cost (USD)", "could be tried (%)", "best reward")
-    assert [first[name] for name in names] == ["a can", "designs", "1", "0", "0.25", str(200 / 3), "0.4"]
+    names = (
+        "model",
+        "asked for",
+        "replies",
+        "of them failed",
+        "cost (USD)",
+        "could be tried (%)",
+        "best reward",
+    )
+    assert [first[name] for name in names] == [
+        "a can",
+        "designs",
+        "1",
+        "0",
+        "0.25",
+        str(200 / 3),
+        "0.4",
+    ]
     assert float(first["mean reward"]) == pytest.approx((0.2 + 0.4) / 2)
-    assert [second[name] for name in names] == ["other", "designs", "1", "0", "0.25", "100.0", "0.9"]
-    assert [critic[name] for name in names] == ["other", "critiques", "1", "0", "0.125", "", ""]
+    assert [second[name] for name in names] == [
+        "other",
+        "designs",
+        "1",
+        "0",
+        "0.25",
+        "100.0",
+        "0.9",
+    ]
+    assert [critic[name] for name in names] == [
+        "other",
+        "critiques",
+        "1",
+        "0",
+        "0.125",
+        "",
+        "",
+    ]
 
 
 def test_all_tables_are_written(made):

@@ -6,7 +6,9 @@ from plugins.results.toolbox.cover import best_sets
 
 
 def test_the_tool_that_does_most_of_what_is_left_is_added():
-    covers = np.array([[1, 1, 0, 0, 0], [0, 1, 1, 1, 0], [1, 0, 0, 0, 0], [0, 0, 0, 1, 0]], dtype=bool)
+    covers = np.array(
+        [[1, 1, 0, 0, 0], [0, 1, 1, 1, 0], [1, 0, 0, 0, 0], [0, 0, 0, 1, 0]], dtype=bool
+    )
     assert best_sets(covers) == [[1], [1, 0]]  # nobody does the last task
 
 

@@ -19,10 +19,21 @@ WORDS = ["budget.n_action=1", "budget.n_iteration=0", "executor.workers=1"]
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
     root = tmp_path_factory.mktemp("runs")
-    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -0.21), (0, 0, 0)), Box((0.02, 0.02, 0.42)))
+    post = Component(
+        "post",
+        "tool_mount",
+        Pose.xyz_rpy((0, 0, -0.21), (0, 0, 0)),
+        Box((0.02, 0.02, 0.42)),
+    )
     low = Tool((post,), name="low")
     same = ["sim=mujoco", "rollout.hold_s=0.2"]
-    write_run(root / "a", "task=BringCube", *same, rewards=[[0.3, 0.95]], tools=[hook(0.1), hook(0.2, "hook")])
+    write_run(
+        root / "a",
+        "task=BringCube",
+        *same,
+        rewards=[[0.3, 0.95]],
+        tools=[hook(0.1), hook(0.2, "hook")],
+    )
     write_run(root / "b", "task=HighObject", *same, rewards=[[0.92]], tools=[low])
     return root
 
@@ -79,7 +90,10 @@ def test_the_table_has_the_rewards_and_the_chosen_are_designs(made):
     (read,) = read_designs(load_designs(file), installed().create("tool", "urdf"), task)
     assert read.tool is not None
     assert read.tool.content == found.tools[0].tool.content
-    assert (read.plan.content, read.problem) == (found.tools[0].best.candidate.plan.content, None)
+    assert (read.plan.content, read.problem) == (
+        found.tools[0].best.candidate.plan.content,
+        None,
+    )
 
 
 def test_mistakes_are_one_line(folders, tmp_path):

@@ -15,12 +15,22 @@ HOME = np.array(PANDA.home)
 
 def still(count=3):
     rows = np.tile(HOME, (count, 1))
-    return Sampled(np.arange(count) / 100, rows, 0 * rows, 0 * rows, np.full(count, 0.04))
+    return Sampled(
+        np.arange(count) / 100, rows, 0 * rows, 0 * rows, np.full(count, 0.04)
+    )
 
 
 def post(length, mass=0.1):
     return Tool(
-        (Component("post", "tool_mount", Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)), mass),)
+        (
+            Component(
+                "post",
+                "tool_mount",
+                Pose(np.array([0, 0, -length / 2])),
+                Box((0.02, 0.02, length)),
+                mass,
+            ),
+        )
     )
 
 
@@ -31,17 +41,23 @@ def test_a_post_hangs_as_far_above_the_table_as_it_is_short(length):
     count = 3
     state = scene.state()
     states = type(state).stack([state] * count)
-    recording = Recording(np.arange(count) / 25, np.tile(HOME, (count, 1)), np.zeros((count, 0)), states)
+    recording = Recording(
+        np.arange(count) / 25, np.tile(HOME, (count, 1)), np.zeros((count, 0)), states
+    )
     rows = clearance(scene, PANDA, post(length), recording)
     found = {(row.what, row.to): row.metres for row in rows}
     height = arm_of(PANDA).forward(HOME).position[2]
-    assert found["tool", "table"] == pytest.approx(min(height - length, NEAR_M), abs=2e-3)
+    assert found["tool", "table"] == pytest.approx(
+        min(height - length, NEAR_M), abs=2e-3
+    )
     assert found["arm", "itself"] > 0
     assert {what for what, _ in found} == {"arm", "tool"}
 
 
 def test_torques_of_an_arm_at_rest_are_those_of_weights():
-    bare, laden = (torques(PANDA, tool, still())[0] for tool in (Tool(), post(0.2, 2.0)))
+    bare, laden = (
+        torques(PANDA, tool, still())[0] for tool in (Tool(), post(0.2, 2.0))
+    )
     arm = arm_of(PANDA)
     q = HOME.copy()
     step = 1e-4
@@ -51,8 +67,12 @@ def test_torques_of_an_arm_at_rest_are_those_of_weights():
             q = HOME.copy()
             q[joint] += sign * step
             ends.append(arm.forward(q).apply(np.array([0, 0, -0.1]))[2])
-        lever = (ends[1] - ends[0]) / (2 * step)  # virtual work: how the weight rises with the joint
-        assert laden[joint] - bare[joint] == pytest.approx(2 * 9.81 * lever, rel=0.01, abs=0.02)
+        lever = (ends[1] - ends[0]) / (
+            2 * step
+        )  # virtual work: how the weight rises with the joint
+        assert laden[joint] - bare[joint] == pytest.approx(
+            2 * 9.81 * lever, rel=0.01, abs=0.02
+        )
 
 
 def test_a_box_below_the_flange():
@@ -61,6 +81,10 @@ def test_a_box_below_the_flange():
     found = payload(PANDA, Tool((box,)))
     assert found["frame"] == "panda_link8"
     assert found["mass_kg"] == pytest.approx(2.0)
-    assert found["center_m"] == pytest.approx([0, 0, 0.1], abs=1e-6)  # the flange's z points out, the mount's in
-    assert np.diag(found["inertia_kg_m2"]) == pytest.approx([2 / 12 * 0.05, 2 / 12 * 0.05, 2 / 12 * 0.02], rel=1e-6)
+    assert found["center_m"] == pytest.approx(
+        [0, 0, 0.1], abs=1e-6
+    )  # the flange's z points out, the mount's in
+    assert np.diag(found["inertia_kg_m2"]) == pytest.approx(
+        [2 / 12 * 0.05, 2 / 12 * 0.05, 2 / 12 * 0.02], rel=1e-6
+    )
     assert found["share_of_payload"] == pytest.approx(2 / 3, rel=1e-4)

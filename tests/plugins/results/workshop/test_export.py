@@ -16,7 +16,13 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import compare_rewards, checklist, configured, export, main
+from plugins.results.workshop.command import (
+    checklist,
+    compare_rewards,
+    configured,
+    export,
+    main,
+)
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
@@ -27,7 +33,13 @@ ANCHORED = "tests/tasks/anchored"
 
 
 def exported(folder, *words, task="OneBook"):
-    given = [f"designs={ANCHORED}/{task}.json", f"task={task}", "tool=boxes", f"output={folder}", "sims=[mujoco]"]
+    given = [
+        f"designs={ANCHORED}/{task}.json",
+        f"task={task}",
+        "tool=boxes",
+        f"output={folder}",
+        "sims=[mujoco]",
+    ]
     given.append("printer.plate_mm=[500,500,500]")
     (found,) = export(configured([*given, *words]))
     return found
@@ -43,8 +55,15 @@ def test_the_motion_earns_what_was_simulated(made):
     folder, found = made
     assert found.replays["mujoco"].reward > 0.98
     assert found.replays["mujoco"].problems == ()
-    for asked, reward, passed in ((0.9, 0.8801, True), (0.9, 0.8799, False), (0.0, 0.0, False)):
-        assert compare_rewards("motion", "", {"one": reward}, {"one": asked}).passed == passed
+    for asked, reward, passed in (
+        (0.9, 0.8801, True),
+        (0.9, 0.8799, False),
+        (0.0, 0.0, False),
+    ):
+        assert (
+            compare_rewards("motion", "", {"one": reward}, {"one": asked}).passed
+            == passed
+        )
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
     assert 0 < figures["first_contact_s"] < figures["duration_s"]
@@ -53,15 +72,23 @@ def test_the_motion_earns_what_was_simulated(made):
 
 def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
     folder, found = made
-    assert found.mounted["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
-    assert found.payload["mass_kg"] == pytest.approx(found.printed.printed.mass, abs=1e-5)
-    assert found.printed.printed.mass == pytest.approx(sum(part.mass_g for part in found.printed.parts) / 1000)
+    assert found.mounted["mujoco"] == pytest.approx(
+        found.replays["mujoco"].reward, abs=0.02
+    )
+    assert found.payload["mass_kg"] == pytest.approx(
+        found.printed.printed.mass, abs=1e-5
+    )
+    assert found.printed.printed.mass == pytest.approx(
+        sum(part.mass_g for part in found.printed.parts) / 1000
+    )
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
     assert names == {"tool.stl"}
 
 
-def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatch, capsys):
+def test_what_fails_is_said_with_what_to_change_and_is_an_error(
+    made, monkeypatch, capsys
+):
     _, found = made
     failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
     assert [line.partition(":")[0] for line in failing] == ["weight"]
@@ -82,15 +109,22 @@ def test_the_message_is_one_of_ros(made):
     stamp = types["builtin_interfaces/msg/Time"]
     header = types["std_msgs/msg/Header"]
     points = [
-        point(**{k: np.array(v) for k, v in of.items() if k != "time_from_start"}, time_from_start=duration(**at))
+        point(
+            **{k: np.array(v) for k, v in of.items() if k != "time_from_start"},
+            time_from_start=duration(**at),
+        )
         for of in data["points"]
         for at in [of["time_from_start"]]
     ]
-    head = header(stamp=stamp(**data["header"]["stamp"]), frame_id=data["header"]["frame_id"])
+    head = header(
+        stamp=stamp(**data["header"]["stamp"]), frame_id=data["header"]["frame_id"]
+    )
     kind = "trajectory_msgs/msg/JointTrajectory"
     message = types[kind](header=head, joint_names=data["joint_names"], points=points)
     read = store.deserialize_cdr(store.serialize_cdr(message, kind), kind)
-    times = [of.time_from_start.sec + of.time_from_start.nanosec * 1e-9 for of in read.points]
+    times = [
+        of.time_from_start.sec + of.time_from_start.nanosec * 1e-9 for of in read.points
+    ]
     assert times[0] == 0
     assert times[-1] == pytest.approx(found.motion.times[-1])
     assert (np.diff(times) > 0).all()
@@ -108,7 +142,9 @@ def test_the_scene_is_that_of_the_task(made):
         of = objects[body.name]
         parts = body.collisions
         assert len(of.get("primitives", [])) + len(of.get("meshes", [])) == len(parts)
-        assert list(of["pose"]["position"].values()) == pytest.approx(body.pose.position, abs=1e-6)
+        assert list(of["pose"]["position"].values()) == pytest.approx(
+            body.pose.position, abs=1e-6
+        )
         assert of["header"]["frame_id"] == "panda_link0"
 
 
@@ -118,17 +154,27 @@ def test_the_program_for_franky_plays_the_samples(made, monkeypatch):
     robot = create_autospec(franky.Robot, instance=True)
     tracker = create_autospec(franky.JointImpedanceTracker)
     entered = tracker.return_value.__enter__.return_value
-    monkeypatch.setattr(franky, "Robot", lambda host: robot if host == "172.16.0.2" else None)
+    monkeypatch.setattr(
+        franky, "Robot", lambda host: robot if host == "172.16.0.2" else None
+    )
     monkeypatch.setattr(franky, "JointImpedanceTracker", tracker)
     monkeypatch.setattr(sys, "argv", ["run_franky.py", "172.16.0.2", "trajectory"])
-    spec = importlib.util.spec_from_file_location("run_franky", folder / "programs/run_franky.py")
+    spec = importlib.util.spec_from_file_location(
+        "run_franky", folder / "programs/run_franky.py"
+    )
     program = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(program)
     program.main()
     (load,) = robot.set_load.call_args_list
-    assert (load.args[0], len(load.args[1]), len(load.args[2])) == (found.payload["mass_kg"], 3, 9)
+    assert (load.args[0], len(load.args[1]), len(load.args[2])) == (
+        found.payload["mass_kg"],
+        3,
+        9,
+    )
     targets = [
-        inspect.signature(franky.JointImpedanceTracker.set_target).bind(None, *of.args, **of.kwargs).args
+        inspect.signature(franky.JointImpedanceTracker.set_target)
+        .bind(None, *of.args, **of.kwargs)
+        .args
         for of in entered.set_target.call_args_list
     ]
     assert np.allclose([of[1] for of in targets], found.motion.positions, atol=1e-6)
@@ -143,7 +189,10 @@ def test_a_program_in_urscript_has_the_motion_at_both_speeds(tmp_path):
     text = (tmp_path / "programs" / "run.script").read_text()
     blocks = text.split("else:")
     for block, slower in zip(blocks, (5.0, 1.0), strict=True):
-        rows = re.findall(r"servoj\(\[(.*?)\], t=([\d.]+), lookahead_time=([\d.]+), gain=(\d+)\)", block)
+        rows = re.findall(
+            r"servoj\(\[(.*?)\], t=([\d.]+), lookahead_time=([\d.]+), gain=(\d+)\)",
+            block,
+        )
         joints = np.array([[float(x) for x in row[0].split(",")] for row in rows])
         assert joints.shape[1] == 6
         assert (joints >= arm.lower).all()
@@ -168,18 +217,25 @@ def test_before_contact_nothing_is_touched(made):
 
 def test_a_run_s_best_is_exported(tmp_path):
     run = write_run(tmp_path / "run", "task=MoveBall", rewards=[[0.2, 0.6]])
-    (found,) = export(configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
+    (found,) = export(
+        configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"])
+    )
     assert found.candidate.id == "g0-a0-s1-p0"
     assert found.task.name == "MoveBall"
     (verdict,) = (verdict for verdict in found.verdicts if verdict.name == "motion")
     assert verdict.passed is False
     assert verdict.found == "as exported it earns 0.000 for 0.600 in mujoco"
-    assert f"Not to be run as it is:\n\n- {verdict}\n" in (tmp_path / "out" / "CHECKLIST.md").read_text()
+    assert (
+        f"Not to be run as it is:\n\n- {verdict}\n"
+        in (tmp_path / "out" / "CHECKLIST.md").read_text()
+    )
 
 
 def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_path):
     (tmp_path / "out" / "programs").mkdir(parents=True)
-    with pytest.raises(UserError, match="out has files in it already; choose another output="):
+    with pytest.raises(
+        UserError, match="out has files in it already; choose another output="
+    ):
         exported(tmp_path / "out", "sims=[]")
     assert [file.name for file in tmp_path.rglob("*")] == ["out", "programs"]
 
@@ -194,6 +250,10 @@ def test_what_a_model_named_is_no_markup(made):
     text = checklist(replace(found, candidate=candidate, replays=replays, moves=moves))
     html = MarkdownIt("gfm-like", {"linkify": False}).render(text)
     assert not re.findall(r"<(?:img|a|strong|table)\b", html)
-    assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (1, 2, 7)
+    assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (
+        1,
+        2,
+        7,
+    )
     assert "\x1b" not in text
     assert "https\\://e.org" in text  # which GitHub would make a link

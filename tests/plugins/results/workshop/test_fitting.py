@@ -18,22 +18,35 @@ WIDE = Printer(plate_mm=[500.0, 500.0, 500.0])
 
 
 def made(*components, robot=PANDA, fit=None, gripper=False):
-    return make_tool(Tool(components, gripper=gripper), robot, Material(), WIDE, fit or Fit())
+    return make_tool(
+        Tool(components, gripper=gripper), robot, Material(), WIDE, fit or Fit()
+    )
 
 
 def box(name, at, size, parent="tool_mount"):
     return Component(name, parent, Pose(np.array(at)), Box(size))
 
 
-POST = Component("post", "tool_mount", Pose(np.array([0.0, 0.0, -0.06])), Cylinder(0.012, 0.12))
+POST = Component(
+    "post", "tool_mount", Pose(np.array([0.0, 0.0, -0.06])), Cylinder(0.012, 0.12)
+)
 
 
 def circles(solid, height):
     """Holes of a section: middles (N, 2) and diameters, millimetres."""
     rings = [np.array(ring) for ring in solid.slice(height).to_polygons()]
-    area = [np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1)) / 2 for ring in rings]
+    area = [
+        np.sum(
+            ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1)
+        )
+        / 2
+        for ring in rings
+    ]
     holes = [ring for ring, of in zip(rings, area, strict=True) if of < 0]
-    return [(ring.mean(axis=0), 2 * np.hypot(*(ring - ring.mean(axis=0)).T).mean()) for ring in holes]
+    return [
+        (ring.mean(axis=0), 2 * np.hypot(*(ring - ring.mean(axis=0)).T).mean())
+        for ring in holes
+    ]
 
 
 def check(found, name):
@@ -51,12 +64,17 @@ def test_bores_are_where_the_panda_has_threads():
         assert np.hypot(*middle) == pytest.approx(25, abs=0.01)
         x, y = turn @ middle
         at[round(diameter, 1)].append(round(math.degrees(math.atan2(y, x))))
-    assert {size: sorted(angles) for size, angles in at.items()} == {6.6: [-135, -45, 45, 135], 6.1: [90]}
+    assert {size: sorted(angles) for size, angles in at.items()} == {
+        6.6: [-135, -45, 45, 135],
+        6.1: [90],
+    }
 
 
 def test_the_plate_is_below_the_face_and_its_boss_in_the_recess():
     solid = made(POST).parts[0].solid
-    assert solid.slice(-0.01).area() == pytest.approx(math.pi * (31.5**2 - 4 * 3.3**2 - 3.05**2), rel=0.01)
+    assert solid.slice(-0.01).area() == pytest.approx(
+        math.pi * (31.5**2 - 4 * 3.3**2 - 3.05**2), rel=0.01
+    )
     boss = solid.trim_by_plane((0, 0, 1), 0.01)
     low, high = np.reshape(boss.bounding_box(), (2, 3))
     assert high - low == pytest.approx([31.3, 31.3, 2.99], abs=0.02)
@@ -64,7 +82,11 @@ def test_the_plate_is_below_the_face_and_its_boss_in_the_recess():
         x = 25 * math.cos(way * math.pi / 2)
         y = 25 * math.sin(way * math.pi / 2)
         assert not solid.ray_cast((x, y, -200), (x, y, 10))
-        (hit,) = (hit for hit in solid.ray_cast((x + 4.5, y, -100), (x + 4.5, y, -1)) if hit.normal[2] < 0)
+        (hit,) = (
+            hit
+            for hit in solid.ray_cast((x + 4.5, y, -100), (x + 4.5, y, -1))
+            if hit.normal[2] < 0
+        )
         assert hit.position[2] == pytest.approx(-7)
 
 
@@ -88,7 +110,9 @@ def test_what_is_above_the_face_is_cut_where_the_arm_is():
 @pytest.mark.parametrize("mount", ["left_finger", "right_finger"])
 def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
     side = 1 if mount == "left_finger" else -1
-    found = made(box("pad", (0, side * 0.007, 0.08), (0.016, 0.014, 0.08), mount), gripper=True)
+    found = made(
+        box("pad", (0, side * 0.007, 0.08), (0.016, 0.014, 0.08), mount), gripper=True
+    )
     assert {check.name for check in found.checks if not check.passed} <= {"weight"}
     sleeve = found.parts[0].solid
     finger = [
@@ -98,9 +122,13 @@ def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
     ]
     assert len(finger) == 4
     for back in np.linspace(0, 40, 9):  # mm on its way from the tip to its place
-        assert all((sleeve.translate((0, 0, back)) ^ part).volume() < 1e-6 for part in finger)
+        assert all(
+            (sleeve.translate((0, 0, back)) ^ part).volume() < 1e-6 for part in finger
+        )
     tip = max(part.bounding_box()[5] for part in finger)
-    assert max((sleeve.translate((0, 0, -0.5)) ^ part).volume() for part in finger) > 1  # it comes to rest at the tip
+    assert (
+        max((sleeve.translate((0, 0, -0.5)) ^ part).volume() for part in finger) > 1
+    )  # it comes to rest at the tip
     low, high = np.reshape(sleeve.bounding_box(), (2, 3))
     assert low[2] < tip - 24
     (bore,) = {round(d, 1) for _, d in circles(sleeve.rotate((0, -90, 0)), high[0] - 1)}

@@ -7,7 +7,16 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
-from plugins.results.workshop.motion import APPROACH, SHARE, STEP_S, approach, cut, sample, to_csv, to_json
+from plugins.results.workshop.motion import (
+    APPROACH,
+    SHARE,
+    STEP_S,
+    approach,
+    cut,
+    sample,
+    to_csv,
+    to_json,
+)
 from tests.panda import PANDA
 from tests.solutions import literal
 
@@ -21,7 +30,10 @@ def planned(name):
     return plan_task_motion(literal(name).plan, task, RolloutSettings())
 
 
-@pytest.mark.parametrize("name", ["OneBook", "OpenLatch", "StopCart", "SweepCards", "TurnDisc", "SnatchCookie"])
+@pytest.mark.parametrize(
+    "name",
+    ["OneBook", "OpenLatch", "StopCart", "SweepCards", "TurnDisc", "SnatchCookie"],
+)
 def test_a_motion_keeps_to_the_way_and_to_the_limits(name):
     motion = planned(name)
     made = sample(motion.trajectory, ARM, 1000)
@@ -35,7 +47,12 @@ def test_a_motion_keeps_to_the_way_and_to_the_limits(name):
     assert made.slower == 1  # what is struck or thrown flies as it was simulated
     steps = np.diff(made.positions, axis=0) * 1000
     assert np.abs(steps - (made.velocities[1:] + made.velocities[:-1]) / 2).max() < 0.01
-    assert np.abs(np.diff(made.velocities, axis=0) * 1000 - made.accelerations[:-1])[:-1].max() < 15
+    assert (
+        np.abs(np.diff(made.velocities, axis=0) * 1000 - made.accelerations[:-1])[
+            :-1
+        ].max()
+        < 15
+    )
 
 
 def test_an_approach_is_slow_and_at_rest_at_both_ends():
@@ -53,10 +70,16 @@ def test_an_approach_is_slow_and_at_rest_at_both_ends():
 
 def test_a_motion_is_cut_where_the_arm_rests():
     motion = planned("OneBook")
-    cuts = [cut(motion.trajectory, motion.arrivals, instant, ARM) for instant in (0.1, 1.0, 1.4, 99)]
+    cuts = [
+        cut(motion.trajectory, motion.arrivals, instant, ARM)
+        for instant in (0.1, 1.0, 1.4, 99)
+    ]
     assert cuts[0] is None
     assert [made.duration for made in cuts[1:]] == pytest.approx(
-        [max(at for at in motion.arrivals if at < instant) for instant in (1.0, 1.4, 99)]
+        [
+            max(at for at in motion.arrivals if at < instant)
+            for instant in (1.0, 1.4, 99)
+        ]
     )
     velocity, _ = sample(cuts[2], ARM, 1000).loads(ARM)
     assert velocity.max() <= SHARE
@@ -68,4 +91,6 @@ def test_files_have_every_sample():
     assert len(lines) == len(made.times) + 1
     assert lines[0].split(",")[:2] == ["time_s", "panda_joint1_rad"]
     assert len(lines[1].split(",")) == 1 + 3 * 7 + 1
-    assert np.allclose(to_json(made, PANDA.arm_joints)["positions"], made.positions, atol=1e-6)
+    assert np.allclose(
+        to_json(made, PANDA.arm_joints)["positions"], made.positions, atol=1e-6
+    )

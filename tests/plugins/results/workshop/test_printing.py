@@ -58,9 +58,25 @@ def test_components_with_sides_in_one_plane_make_a_closed_file():
     turn = 2.782373713772
     at = (-0.021409147902, 0.008039378961, -0.002739471022)
     boom = box("boom", "socket", at, (0.063216595154, thick, thick), (0, 0, turn))
-    drop = box("drop", "boom", (0.022868826555, 0, -0.027996864818), (thick, thick, 0.055993729637), (0, 0, -turn))
-    wall = box("wall", "drop", (-0.003260528978, 0, -0.042996864818), (0.008, 0.113959183673, 0.03))
-    tine = box("tine", "wall", (0.012795030527, 0.048979591837, -0.0114), (0.033590061055, 0.016, 0.0072))
+    drop = box(
+        "drop",
+        "boom",
+        (0.022868826555, 0, -0.027996864818),
+        (thick, thick, 0.055993729637),
+        (0, 0, -turn),
+    )
+    wall = box(
+        "wall",
+        "drop",
+        (-0.003260528978, 0, -0.042996864818),
+        (0.008, 0.113959183673, 0.03),
+    )
+    tine = box(
+        "tine",
+        "wall",
+        (0.012795030527, 0.048979591837, -0.0114),
+        (0.033590061055, 0.016, 0.0072),
+    )
     (piece,) = print_bodies(tool(socket, boom, drop, wall, tine), WIDE)
     assert failed(piece) == []
     assert piece.weld_mm == 0.01
@@ -68,7 +84,9 @@ def test_components_with_sides_in_one_plane_make_a_closed_file():
 
 def test_parts_that_touch_by_an_edge_only_or_not_at_all_are_said():
     one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
-    (piece,) = print_bodies(tool(one, box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))), WIDE)
+    (piece,) = print_bodies(
+        tool(one, box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))), WIDE
+    )
     assert failed(piece) == ["one piece"]
     assert "far_one" in found(piece, "one piece")
     edge = box("edge", "one", (0.03, 0.03, 0), (0.03, 0.03, 0.03))
@@ -86,7 +104,9 @@ def test_the_thickness_of_known_solids():
     ball = trimesh.creation.icosphere(subdivisions=3, radius=10)
     assert thinnest(ball) == pytest.approx(20, abs=0.3)
     pocket = trimesh.creation.box((20, 20, 10)).apply_translation((0, 0, 0.6))
-    body = trimesh.boolean.difference([trimesh.creation.box((40, 40, 10)), pocket], engine="manifold")
+    body = trimesh.boolean.difference(
+        [trimesh.creation.box((40, 40, 10)), pocket], engine="manifold"
+    )
     assert thinnest(body) == pytest.approx(0.6)
 
 
@@ -96,7 +116,9 @@ def test_a_long_piece_is_laid_across_the_plate():
     assert fits
     assert lying.extents[0] <= 250
     assert lying.extents[1] <= 210
-    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[1]  # its diagonal is 326.5 mm
+    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[
+        1
+    ]  # its diagonal is 326.5 mm
 
 
 def test_attachments_of_a_gripper_are_two_pieces():

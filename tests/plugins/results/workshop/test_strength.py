@@ -22,7 +22,13 @@ NEWTONS = 10.0
 
 def bar(name, parent, top, length, thick, mass=0.1):
     """A bar that hangs down; its ``top`` is in the frame of what bears it, whose middle is at 0."""
-    return Component(name, parent, Pose(np.array([0.0, 0.0, top - length / 2])), Box((thick, thick, length)), mass)
+    return Component(
+        name,
+        parent,
+        Pose(np.array([0.0, 0.0, top - length / 2])),
+        Box((thick, thick, length)),
+        mass,
+    )
 
 
 def across(component, z, newtons=NEWTONS, what="wall"):
@@ -31,7 +37,10 @@ def across(component, z, newtons=NEWTONS, what="wall"):
 
 
 def pressed(tool, *loads, material=SOLID):
-    return {row.component: row for row in strength(tool, PANDA, material, {"engine": [(1.5, loads)]})}
+    return {
+        row.component: row
+        for row in strength(tool, PANDA, material, {"engine": [(1.5, loads)]})
+    }
 
 
 def inertia(thick):
@@ -43,14 +52,25 @@ def test_a_chain_of_two_bars_bears_and_bends_by_both():
     lower = 0.1
     wide = 0.03
     thin = 0.015
-    bars = bar("upper", "tool_mount", 0.0, upper, wide), bar("lower", "upper", -upper / 2, lower, thin)
+    bars = (
+        bar("upper", "tool_mount", 0.0, upper, wide),
+        bar("lower", "upper", -upper / 2, lower, thin),
+    )
     length = upper + lower
     rows = pressed(Tool(bars), across("lower", -length))
-    assert rows["upper"].stress_pa == pytest.approx(6 * NEWTONS * length / wide**3, rel=0.05)
-    assert rows["lower"].stress_pa == pytest.approx(6 * NEWTONS * lower / thin**3, rel=0.05)
+    assert rows["upper"].stress_pa == pytest.approx(
+        6 * NEWTONS * length / wide**3, rel=0.05
+    )
+    assert rows["lower"].stress_pa == pytest.approx(
+        6 * NEWTONS * lower / thin**3, rel=0.05
+    )
     parts = (length**3 - lower**3) / inertia(wide) + lower**3 / inertia(thin)
-    assert rows["lower"].bend_m == pytest.approx(NEWTONS * parts / 3 / SOLID.young_pa, rel=0.05)
-    assert set(pressed(Tool(bars), across("upper", -upper))) == {"upper"}  # what hangs below bears nothing of it
+    assert rows["lower"].bend_m == pytest.approx(
+        NEWTONS * parts / 3 / SOLID.young_pa, rel=0.05
+    )
+    assert set(pressed(Tool(bars), across("upper", -upper))) == {
+        "upper"
+    }  # what hangs below bears nothing of it
 
 
 def test_forces_that_oppose_each_other_do_so_in_each_section():
@@ -65,7 +85,12 @@ def test_forces_that_oppose_each_other_do_so_in_each_section():
     assert row.lever_m == pytest.approx(0.1, rel=0.05)
     twice = pressed(tool, load, across("post", -length, what="other"))["post"]
     assert twice.stress_pa == pytest.approx(2 * pressed(tool, load)["post"].stress_pa)
-    assert pressed(tool, load, across("post", -length, -NEWTONS, "other"))["post"].stress_pa < 1
+    assert (
+        pressed(tool, load, across("post", -length, -NEWTONS, "other"))[
+            "post"
+        ].stress_pa
+        < 1
+    )
 
 
 def test_the_weight_counts_with_the_acceleration_of_the_motion():
@@ -73,15 +98,23 @@ def test_the_weight_counts_with_the_acceleration_of_the_motion():
     times = np.arange(200) / 1000
     home = np.array(PANDA.home)
     turning = np.tile(home, (200, 1))
-    ((name, center, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
+    ((name, center, pulls),) = weights(
+        tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times)
+    )
     assert (name, center.tolist()) == ("post", [0, 0, -0.1])
-    assert pulls[100] == pytest.approx([0, 0, -0.5 * 9.81], abs=0.01)  # the mount's z points up at home
+    assert pulls[100] == pytest.approx(
+        [0, 0, -0.5 * 9.81], abs=0.01
+    )  # the mount's z points up at home
     turning[:, 0] += 2.0 * times**2 / 2  # about the upright axis: 2 rad/s^2
-    ((*_, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
+    ((*_, pulls),) = weights(
+        tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times)
+    )
     mount = link_frames(PANDA, Tool(), home[None], np.zeros((1, 0)))["tool_mount"][1]
     radius = np.linalg.norm(mount[0, :2])
     speed = 2.0 * times[-2]
-    assert np.linalg.norm(pulls[-2, :2]) == pytest.approx(0.5 * np.hypot(2.0 * radius, speed**2 * radius), rel=0.02)
+    assert np.linalg.norm(pulls[-2, :2]) == pytest.approx(
+        0.5 * np.hypot(2.0 * radius, speed**2 * radius), rel=0.02
+    )
     assert pulls[-2, 2] == pytest.approx(-0.5 * 9.81, rel=0.01)
 
 
@@ -96,8 +129,12 @@ def filmed(tool, force, way=(0.0, 10.0, 0.0)):
     at = frames[1][0] + frames[0][0] @ [0.0, 0.0, -0.3]
     samples = np.flatnonzero(force)
     forces = np.outer(force[samples], way) / np.linalg.norm(way)
-    pushes = Pushes(samples, np.full(len(samples), "ball"), np.tile(at, (len(samples), 1)), forces)
-    return scene, Recording(times, arm, np.zeros((len(times), 0)), states, {("tool", "ball"): force}, pushes)
+    pushes = Pushes(
+        samples, np.full(len(samples), "ball"), np.tile(at, (len(samples), 1)), forces
+    )
+    return scene, Recording(
+        times, arm, np.zeros((len(times), 0)), states, {("tool", "ball"): force}, pushes
+    )
 
 
 @pytest.mark.parametrize(("seconds", "share"), [(0.01, None), (1.0, 1.0)])
@@ -116,7 +153,9 @@ def test_an_impact_counts_by_its_impulse_and_what_lasts_by_its_force(seconds, sh
     soft = length**3 / (3 * SOLID.young_pa * inertia(thick))
     (ball,) = (body.mass for body in scene.free if body.name == "ball")
     impulse = 40.0 * 0.01 / np.sqrt(soft * min(mass, ball))
-    assert newtons == pytest.approx(impulse if share is None else share * 40.0, rel=0.05)
+    assert newtons == pytest.approx(
+        impulse if share is None else share * 40.0, rel=0.05
+    )
     assert newtons <= 40.0
 
 

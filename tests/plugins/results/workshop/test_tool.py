@@ -34,13 +34,17 @@ LONG = Tool(
 
 
 def faults(made):
-    return [str(check) for check in printable(made.parts, made.checks) if not check.passed]
+    return [
+        str(check) for check in printable(made.parts, made.checks) if not check.passed
+    ]
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tool")
-    return folder, write_tool(make_tool(PLA.made(LONG), PANDA, PLA, Printer([500.0] * 3), Fit()), folder)
+    return folder, write_tool(
+        make_tool(PLA.made(LONG), PANDA, PLA, Printer([500.0] * 3), Fit()), folder
+    )
 
 
 def test_the_file_is_the_tool(written):
@@ -50,16 +54,22 @@ def test_the_file_is_the_tool(written):
     assert mesh.is_volume
     assert part.mesh.volume == pytest.approx(mesh.volume, rel=1e-3)
     whole = manifold(mesh.apply_transform(part.to_mount))
-    simulated = union([(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components])
+    simulated = union(
+        [(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components]
+    )
     beyond = (whole - simulated).trim_by_plane((0, 0, -1), -0.1)
-    assert beyond.volume() < 0.02 * simulated.surface_area()  # the weld of 0.01 mm; above is the boss
+    assert (
+        beyond.volume() < 0.02 * simulated.surface_area()
+    )  # the weld of 0.01 mm; above is the boss
     assert (simulated - whole).volume() < 0.01 * simulated.volume()  # bores
     assert faults(made) == []
 
 
 def test_figures_and_the_list(written):
     folder, made = written
-    assert made.parts[0].mass_g < 1.24 * made.parts[0].mesh.volume / 1000  # it is filled to a fifth
+    assert (
+        made.parts[0].mass_g < 1.24 * made.parts[0].mesh.volume / 1000
+    )  # it is filled to a fifth
     assert 1000 * made.printed.mass == pytest.approx(1000 * made.mounted.mass, rel=0.2)
     assert [file.name for file in folder.iterdir()] == ["tool.stl"]
     assert "4 x M6 x 12" in made.hardware
@@ -79,6 +89,13 @@ def test_what_is_hollow_is_as_simulated():
 
 
 def test_a_solid_whose_bodies_touch_along_an_edge_is_closed():
-    mesh = to_mesh(union([box((0, 0, 0), (0.01, 0.01, 0.01)), box((0.01, 0.01, 0), (0.02, 0.02, 0.01))]))
+    mesh = to_mesh(
+        union(
+            [
+                box((0, 0, 0), (0.01, 0.01, 0.01)),
+                box((0.01, 0.01, 0), (0.02, 0.02, 0.01)),
+            ]
+        )
+    )
     assert mesh.is_volume
     assert mesh.volume == pytest.approx(2000)

@@ -25,29 +25,57 @@ def doubts(tmp_path, text, body=""):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("mass: 0.2", "mass: 250", "body tin weighs 250 kg, more than any arm here moves; grams?"),
+        (
+            "mass: 0.2",
+            "mass: 250",
+            "body tin weighs 250 kg, more than any arm here moves; grams?",
+        ),
         ("length: 0.1", "length: 10", "body tin is 10 m long; millimetres?"),
-        ("0.05]", "0.15]", "body tin begins in the air: it falls by 100 mm; a position is that of its middle"),
+        (
+            "0.05]",
+            "0.15]",
+            "body tin begins in the air: it falls by 100 mm; a position is that of its middle",
+        ),
         ("[0.7, 0.2", "[7, 0.2", "body tin begins in the air: "),
     ],
 )
 def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new, said):
     assert doubts(tmp_path, text, BODY) == doubts(tmp_path, text) == []
-    assert any(line.startswith(said) for line in doubts(tmp_path, text, BODY.replace(old, new, 1)))
+    assert any(
+        line.startswith(said)
+        for line in doubts(tmp_path, text, BODY.replace(old, new, 1))
+    )
 
 
 def test_soft_bodies_in_the_air(tmp_path, text):
     elastic = "elastic: {density: 300, young: 1.0e5}"
     cloth = f"\n  - {{name: rag, cloth: {{size: [0.1, 0.1]}}, {elastic}, position: [0.6, 0.3, 0.101]}}"
-    assert [line[:43] for line in doubts(tmp_path, text, cloth)] == ["body rag begins in the air: it falls by 100"]
-    assert doubts(tmp_path, text, cloth.replace("position", "pinned: [0], position")) == []
-    (shown,) = re.findall(r"(?:^#  .*\n)+(?=# Flat|\n# Flat)", text, re.M)  # the scaffold's own, as a comment
-    assert doubts(tmp_path, text, "\n" + shown.replace("\n#", "\n").removeprefix("#").rstrip()) == []
+    assert [line[:43] for line in doubts(tmp_path, text, cloth)] == [
+        "body rag begins in the air: it falls by 100"
+    ]
+    assert (
+        doubts(tmp_path, text, cloth.replace("position", "pinned: [0], position")) == []
+    )
+    (shown,) = re.findall(
+        r"(?:^#  .*\n)+(?=# Flat|\n# Flat)", text, re.M
+    )  # the scaffold's own, as a comment
+    assert (
+        doubts(
+            tmp_path, text, "\n" + shown.replace("\n#", "\n").removeprefix("#").rstrip()
+        )
+        == []
+    )
 
 
 def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
     for _ in range(2):
-        task_of(tmp_path, text.replace("\nbodies:", f"\nbodies:{BODY.replace('mass: 0.2', 'mass: 250')}", 1), "none")
+        task_of(
+            tmp_path,
+            text.replace(
+                "\nbodies:", f"\nbodies:{BODY.replace('mass: 0.2', 'mass: 250')}", 1
+            ),
+            "none",
+        )
     assert [record.message.partition(": ")[2] for record in caplog.records] == [
         "body tin weighs 250 kg, more than any arm here moves; grams?"
     ]

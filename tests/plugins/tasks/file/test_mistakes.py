@@ -54,7 +54,10 @@ def test_a_mistake_gives_one_line(file, old, new, line):
     [
         ("", ": a scene is an object of keys and values"),
         ("- a\n- b\n", ": a scene is an object of keys and values"),
-        (f"{GOOD}---\nname: Second\n", "line 41: this is no YAML: but found another document"),
+        (
+            f"{GOOD}---\nname: Second\n",
+            "line 41: this is no YAML: but found another document",
+        ),
     ],
 )
 def test_what_is_no_scene_is_refused(file, text, line):
@@ -62,10 +65,14 @@ def test_what_is_no_scene_is_refused(file, text, line):
 
 
 def test_a_file_that_is_not_there_or_no_text_is_named(file):
-    with pytest.raises(UserError, match=r"scene file my_scene.yaml can't be read: No such file"):
+    with pytest.raises(
+        UserError, match=r"scene file my_scene.yaml can't be read: No such file"
+    ):
         FileTask(file.name)
     file.write_bytes(b"x" * (MAX_BYTES + 1))
-    with pytest.raises(UserError, match=r"my_scene.yaml has 0.1 MB; at most 0.1 MB are read"):
+    with pytest.raises(
+        UserError, match=r"my_scene.yaml has 0.1 MB; at most 0.1 MB are read"
+    ):
         FileTask(file.name)
     file.write_bytes(b"name: \xff")
     with pytest.raises(UserError, match=r"my_scene.yaml is not UTF-8 text \(byte 6\)"):
@@ -76,20 +83,33 @@ def test_a_pipe_or_an_odd_name_is_refused_at_once(file):
     os.mkfifo(file)
     with pytest.raises(UserError, match=r"my_scene.yaml is no regular file"):
         FileTask(file.name)
-    with pytest.raises(UserError, match=r"'my\\x00scene' can't be a file's name: embedded null byte"):
+    with pytest.raises(
+        UserError, match=r"'my\\x00scene' can't be a file's name: embedded null byte"
+    ):
         FileTask("my\0scene")
     (file.parent / "pipe.stl").symlink_to(file)
-    file.with_name("scene.yaml").write_text(GOOD.replace("sphere: {radius: 0.04}", "file: pipe.stl"))
-    with pytest.raises(UserError, match=r"bodies.2.: mesh .*my_scene.yaml is no regular file"):
+    file.with_name("scene.yaml").write_text(
+        GOOD.replace("sphere: {radius: 0.04}", "file: pipe.stl")
+    )
+    with pytest.raises(
+        UserError, match=r"bodies.2.: mesh .*my_scene.yaml is no regular file"
+    ):
         FileTask("scene.yaml")
 
 
 def test_variations_are_few_and_built_twice_each(file, monkeypatch):
     """A file of 100 kB had room for 3,150 ranges, each of which built the scene twice."""
-    ranges = [f"  v{n}: {{bodies.ball.position.x: [0, 1], bodies.ball.mass: [1, 2]}}\n" for n in range(20)]
-    assert "at most 20 items" in refused(file, GOOD.replace("  near:", f"{''.join(ranges)}  near:"))
+    ranges = [
+        f"  v{n}: {{bodies.ball.position.x: [0, 1], bodies.ball.mass: [1, 2]}}\n"
+        for n in range(20)
+    ]
+    assert "at most 20 items" in refused(
+        file, GOOD.replace("  near:", f"{''.join(ranges)}  near:")
+    )
     built = []
-    monkeypatch.setattr(building, "build_scene", lambda *given: built.append(1) or build_scene(*given))
+    monkeypatch.setattr(
+        building, "build_scene", lambda *given: built.append(1) or build_scene(*given)
+    )
     file.write_text(GOOD.replace("  near:", f"{''.join(ranges[:19])}  near:"))
     assert len(FileTask(file.name).variations) == 20
     assert len(built) == 1 + 2 * 20
@@ -111,7 +131,13 @@ def wild(tmp_path_factory):
 def places(node, at=()):
     """The ways to all entries of a tree."""
     yield at
-    for key, inner in node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ():
+    for key, inner in (
+        node.items()
+        if isinstance(node, dict)
+        else enumerate(node)
+        if isinstance(node, list)
+        else ()
+    ):
         yield from places(inner, (*at, key))
 
 
@@ -123,21 +149,52 @@ def changed(node, at, value):
     return copy
 
 
-WORDS = ("ball", "door", "post", "hinge", "name", "mass", "box", "file", "at", "bodies.ball.mass", "..", "1e3", "none")
-SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from(WORDS)
+WORDS = (
+    "ball",
+    "door",
+    "post",
+    "hinge",
+    "name",
+    "mass",
+    "box",
+    "file",
+    "at",
+    "bodies.ball.mass",
+    "..",
+    "1e3",
+    "none",
+)
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.sampled_from(WORDS)
+)
 TREES = st.recursive(
     SCALARS,
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5) | st.sampled_from(WORDS), inner),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=5) | st.sampled_from(WORDS), inner)
+    ),
     max_leaves=10,
 )
-ROPE = {"name": "rope", "rope": {"path": [[0, 0, 0], [0, 0, 1]], "count": 9}, "elastic": {"density": 300, "young": 1e4}}
+ROPE = {
+    "name": "rope",
+    "rope": {"path": [[0, 0, 0], [0, 0, 1]], "count": 9},
+    "elastic": {"density": 300, "young": 1e4},
+}
 GOOD_TREE = yaml.safe_load(GOOD)
 GOOD_TREE["bodies"].append({**ROPE, "pinned": [0]})
 PLACES = list(places(GOOD_TREE))
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.tuples(st.sampled_from(PLACES), TREES), min_size=1, max_size=3), st.booleans())
+@given(
+    st.lists(st.tuples(st.sampled_from(PLACES), TREES), min_size=1, max_size=3),
+    st.booleans(),
+)
 def test_wild_trees_are_read_or_refused(wild, edits, flow):
     tree = GOOD_TREE
     for at, value in edits:
@@ -145,12 +202,18 @@ def test_wild_trees_are_read_or_refused(wild, edits, flow):
             tree = changed(tree, at, value)
         except (LookupError, TypeError):  # an edit before took the place away
             continue
-    wild.write_text(yaml.safe_dump(tree, default_flow_style=flow, allow_unicode=False), encoding="utf-8")
+    wild.write_text(
+        yaml.safe_dump(tree, default_flow_style=flow, allow_unicode=False),
+        encoding="utf-8",
+    )
     read_or_refused(wild)
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode), st.integers(0, 2**32))
+@given(
+    st.binary(max_size=200) | st.text(max_size=200).map(str.encode),
+    st.integers(0, 2**32),
+)
 def test_wild_bytes_are_read_or_refused(wild, noise, seed):
     at = sorted(random.Random(seed).choices(range(len(GOOD)), k=2))
     rng = GOOD.encode()

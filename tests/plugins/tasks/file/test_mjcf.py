@@ -57,13 +57,30 @@ def geoms(draw):
 
 @st.composite
 def bodies(draw, depth=0):
-    joint = draw(st.sampled_from(["hinge", "slide", "ball", *(["free"] if depth == 0 else []), None]))
+    joint = draw(
+        st.sampled_from(
+            ["hinge", "slide", "ball", *(["free"] if depth == 0 else []), None]
+        )
+    )
     inside = "<geom size='0.1'/>" + "".join(draw(st.lists(geoms(), max_size=2)))
     if joint == "free":
         inside += "<freejoint/>"
     elif joint:
-        more = draw(st.sampled_from(["", 'range="-1 1.5"', 'range="0.5 3" limited="false"', 'ref="0.4" range="-1 1"']))
-        more += draw(st.sampled_from(["", ' damping="0.3" stiffness="2" springref="0.2" frictionloss="0.1"']))
+        more = draw(
+            st.sampled_from(
+                [
+                    "",
+                    'range="-1 1.5"',
+                    'range="0.5 3" limited="false"',
+                    'ref="0.4" range="-1 1"',
+                ]
+            )
+        )
+        more += draw(
+            st.sampled_from(
+                ["", ' damping="0.3" stiffness="2" springref="0.2" frictionloss="0.1"']
+            )
+        )
         more = "" if joint == "ball" else more
         inside += f'<joint type="{joint}" pos="{words(draw(UNIT))}" axis="{words(draw(UNIT))}" {more}/>'
     if depth < 2:
@@ -74,7 +91,10 @@ def bodies(draw, depth=0):
 THIN = '<default><default class="thin"><geom contype="0" conaffinity="0" density="50"/></default></default>'
 
 
-@given(world=st.lists(bodies(), min_size=1, max_size=3).map("".join), parts=st.randoms(use_true_random=False))
+@given(
+    world=st.lists(bodies(), min_size=1, max_size=3).map("".join),
+    parts=st.randoms(use_true_random=False),
+)
 @settings(max_examples=30, deadline=None)
 def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     """Bodies have no names, so that they come in the order of the file; the joints are moved, by our own formulas."""
@@ -82,14 +102,23 @@ def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     made = read_mjcf(file)
-    joints = {f"body{body}": model.joint(number) for number, body in enumerate(model.jnt_bodyid)}
+    joints = {
+        f"body{body}": model.joint(number)
+        for number, body in enumerate(model.jnt_bodyid)
+    }
     starts = {}
     for joint in made.joints:
         other = joints.pop(joint.body)
         ball = joint.kind == "ball"
         assert joint.kind == {1: "ball", 2: "slider", 3: "hinge"}[other.type[0]]
-        assert (joint.damping, joint.friction) == (other.damping[0], other.frictionloss[0])
-        assert (joint.limited, joint.stiffness) == (other.limited[0], other.stiffness[0])
+        assert (joint.damping, joint.friction) == (
+            other.damping[0],
+            other.frictionloss[0],
+        )
+        assert (joint.limited, joint.stiffness) == (
+            other.limited[0],
+            other.stiffness[0],
+        )
         if not ball:
             assert joint.rest == other.qpos_spring[0]
             low, high = (joint.lower, joint.upper) if joint.limited else (-1, 1)
@@ -101,19 +130,29 @@ def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     for body in with_starts(Scene(made.bodies, made.joints), starts).bodies:
         number = int(body.name.removeprefix("body"))
         np.testing.assert_allclose(body.pose.position, data.xpos[number], atol=1e-6)
-        np.testing.assert_allclose(body.pose.rotation.as_matrix().ravel(), data.xmat[number], atol=1e-6)
+        np.testing.assert_allclose(
+            body.pose.rotation.as_matrix().ravel(), data.xmat[number], atol=1e-6
+        )
         assert body.fixed == (model.body_weldid[number] == 0)
         assert body.fixed or body.mass == pytest.approx(weights[number])
         for geom in body.visuals:
             at = body.pose @ geom.pose
             near = np.linalg.norm(data.geom_xpos - at.position, axis=1) < 1e-5
-            near &= np.abs(data.geom_xmat - at.rotation.as_matrix().ravel()).max(axis=1) < 1e-5
+            near &= (
+                np.abs(data.geom_xmat - at.rotation.as_matrix().ravel()).max(axis=1)
+                < 1e-5
+            )
             if isinstance(geom.shape, Box):
-                near &= np.abs(model.geom_size - np.array(geom.shape.size) / 2).max(axis=1) < 1e-6
+                near &= (
+                    np.abs(model.geom_size - np.array(geom.shape.size) / 2).max(axis=1)
+                    < 1e-6
+                )
             assert near.any()
             shapes += 1
     assert shapes == model.ngeom
-    assert sum(len(body.collisions) for body in made.bodies) == np.count_nonzero(model.geom_contype)
+    assert sum(len(body.collisions) for body in made.bodies) == np.count_nonzero(
+        model.geom_contype
+    )
 
 
 def test_a_prefix_renames_all(tmp_path):
@@ -121,7 +160,9 @@ def test_a_prefix_renames_all(tmp_path):
     door += '<geom size="0.1"/></body></body>'
     made = read(tmp_path, door, prefix="my_")
     assert [body.name for body in made.bodies] == ["my_frame", "my_door"]
-    assert [(joint.name, joint.body) for joint in made.joints] == [("my_hinge", "my_door")]
+    assert [(joint.name, joint.body) for joint in made.joints] == [
+        ("my_hinge", "my_door")
+    ]
     np.testing.assert_allclose(made.bodies[1].pose.position, (1, 0, 0), atol=1e-12)
     assert made.joints[0].parent is None, "as in MuJoCo it collides with what is fixed"
 
@@ -150,8 +191,18 @@ def test_a_mesh_collides_as_its_hull_and_is_drawn_whole(tmp_path):
 def test_what_is_left_out_is_said(tmp_path):
     text = '<geom type="plane" size="1 1 1"/><geom type="hfield" hfield="h"/><light/>'
     text += '<body><joint armature="1"/><geom size="1"/><camera/></body>'
-    notes = "\n".join(read(tmp_path, text, "<option/>", "<actuator><motor/></actuator>").notes)
-    for what in ("plane", "hfield", "light", "camera", "armature", "option", "actuator"):
+    notes = "\n".join(
+        read(tmp_path, text, "<option/>", "<actuator><motor/></actuator>").notes
+    )
+    for what in (
+        "plane",
+        "hfield",
+        "light",
+        "camera",
+        "armature",
+        "option",
+        "actuator",
+    ):
         assert what in notes
 
 
@@ -162,12 +213,20 @@ ASSET = "<asset><mesh name='a' file='{}'/></asset>"
 @pytest.mark.parametrize(
     ("body", "before", "message"),
     [
-        ("<body><joint/><joint axis='1 0 0'/><geom size='1'/></body>", "", "has 2 joints"),
+        (
+            "<body><joint/><joint axis='1 0 0'/><geom size='1'/></body>",
+            "",
+            "has 2 joints",
+        ),
         ("<include file='/etc/passwd'/>", "", "is not in folder"),
         ("<include file='model.xml'/>", "", "included twice"),
         (MESH, ASSET.format("/etc/passwd.stl"), "is not in folder"),
         (MESH, ASSET.format("../a.obj"), "is not in folder"),
-        (MESH, "<compiler meshdir='/etc'/>" + ASSET.format("a.obj"), "is not in folder"),
+        (
+            MESH,
+            "<compiler meshdir='/etc'/>" + ASSET.format("a.obj"),
+            "is not in folder",
+        ),
         (MESH, ASSET.format("https://x.org/a.obj"), "No such file"),
         (MESH, ASSET.format("a.xml"), "no kind that is read"),
         (MESH, "", "mesh 'a' not found"),
@@ -175,19 +234,47 @@ ASSET = "<asset><mesh name='a' file='{}'/></asset>"
         ("<geom size='1e8'/>", "", "from the origin; at most 20 m"),
         ("<body><freejoint/><geom size='1' mass='1e300'/></body>", "", "mass|kg"),
         ("<body><joint name='a&#10;b'/><geom size='1'/></body>", "", "its name"),
-        ("<body pos='1e9 0 0'><geom size='1'/></body>", "", "from the origin; at most 20 m"),
-        ("<body><joint type='slide' range='0 1e300'/><geom size='1'/></body>", "", "its range"),
+        (
+            "<body pos='1e9 0 0'><geom size='1'/></body>",
+            "",
+            "from the origin; at most 20 m",
+        ),
+        (
+            "<body><joint type='slide' range='0 1e300'/><geom size='1'/></body>",
+            "",
+            "its range",
+        ),
         ("<geom size='1' friction='1e300'/>", "", "friction"),
         ("<body><joint pos='1e9 0 0'/><geom size='1'/></body>", "", "joint .* 20 m"),
         ("<body pos='nan 0 0'><geom size='1'/></body>", "", "nan|finite"),
         ("<geom type='teapot' size='1'/>", "", "invalid keyword: 'teapot'"),
         ("<body name='a b'><geom size='1'/></body>", "", "rename it"),
         ("<body>" * 70 + "</body>" * 70, "", "deep"),
-        ("<replicate count='501'><body><geom size='1'/></body></replicate>", "", "a number up to 500"),
-        ("<replicate count='1000000000'><geom size='1'/></replicate>", "", "a number up to 500"),
-        ("<replicate count=' 1e9'><geom size='1'/></replicate>", "", "a number up to 500"),
-        ("<replicate count='500'>" * 9 + "<geom size='1'/>" + "</replicate>" * 9, "", "more than 20000 elements"),
-        (MESH, "<asset><mesh name='a' builtin='sphere' params='9999'/></asset>", "at least 4 vertices"),
+        (
+            "<replicate count='501'><body><geom size='1'/></body></replicate>",
+            "",
+            "a number up to 500",
+        ),
+        (
+            "<replicate count='1000000000'><geom size='1'/></replicate>",
+            "",
+            "a number up to 500",
+        ),
+        (
+            "<replicate count=' 1e9'><geom size='1'/></replicate>",
+            "",
+            "a number up to 500",
+        ),
+        (
+            "<replicate count='500'>" * 9 + "<geom size='1'/>" + "</replicate>" * 9,
+            "",
+            "more than 20000 elements",
+        ),
+        (
+            MESH,
+            "<asset><mesh name='a' builtin='sphere' params='9999'/></asset>",
+            "at least 4 vertices",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_one_clear_line(tmp_path, body, before, message):
@@ -197,16 +284,58 @@ def test_what_cannot_be_read_is_one_clear_line(tmp_path, body, before, message):
     assert str(tmp_path / "model.xml") in str(error.value)
 
 
-WORDS = ["body", "geom", "joint", "frame", "inertial", "default", "freejoint", "asset", "mesh", "compiler", "replicate"]
-KEYS = ["name", "class", "type", "size", "pos", "fromto", "mesh", "file", "range", "mass", "count", "vertex"]
-VALUES = ["", "1", "0 0 0", "1 2 3", "nan", "1e400", "-1", "mesh", "hinge", "free", "box", "a", "main", "a.stl"]
+WORDS = [
+    "body",
+    "geom",
+    "joint",
+    "frame",
+    "inertial",
+    "default",
+    "freejoint",
+    "asset",
+    "mesh",
+    "compiler",
+    "replicate",
+]
+KEYS = [
+    "name",
+    "class",
+    "type",
+    "size",
+    "pos",
+    "fromto",
+    "mesh",
+    "file",
+    "range",
+    "mass",
+    "count",
+    "vertex",
+]
+VALUES = [
+    "",
+    "1",
+    "0 0 0",
+    "1 2 3",
+    "nan",
+    "1e400",
+    "-1",
+    "mesh",
+    "hinge",
+    "free",
+    "box",
+    "a",
+    "main",
+    "a.stl",
+]
 
 
 @st.composite
 def wild(draw, depth=0):
     tag = draw(st.sampled_from(WORDS))
     given = draw(st.dictionaries(st.sampled_from(KEYS), st.sampled_from(VALUES)))
-    children = "".join(draw(st.lists(wild(depth=depth + 1), max_size=3))) if depth < 3 else ""
+    children = (
+        "".join(draw(st.lists(wild(depth=depth + 1), max_size=3))) if depth < 3 else ""
+    )
     return f"<{tag} {' '.join(f'{key}={value!r}' for key, value in given.items())}>{children}</{tag}>"
 
 
@@ -224,7 +353,9 @@ def test_the_compiler_is_a_process_of_its_own(tmp_path, monkeypatch):
     """What it finds, what it refuses, and its crash come back."""
     monkeypatch.setattr(mjcf, "isolated", sandbox.isolated)
     written(tmp_path, '<body><freejoint/><geom size="0.1" mass="2"/></body>')
-    assert Files(tmp_path).bodies("model.xml", "", fixed=True).bodies[0].mass == pytest.approx(2)
+    assert Files(tmp_path).bodies("model.xml", "", fixed=True).bodies[
+        0
+    ].mass == pytest.approx(2)
     with pytest.raises(UserError, match="size 0 must be positive"):
         read(tmp_path, "<geom size='-1'/>")
     monkeypatch.setattr("sys.executable", "/bin/false")
@@ -241,5 +372,12 @@ def test_without_mujoco_it_says_what_to_install(tmp_path, monkeypatch):
 
 def test_a_slide_keeps_its_damping_and_range(tmp_path):
     block = '<body name="block" pos="0 0 2"><joint name="rail" type="slide" damping="20" range="-1.5 1.5"/>'
-    (rail,) = read(tmp_path, block + '<geom type="box" size="0.05 0.05 0.05" mass="1"/></body>').joints
-    assert (rail.kind, rail.damping, rail.lower, rail.upper) == ("slider", 20, -1.5, 1.5)
+    (rail,) = read(
+        tmp_path, block + '<geom type="box" size="0.05 0.05 0.05" mass="1"/></body>'
+    ).joints
+    assert (rail.kind, rail.damping, rail.lower, rail.upper) == (
+        "slider",
+        20,
+        -1.5,
+        1.5,
+    )

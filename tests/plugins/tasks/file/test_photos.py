@@ -36,8 +36,16 @@ def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
     file = scene(bench, PHOTO)
 
     def sent(*words):
-        cfg = load("prompt", ["task=file", f"task.file={file}", "vlm=replay", "sim=mujoco", *words])
-        return [part for message in compose(cfg).messages for part in message.parts if isinstance(part, Picture)]
+        cfg = load(
+            "prompt",
+            ["task=file", f"task.file={file}", "vlm=replay", "sim=mujoco", *words],
+        )
+        return [
+            part
+            for message in compose(cfg).messages
+            for part in message.parts
+            if isinstance(part, Picture)
+        ]
 
     assert [picture.name for picture in sent()] == ["scene", "photo1", "photo2"]
     assert [picture.name for picture in sent("prompt.photographs=none")] == ["scene"]

@@ -52,10 +52,16 @@ def test_the_scaffold_keeps_the_rules_for_tasks(scaffold):
 @every_simulator
 def test_the_scaffold_is_simulated_and_drawn(scaffold, engine):
     task = on_panda(FileTask(scaffold, "near"))
-    still = JointTrajectory(np.zeros(1), arm_of(task.robot).home_for(task.home)[None], np.zeros(1))
-    (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, 1, settle_s=0.2, hold_s=0.2)])
+    still = JointTrajectory(
+        np.zeros(1), arm_of(task.robot).home_for(task.home)[None], np.zeros(1)
+    )
+    (outcome,) = simulator(engine).rollout(
+        task, [Rollout(Tool(), still, 1, settle_s=0.2, hold_s=0.2)]
+    )
     assert outcome.error is None
-    start, end = (task.scene(1).complete(state) for state in (outcome.start, outcome.end))
+    start, end = (
+        task.scene(1).complete(state) for state in (outcome.start, outcome.end)
+    )
     assert task.reward(start, end) < 0.01
     index = end.names.index("block")
     there = end.positions.copy()
@@ -67,12 +73,23 @@ def test_the_scaffold_is_simulated_and_drawn(scaffold, engine):
 
 
 def test_each_of_several_goals_has_its_score_in_a_trial(tmp_path, scaffold):
-    goals = "  - {bodies: [can], away: 0.1, name: can aside}\nevery: true\nsuccess_reward:"
-    task = on_panda(task_of(tmp_path, Path(scaffold).read_text().replace("success_reward:", goals)))
+    goals = (
+        "  - {bodies: [can], away: 0.1, name: can aside}\nevery: true\nsuccess_reward:"
+    )
+    task = on_panda(
+        task_of(tmp_path, Path(scaffold).read_text().replace("success_reward:", goals))
+    )
     home = Candidate(Tool(), np.array([[*task.home.position, 0, 0, 0]]))
-    (evaluation,) = evaluate_batch(task, simulator("mujoco"), [home], 0, RolloutSettings())
-    assert [name for name, _ in evaluation.trials[0].goals] == ["block (goal 0)", "can aside"]
-    assert np.mean([share for _, share in evaluation.trials[0].goals]) == pytest.approx(evaluation.reward)
+    (evaluation,) = evaluate_batch(
+        task, simulator("mujoco"), [home], 0, RolloutSettings()
+    )
+    assert [name for name, _ in evaluation.trials[0].goals] == [
+        "block (goal 0)",
+        "can aside",
+    ]
+    assert np.mean([share for _, share in evaluation.trials[0].goals]) == pytest.approx(
+        evaluation.reward
+    )
 
 
 def test_a_variation_draws_layouts_and_none_ignores_the_seed(scaffold):
@@ -82,8 +99,13 @@ def test_a_variation_draws_layouts_and_none_ignores_the_seed(scaffold):
     assert near.scene(3)["block"] == near.scene(3)["block"]
     places = {tuple(near.scene(seed)["block"].pose.position) for seed in range(20)}
     assert len(places) == 20
-    assert all(0.97 <= x <= 1.03 and 0.07 <= y <= 0.13 and z == 0.04 for x, y, z in places)
-    with pytest.raises(UsageError, match=r"no variation 'nar' in the task PushBlock \(did you mean 'near'\?\)"):
+    assert all(
+        0.97 <= x <= 1.03 and 0.07 <= y <= 0.13 and z == 0.04 for x, y, z in places
+    )
+    with pytest.raises(
+        UsageError,
+        match=r"no variation 'nar' in the task PushBlock \(did you mean 'near'\?\)",
+    ):
         FileTask(scaffold, "nar")
 
 
@@ -92,13 +114,21 @@ def test_a_model_is_shown_the_file(scaffold, tmp_path):
     assert usual == near
     assert "box: [0.08, 0.08, 0.08]" in usual
     assert "variations:" not in usual
-    assert usual.rstrip().endswith("drawn anew in each layout, from the lowest to the highest.")
-    assert "\nhome: {" in task_source(task_of(tmp_path, GOOD + "home: {position: [0.5, 0, 0.5]}\n"))
+    assert usual.rstrip().endswith(
+        "drawn anew in each layout, from the lowest to the highest."
+    )
+    assert "\nhome: {" in task_source(
+        task_of(tmp_path, GOOD + "home: {position: [0.5, 0, 0.5]}\n")
+    )
     assert helpers(FileTask(scaffold)) == ""
 
 
 def test_workers_make_the_same_task(scaffold):
-    part = pickle.loads(pickle.dumps(PluginPart("task", "file", (("file", scaffold), ("variation", "wide")))))
+    part = pickle.loads(
+        pickle.dumps(
+            PluginPart("task", "file", (("file", scaffold), ("variation", "wide")))
+        )
+    )
     task = part.create()
     again = pickle.loads(pickle.dumps(part.create()))
     assert task.name == again.name == "PushBlock"
@@ -119,11 +149,13 @@ def test_a_drawn_start_moves_what_hangs_from_the_joint(tmp_path):
 def test_a_body_may_be_of_parts_with_a_density(tmp_path):
     door = task_of(tmp_path, GOOD).scene(0)["door"]
     assert [type(geom.shape).__name__ for geom in door.collisions] == ["Box", "Sphere"]
-    assert door.mass == pytest.approx(600 * sum(geom.shape.volume for geom in door.collisions))
-    assert door.pose.rpy[2] == pytest.approx(np.pi / 2)
-    text = GOOD.replace("sphere: {radius: 0.04}", "capsule: {radius: 0.04, length: 0.1}").replace(
-        "mass: 0.2", "density: 9"
+    assert door.mass == pytest.approx(
+        600 * sum(geom.shape.volume for geom in door.collisions)
     )
+    assert door.pose.rpy[2] == pytest.approx(np.pi / 2)
+    text = GOOD.replace(
+        "sphere: {radius: 0.04}", "capsule: {radius: 0.04, length: 0.1}"
+    ).replace("mass: 0.2", "density: 9")
     (geom,) = task_of(tmp_path, text).scene(0)["ball"].collisions
     assert geom.shape == Capsule(0.04, 0.1)
 
@@ -131,7 +163,9 @@ def test_a_body_may_be_of_parts_with_a_density(tmp_path):
 def test_a_body_may_be_a_mesh(tmp_path):
     trimesh.creation.box((40, 20, 10)).export(tmp_path / "brick.stl")
     text = GOOD.replace("sphere: {radius: 0.04}", "file: brick.stl\n    scale: 0.001")
-    body = task_of(tmp_path, text.replace("mass: 0.2", "density: 1000")).scene(0)["ball"]
+    body = task_of(tmp_path, text.replace("mass: 0.2", "density: 1000")).scene(0)[
+        "ball"
+    ]
     assert body.mass == pytest.approx(0.008)
     assert isinstance(body.collisions[0].shape, Mesh)
     np.testing.assert_allclose(body.collisions[0].shape.bounds[1], [0.04, 0.02, 0.01])
@@ -142,7 +176,11 @@ def test_what_is_elastic_is_soft(tmp_path):
     """The bodies and goals of the page: at rest as they are, measured by their nodes, drawn anew in each layout."""
     page = Path("docs/scene_files.md").read_text()
     elastic = "elastic: {density: 200, young: 2.0e4}"
-    shown = next(block for block in re.findall(r"```yaml\n(.*?)```", page, re.S) if "elastic" in block)
+    shown = next(
+        block
+        for block in re.findall(r"```yaml\n(.*?)```", page, re.S)
+        if "elastic" in block
+    )
     text = f"name: Soft\ndescription: Press the dough, and bring the rope's end to a place.\n{shown}"
     verdicts = list(examine("task", on_panda(task_of(tmp_path, text, "softer"))))
     assert [verdict.problem for verdict in verdicts if verdict.problem] == []
@@ -154,14 +192,23 @@ def test_what_is_elastic_is_soft(tmp_path):
     assert task.reward(start, done) == pytest.approx(1)
     assert "dough must be at most 0.03 m high" in task.reward_in_words()[0]
     assert "(node 0 of its nodes" in task.reward_in_words()[1]
-    assert "| rope | soft rope, as rubber; held at 1 of its nodes |" in bodies_table(task, 0)
-    young = {task_of(tmp_path, text, "softer").scene(seed)["dough"].elastic.young for seed in range(5)}
+    assert "| rope | soft rope, as rubber; held at 1 of its nodes |" in bodies_table(
+        task, 0
+    )
+    young = {
+        task_of(tmp_path, text, "softer").scene(seed)["dough"].elastic.young
+        for seed in range(5)
+    }
     assert len(young) == 5
     trimesh.creation.icosphere(radius=40).export(tmp_path / "ball.stl")
     mesh = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001")
-    mesh = mesh.replace("mass: 0.2\n    velocity: [0.1, 0, 0]", f"{elastic}\n    counts: [4, 4, 4]")
+    mesh = mesh.replace(
+        "mass: 0.2\n    velocity: [0.1, 0, 0]", f"{elastic}\n    counts: [4, 4, 4]"
+    )
     ball = task_of(tmp_path, mesh).scene(0)["ball"]
-    np.testing.assert_allclose(np.linalg.norm(ball.form.nodes, axis=1).max(), 0.04, rtol=0.01)
+    np.testing.assert_allclose(
+        np.linalg.norm(ball.form.nodes, axis=1).max(), 0.04, rtol=0.01
+    )
     assert ball.mass == pytest.approx(200 * ball.form.volume)
 
 
@@ -197,12 +244,25 @@ def test_files_are_read_once(tmp_path):
 def test_goals_are_described_in_plain_words():
     goals = (
         Goal(joint="drawer", to=0.2, by_s=3, name="open"),
-        Goal(("cube", "other"), place=(0.7, None, 0), at="mark", any=True, after="open", rest=True),
+        Goal(
+            ("cube", "other"),
+            place=(0.7, None, 0),
+            at="mark",
+            any=True,
+            after="open",
+            rest=True,
+        ),
         Goal(untouched=("leaf",), max_force_n=5, keep=("other",)),
     )
     first, second, third, formula, count = describe_goals(goals, every=True)
-    assert first == "0. open: joint drawer must get to 0.2 m or rad; by 3 s after the motion begins"
-    assert "cube or other must get to (0.7, any y, 0) in the frame of mark; must end at rest; after goal open" in second
+    assert (
+        first
+        == "0. open: joint drawer must get to 0.2 m or rad; by 3 s after the motion begins"
+    )
+    assert (
+        "cube or other must get to (0.7, any y, 0) in the frame of mark; must end at rest; after goal open"
+        in second
+    )
     assert "must not press harder than 5 N on leaf" in third
     assert "1 - d / d0" in formula
     assert "mean" in count

@@ -19,7 +19,11 @@ def test_a_class_keeps_its_docstring_and_the_members_that_are_asked_for():
     assert "Raises:" not in text
     assert "restitution: float = 0.0" in text
     assert "def " not in text
-    members = {line.split(":")[0].strip() for line in text.splitlines() if line.startswith("    ")}
+    members = {
+        line.split(":")[0].strip()
+        for line in text.splitlines()
+        if line.startswith("    ")
+    }
     assert set(BODY) <= members
 
 
@@ -85,7 +89,8 @@ def test_helpers_of_another_package(tmp_path, monkeypatch):
 def test_a_source_is_without_what_is_said_elsewhere():
     create = installed().create
     judged, by_goals = (
-        task_source(create("task", name, {"variation": "near"})) for name in ("HangRing", "TwoStations")
+        task_source(create("task", name, {"variation": "near"}))
+        for name in ("HangRing", "TwoStations")
     )
     for text in (judged, by_goals):
         ast.parse(text)

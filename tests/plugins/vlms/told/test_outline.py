@@ -22,15 +22,30 @@ MOUNTED = [
     pytest.param(PANDA, Tool(), id="rigid"),
     pytest.param(PANDA, Tool(gripper=True), id="gripper"),
     pytest.param(PANDA, broom(), id="broom"),
-    pytest.param(replace(UR5, base=Pose.xyz_rpy((0.1, -0.2, 0), (0, 0, 0.5))), broom(), id="six joints, elsewhere"),
+    pytest.param(
+        replace(UR5, base=Pose.xyz_rpy((0.1, -0.2, 0), (0, 0, 0.5))),
+        broom(),
+        id="six joints, elsewhere",
+    ),
 ]
 
 
 def rows(robot, tool):
     """The rows of the table by link, each as a dictionary with the parent."""
     lines = outline(robot, tool).splitlines()[2:]
-    found = [dict(zip(HEAD, [cell.strip() for cell in line.strip("|").split("|")], strict=True)) for line in lines]
-    return {row[HEAD[0]].partition(" on ")[0]: row | {"parent": row[HEAD[0]].partition(" on ")[2]} for row in found}
+    found = [
+        dict(
+            zip(
+                HEAD, [cell.strip() for cell in line.strip("|").split("|")], strict=True
+            )
+        )
+        for line in lines
+    ]
+    return {
+        row[HEAD[0]].partition(" on ")[0]: row
+        | {"parent": row[HEAD[0]].partition(" on ")[2]}
+        for row in found
+    }
 
 
 def rebuilt(robot, tool):
@@ -51,7 +66,14 @@ def rebuilt(robot, tool):
             axis = sign * np.eye(3)["xyz".index(words[-1][-1])]
             etree.SubElement(joint, "axis", xyz=" ".join(map(str, axis)))
             lower, upper = row["range"].split(" to ")
-            etree.SubElement(joint, "limit", lower=lower, upper=upper, velocity=row["speed"], effort="1")
+            etree.SubElement(
+                joint,
+                "limit",
+                lower=lower,
+                upper=upper,
+                velocity=row["speed"],
+                effort="1",
+            )
     return etree.tostring(made, encoding="unicode")
 
 
@@ -59,21 +81,35 @@ def frames(urdf):
     model = pin.buildModelFromXML(urdf)
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.linspace(0.1, 0.9, model.nq))
-    return model, {f.name: data.oMf[i].homogeneous for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
+    return model, {
+        f.name: data.oMf[i].homogeneous
+        for i, f in enumerate(model.frames)
+        if f.type == pin.FrameType.BODY
+    }
 
 
 @pytest.mark.parametrize(("robot", "tool"), MOUNTED)
 def test_frames_and_limits_are_those_of_the_description(robot, tool):
-    (short, shown), (whole, placed) = frames(rebuilt(robot, tool)), frames(assemble(robot, tool, visuals=False))
-    assert set(placed) - set(shown) <= {"panda_hand_tcp"}  # it has no shape, and bears nothing
+    (short, shown), (whole, placed) = (
+        frames(rebuilt(robot, tool)),
+        frames(assemble(robot, tool, visuals=False)),
+    )
+    assert set(placed) - set(shown) <= {
+        "panda_hand_tcp"
+    }  # it has no shape, and bears nothing
     for name, pose in shown.items():
         np.testing.assert_allclose(pose, placed[name], atol=3e-4)
     for name in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit"):
-        np.testing.assert_allclose(getattr(short, name), getattr(whole, name), atol=1e-4)
+        np.testing.assert_allclose(
+            getattr(short, name), getattr(whole, name), atol=1e-4
+        )
 
 
 def box(row):
-    return [np.array([float(word) for word in corner.split()]) for corner in row[HEAD[-1]].split(" to ")]
+    return [
+        np.array([float(word) for word in corner.split()])
+        for corner in row[HEAD[-1]].split(" to ")
+    ]
 
 
 @pytest.mark.parametrize("gripper", [False, True])

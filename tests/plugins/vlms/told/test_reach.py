@@ -28,12 +28,17 @@ def missed(*waypoints):
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 1.3, -1.3])
-@pytest.mark.parametrize(("height", "pitch"), [(0.0, -0.5), (0.1, 0.0), (0.3, 0.5), (0.5, -0.8), (0.5, 0.8)])
+@pytest.mark.parametrize(
+    ("height", "pitch"), [(0.0, -0.5), (0.1, 0.0), (0.3, 0.5), (0.5, -0.8), (0.5, 0.8)]
+)
 def test_a_motion_reaches_both_edges_in_every_direction(height, pitch, azimuth):
     span = REACH[height][pitch]
     x, y = np.cos(azimuth), np.sin(azimuth)
     middle = (span.least + span.most) / 2
-    way = [(r * x, r * y, height, pitch, azimuth) for r in (middle, span.most, max(span.least, 0.02))]
+    way = [
+        (r * x, r * y, height, pitch, azimuth)
+        for r in (middle, span.most, max(span.least, 0.02))
+    ]
     error_m, error_rad = missed(*way)
     assert error_m < 0.005
     assert error_rad < 0.03
@@ -43,7 +48,9 @@ def test_a_motion_reaches_both_edges_in_every_direction(height, pitch, azimuth):
 @pytest.mark.parametrize("height", [0.1, 0.4, 0.8])
 def test_no_other_posture_reaches_farther(height, pitch):
     """From thirty random postures: the outer edge is the arm's, not that of one way to it."""
-    beyond = Pose.xyz_rpy((REACH[height][pitch].most + 0.05, 0.0, height), (0.0, pitch, 0.0))
+    beyond = Pose.xyz_rpy(
+        (REACH[height][pitch].most + 0.05, 0.0, height), (0.0, pitch, 0.0)
+    )
     rng = np.random.default_rng(0)
     found = [ARM.inverse(beyond, rng.uniform(ARM.lower, ARM.upper)) for _ in range(30)]
     assert min(one.error_m + one.error_rad for one in found) > 0.01
@@ -54,7 +61,9 @@ def test_the_reach_is_that_of_the_base(at):
     """Distances go from its axis, ahead of it; heights are the world's."""
     elsewhere = arm_of(replace(PANDA, base=Pose.xyz_rpy(at, (0.0, 0.0, 0.7))))
     reach = compute_reach(elsewhere, (0.0,))
-    assert min(reach) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]  # low ones are out of reach
+    assert (
+        min(reach) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]
+    )  # low ones are out of reach
     for height, row in reach.items():
         if (own := round(height - at[2], 1)) in REACH:
             assert row[0.0] == REACH[own][0.0]
@@ -82,10 +91,18 @@ def test_turns_at_home_end_where_they_say():
             seed = ARM.home_for(HOME)
             for share in np.linspace(0.0, 1.0, 40):
                 solution = ARM.inverse(
-                    Pose.from_rotation(HOME.position, Rotation.from_euler(axis, share * angle)), seed
+                    Pose.from_rotation(
+                        HOME.position, Rotation.from_euler(axis, share * angle)
+                    ),
+                    seed,
                 )
                 seed = solution.joints
                 assert solution.error_rad < 0.02, (axis, angle)
             if abs(angle) < 3.0:
                 beyond = Rotation.from_euler(axis, angle + step)
-                assert ARM.inverse(Pose.from_rotation(HOME.position, beyond), seed).error_rad > 0.02, (axis, angle)
+                assert (
+                    ARM.inverse(
+                        Pose.from_rotation(HOME.position, beyond), seed
+                    ).error_rad
+                    > 0.02
+                ), (axis, angle)

@@ -19,5 +19,11 @@ def test_texts_lose_the_numbers_of_bodies_alone():
 def test_a_way_is_what_the_picture_shows():
     task = installed().create("task", "BringCube")
     sight = Hidden.of(task, 0)
-    assert sight.way(Moved((0.0, 0.0, 0.0005), (0.6, 0.0, 0.1), 0.0)) == "not seen in the picture"
-    assert re.fullmatch(r"in the picture up by \d+ % of its height", sight.way(Moved((0, 0, 0.1), (0.55, 0.0, 0.1), 0)))
+    assert (
+        sight.way(Moved((0.0, 0.0, 0.0005), (0.6, 0.0, 0.1), 0.0))
+        == "not seen in the picture"
+    )
+    assert re.fullmatch(
+        r"in the picture up by \d+ % of its height",
+        sight.way(Moved((0, 0, 0.1), (0.55, 0.0, 0.1), 0)),
+    )

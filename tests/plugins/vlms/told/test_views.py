@@ -23,7 +23,10 @@ pytestmark = pytest.mark.slow
 def corner(pixels):
     """The first column and row of the largest connected area; names hide what is right of the middle."""
     areas, count = label(pixels)
-    own = np.argwhere(areas == 1 + np.argmax([(areas == number).sum() for number in range(1, count + 1)]))
+    own = np.argwhere(
+        areas
+        == 1 + np.argmax([(areas == number).sum() for number in range(1, count + 1)])
+    )
     return own.min(axis=0)[::-1]
 
 
@@ -33,7 +36,9 @@ def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
     render = partial(simulator("mujoco").render, task, seed=5, tool=Tool())
     pictures = {p.name: p for p in calibrated_pictures(task, 5, render)}
     assert list(pictures) == ["scene", "close", "front", "side", "top"]
-    scale_m = float(pictures["top"].caption.split(" mm per pixel")[0].split()[-1]) / 1000
+    scale_m = (
+        float(pictures["top"].caption.split(" mm per pixel")[0].split()[-1]) / 1000
+    )
     drawn = np.asarray(Pillow.open(io.BytesIO(pictures["top"].png))).astype(int)
     assert drawn.shape == (SIZE[1], SIZE[0], 3)
     red = (drawn[..., 0] > 120) & (drawn[..., 1] < 90) & (drawn[..., 2] < 90)
@@ -94,6 +99,8 @@ def test_heights_are_those_of_the_highest_thing_that_is_not_clear():
     glass = thing(Box((0.1, 0.1, 0.3)), (0, 0, 0.15), alpha=0.3)
     found = nearness([table, ball, glass], DOWN, 400, 300)
     assert found[150 - 40, 200 + 80] == pytest.approx(0.2, abs=0.002)
-    assert found[150 - 40, 200 + 80 + 24] == pytest.approx(0.1 + np.sqrt(0.1**2 - 0.06**2), abs=0.003)
+    assert found[150 - 40, 200 + 80 + 24] == pytest.approx(
+        0.1 + np.sqrt(0.1**2 - 0.06**2), abs=0.003
+    )
     assert found[150, 200] == pytest.approx(0.0, abs=1e-9)
     assert np.isnan(found[10, 200])

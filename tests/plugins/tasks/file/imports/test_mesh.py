@@ -36,7 +36,9 @@ def test_a_convex_mesh_is_one_part_with_its_mass_and_size(tmp_path, kind):
     assert body.mass == pytest.approx(0.006 / 8, rel=1e-6)
     middle, size = body.collisions[0].shape.bounds
     np.testing.assert_allclose(middle, [0.25, 0, 0], atol=1e-6)
-    np.testing.assert_allclose(size, [0.05, 0.15, 0.1] if kind == "glb" else [0.05, 0.1, 0.15], atol=1e-6)
+    np.testing.assert_allclose(
+        size, [0.05, 0.15, 0.1] if kind == "glb" else [0.05, 0.1, 0.15], atol=1e-6
+    )
     assert total(body) == pytest.approx(0.006 / 8, rel=1e-6), "faces look outward"
     assert any("z is up" in note for note in made.notes) == (kind == "glb")
 
@@ -56,7 +58,9 @@ def test_parts_of_a_glb_keep_their_colours(tmp_path):
         box = trimesh.creation.box((0.1, 0.1, 0.1))
         material = trimesh.visual.material.PBRMaterial(baseColorFactor=color)
         box.visual = trimesh.visual.TextureVisuals(material=material)
-        scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([number, 0, 0]))
+        scene.add_geometry(
+            box, transform=trimesh.transformations.translation_matrix([number, 0, 0])
+        )
     (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
     body = read_mesh(tmp_path / "two.glb").bodies[0]
     assert {geom.color for geom in body.visuals} == {(1, 0, 0, 1), (0, 0, 1, 1)}
@@ -78,7 +82,9 @@ def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated)
     solids._cut.cache_clear()
     monkeypatch.setattr(solids, "isolated", None)
     (tmp_path / "other.stl").write_bytes((tmp_path / "step.stl").read_bytes())
-    assert len(read_mesh(tmp_path / "other.stl").bodies[0].collisions) == len(body.collisions)
+    assert len(read_mesh(tmp_path / "other.stl").bodies[0].collisions) == len(
+        body.collisions
+    )
 
 
 def _inside(geom, point):
@@ -108,9 +114,24 @@ def stl(*corners):
         ("a.glb", b"glTF....", {}, "can't be read as GLB"),
         ("a.obj", b"v 0 0 0\n", {}, "no triangles|can't be read"),
         ("a.stl", stl([0, 0, 0], [1, 0, 0], [0, 1, 0]), {}, "flat"),
-        ("a.stl", stl([0, 0, 0], [1, 0, 0], [0, np.nan, 0]), {}, "no triangles|no number"),
-        ("a.stl", trimesh.creation.box((100, 200, 300)).export(file_type="stl"), {}, "0.001"),
-        ("a.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl"), {"scale": 1e-6}, "another scale"),
+        (
+            "a.stl",
+            stl([0, 0, 0], [1, 0, 0], [0, np.nan, 0]),
+            {},
+            "no triangles|no number",
+        ),
+        (
+            "a.stl",
+            trimesh.creation.box((100, 200, 300)).export(file_type="stl"),
+            {},
+            "0.001",
+        ),
+        (
+            "a.stl",
+            trimesh.creation.box((1, 1, 1)).export(file_type="stl"),
+            {"scale": 1e-6},
+            "another scale",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_one_clear_line(tmp_path, name, data, options, message):
@@ -179,7 +200,9 @@ def test_too_many_triangles_are_refused(tmp_path, monkeypatch):
 @given(
     data=st.binary(max_size=400),
     kind=st.sampled_from(["obj", "stl", "glb"]),
-    start=st.sampled_from([b"", b"glTF\x02\0\0\0", b"solid a\nfacet", b"v 0 0 1\nf 1 1 9"]),
+    start=st.sampled_from(
+        [b"", b"glTF\x02\0\0\0", b"solid a\nfacet", b"v 0 0 1\nf 1 1 9"]
+    ),
 )
 @settings(max_examples=100, deadline=None)
 def test_wild_bytes_are_cut_or_refused(data, kind, start):

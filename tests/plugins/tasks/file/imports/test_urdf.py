@@ -27,9 +27,18 @@ def read(folder, text, **options):
     return read_urdf(file, **options)
 
 
-def cabinet(limit='<limit lower="0" upper="0.3" effort="1" velocity="1"/>', kind="prismatic", more=""):
+def cabinet(
+    limit='<limit lower="0" upper="0.3" effort="1" velocity="1"/>',
+    kind="prismatic",
+    more="",
+):
     handle = '<origin xyz="0.2 0 0"/>'
-    parts = [link("case"), link("drawer"), link("handle", mass=0.5), joint("glue", "fixed", "drawer", "handle", handle)]
+    parts = [
+        link("case"),
+        link("drawer"),
+        link("handle", mass=0.5),
+        joint("glue", "fixed", "drawer", "handle", handle),
+    ]
     inside = f'<origin xyz="0 0 0.5" rpy="0 0 1.5707963267948966"/><axis xyz="1 0 0"/>{limit}{more}'
     return "".join([*parts, joint("rail", kind, "case", "drawer", inside)])
 
@@ -38,12 +47,24 @@ def test_links_that_are_rigidly_joined_are_one_body_on_its_joint(tmp_path):
     dynamics = '<dynamics damping="3" friction="0.5"/>'
     made = read(tmp_path, cabinet(more=dynamics), prefix="a_")
     case, drawer = made.bodies
-    assert (case.name, case.fixed, drawer.name, drawer.friction) == ("a_case", True, "a_drawer", 0.5)
+    assert (case.name, case.fixed, drawer.name, drawer.friction) == (
+        "a_case",
+        True,
+        "a_drawer",
+        0.5,
+    )
     assert drawer.mass == 2.5
     assert len(drawer.collisions) == 2
-    np.testing.assert_allclose((drawer.pose @ drawer.collisions[1].pose).position, [0, 0.2, 0.5], atol=1e-9)
+    np.testing.assert_allclose(
+        (drawer.pose @ drawer.collisions[1].pose).position, [0, 0.2, 0.5], atol=1e-9
+    )
     (rail,) = made.joints
-    assert (rail.name, rail.kind, rail.body, rail.parent) == ("a_rail", "slider", "a_drawer", "a_case")
+    assert (rail.name, rail.kind, rail.body, rail.parent) == (
+        "a_rail",
+        "slider",
+        "a_drawer",
+        "a_case",
+    )
     assert (rail.lower, rail.upper, rail.damping, rail.friction) == (0, 0.3, 3, 0.5)
     assert any("effort" in note for note in made.notes)
 
@@ -54,7 +75,12 @@ def test_without_a_fixed_root_all_can_move(tmp_path):
 
 
 def test_a_root_without_shapes_is_the_world(tmp_path):
-    made = read(tmp_path, '<link name="world"/>' + link("door") + joint("hinge", "continuous", "world", "door"))
+    made = read(
+        tmp_path,
+        '<link name="world"/>'
+        + link("door")
+        + joint("hinge", "continuous", "world", "door"),
+    )
     assert [body.name for body in made.bodies] == ["door"]
     assert (made.joints[0].parent, made.joints[0].limited) == (None, False)
 
@@ -82,13 +108,19 @@ def test_what_is_left_out_or_changed_is_said(tmp_path, text, note):
 
 
 def mesh(name, tag="collision"):
-    return f'<{tag}><geometry><mesh filename="{name}" scale="2 2 2"/></geometry></{tag}>'
+    return (
+        f'<{tag}><geometry><mesh filename="{name}" scale="2 2 2"/></geometry></{tag}>'
+    )
 
 
 def test_meshes_of_its_folder_are_read(tmp_path):
     (tmp_path / "model").mkdir()
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "model" / "box.obj")
-    inside = mesh("package://model/box.obj") + mesh("model/box.obj", "visual") + mesh("model/box.dae", "visual")
+    inside = (
+        mesh("package://model/box.obj")
+        + mesh("model/box.obj", "visual")
+        + mesh("model/box.dae", "visual")
+    )
     (tmp_path / "model" / "box.dae").write_text("")
     made = read(tmp_path, link("crate", inside), fixed=False)
     (body,) = made.bodies
@@ -102,16 +134,28 @@ def test_meshes_of_its_folder_are_read(tmp_path):
     [
         ("<", "malformed"),
         (link("a&#10;b"), "is not 1 to 64 letters"),
-        (link("a") + link("b", mass=1e5) + joint("j", "floating", "a", "b"), "'b' has 1e.05 kg"),
+        (
+            link("a") + link("b", mass=1e5) + joint("j", "floating", "a", "b"),
+            "'b' has 1e.05 kg",
+        ),
         (link("a", BOX.replace("0.2", "100000")), "'a' .* 20 m"),
-        (link("a", BOX.replace("0.2", "5e-324")), "'a' has a collision shape of 4.94e-324 m; at least 1e-06 m"),
+        (
+            link("a", BOX.replace("0.2", "5e-324")),
+            "'a' has a collision shape of 4.94e-324 m; at least 1e-06 m",
+        ),
         (cabinet('<limit lower="0" upper="900000"/>'), "its range"),
         (link("a", mesh("/etc/passwd")), "no kind"),
         (link("a", mesh("../outside.stl")), "is not in folder"),
         (link("a", mesh("http://x.org/a.stl")), "http:// is not read"),
         (link("a", mesh("missing.stl")), "no mesh file"),
-        (link("a", mesh("missing&#10;line.stl")), r"no mesh file .*missing\\nline.stl \(named"),
-        (link("a") + link("b", "") + joint("j", "floating", "a", "b"), "no collision shape"),
+        (
+            link("a", mesh("missing&#10;line.stl")),
+            r"no mesh file .*missing\\nline.stl \(named",
+        ),
+        (
+            link("a") + link("b", "") + joint("j", "floating", "a", "b"),
+            "no collision shape",
+        ),
         (link("a") + link("b", mass=0) + joint("j", "floating", "a", "b"), "no mass"),
         (cabinet('<limit lower="1" upper="0"/>'), "exchange them"),
         (cabinet(more='<dynamics damping="-1"/>'), "damping must be"),
@@ -141,7 +185,9 @@ def trees(draw):
         above = f"link{draw(st.integers(0, number - 1))}"
         limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
         kind = draw(st.sampled_from(kinds))
-        text += link(f"link{number}") + joint(f"joint{number}", kind, above, f"link{number}", origin + limit)
+        text += link(f"link{number}") + joint(
+            f"joint{number}", kind, above, f"link{number}", origin + limit
+        )
     return text
 
 
@@ -161,11 +207,17 @@ def test_links_and_axes_are_where_pinocchio_has_them(tmp_path_factory, text):
     for name, body in bodies.items():
         frame = data.oMf[model.getFrameId(name)]
         np.testing.assert_allclose(body.pose.position, frame.translation, atol=1e-9)
-        np.testing.assert_allclose(body.pose.rotation.as_matrix(), frame.rotation, atol=1e-9)
+        np.testing.assert_allclose(
+            body.pose.rotation.as_matrix(), frame.rotation, atol=1e-9
+        )
     assert {joint.name for joint in made.joints} == set(model.names) - {"universe"}
     for made_joint in made.joints:
         number = model.getJointId(made_joint.name)
-        moved = pinocchio.getJointJacobian(model, data, number, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        moved = pinocchio.getJointJacobian(
+            model, data, number, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
         moved = moved.reshape(6, -1)[:, model.joints[number].idx_v]
         axis = bodies[made_joint.body].pose.rotation.apply(made_joint.axis)
-        np.testing.assert_allclose(moved[:3] if made_joint.kind == "slider" else moved[3:], axis, atol=1e-9)
+        np.testing.assert_allclose(
+            moved[:3] if made_joint.kind == "slider" else moved[3:], axis, atol=1e-9
+        )
