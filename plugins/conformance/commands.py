@@ -15,7 +15,8 @@ from plugins.conformance.checking import expect
 def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:
     """Call the command with one word; return its exit status and what it prints."""
     status: object
-    given, output = sys.argv, io.StringIO()
+    output = io.StringIO()
+    given = sys.argv
     sys.argv = [part.name, word]  # Hydra reads and changes them
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(io.StringIO()):
         try:

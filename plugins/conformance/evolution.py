@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -47,7 +49,9 @@ class FreeDesigner:
                 yield Candidate(rigid(), Waypoints(plan), generation, agent, 0, action)
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
-        elites = {id(elite): elite for team in teams for elite in team.elites}
+        elites: dict[int, Evaluation] = {}
+        for team in teams:
+            elites |= {id(elite): elite for elite in team.elites}
         return self.design(generation, list(elites.values()))
 
     def parameters(self, candidate: Candidate) -> Numbers:
@@ -103,11 +107,11 @@ def check_each_generation_has_candidates(make: Make) -> None:
     generations = search(make)
     for number, candidates in enumerate(generations):
         expect(candidates, f"generation {number} has no candidates")
-    ids = [candidate.id for candidates in generations for candidate in candidates]
-    twice = sorted({one for one in ids if ids.count(one) > 1})
+    counts = Counter(candidate.id for candidate in chain(*generations))
+    shared = ", ".join(sorted(name for name, count in counts.items() if count > 1))
     expect(
-        not twice,
-        f"candidates of one run share the ids {', '.join(twice)}; number generations",
+        not shared,
+        f"candidates of one run share the ids {shared}; number generations",
     )
 
 
@@ -131,14 +135,20 @@ def check_generations_may_be_empty_or_broken(make: Make) -> None:
     )
 
 
+def _contents(generations: Iterable[Sequence[Candidate]]) -> list[list[str]]:
+    """What the candidates of each generation consist of."""
+    contents = []
+    for candidates in generations:
+        contents.append([candidate.content for candidate in candidates])
+    return contents
+
+
 def check_the_same_again(make: Make) -> None:
     """The same evaluations give the same candidates, so that a run can be repeated and resumed."""
-    one, other = (search(make) for _ in range(2))
-    same = [[c.content for c in generation] for generation in one] == [
-        [c.content for c in g] for g in other
-    ]
+    first = _contents(search(make))
+    second = _contents(search(make))
     expect(
-        same,
+        first == second,
         "the same evaluations gave different candidates; draw from a seed that is a setting",
     )
 

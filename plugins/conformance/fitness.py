@@ -59,10 +59,8 @@ def scores(make: Make) -> Iterator[Score]:
 
 def check_it_names_conditions(make: Make) -> None:
     fitness = make(condition())
-    expect(
-        isinstance(said := fitness.instructions(), str),
-        f"instructions returned {said!r}, not a text",
-    )
+    text = fitness.instructions()
+    expect(isinstance(text, str), f"instructions returned {text!r}, not a text")
     for what, found in {
         "conditions": fitness.conditions(),
         "unseen": fitness.unseen(),
@@ -118,10 +116,11 @@ def check_scores_are_rewards(make: Make) -> None:
 
 
 def check_the_same_trials_score_the_same(make: Make) -> None:
-    one, other = ([score.reward for score in scores(make)] for _ in range(2))
+    first = [score.reward for score in scores(make)]
+    second = [score.reward for score in scores(make)]
     expect(
-        one == other,
-        f"the same trials scored {one}, then {other}; a score follows from the trials alone",
+        first == second,
+        f"the same trials scored {first}, then {second}; a score follows from the trials alone",
     )
 
 

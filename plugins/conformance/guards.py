@@ -32,7 +32,10 @@ from plugins.conformance.worlds import (
     stick,
 )
 
-_STICK, _TOP, _FROM, _SPEED = 0.2, 0.1, 0.35, 0.05  # metres, and m/s
+_STICK = 0.2  # m
+_TOP = 0.1  # m: of the block
+_FROM = 0.35  # m: the height from which it is touched
+_SPEED = 0.05  # m/s
 _STOP_M = 0.003  # within so much of the wall a touch ends: the way in two readings, and what the contact yields
 _STRONG_N = 40.0  # friction holds the cube with 5 N
 
@@ -47,15 +50,11 @@ def _played(
     """Play waypoints (N, 6), each approached slowly, with guards; literal ones are the same wherever a guard ends."""
     if not simulator.supports_guards:
         raise LeftOut("it plays no motions with guards")
-    count, task, settings = (
-        len(rows),
-        _Home(*bodies),
-        RolloutSettings(feel=Feel(noise=0.05)),
-    )
-    tempo = replace(
-        Tempo.usual(count),
-        speeds=np.where([guard is None for guard in guards], np.nan, _SPEED),
-    )
+    task = _Home(*bodies)
+    settings = RolloutSettings(feel=Feel(noise=0.05))
+    unguarded = [guard is None for guard in guards]
+    speeds = np.where(unguarded, np.nan, _SPEED)
+    tempo = replace(Tempo.usual(len(rows)), speeds=speeds)
     plan = Waypoints(rows, tempo, guards)
     motion = plan_task_motion(plan, task, settings)
     playing = PlannedGuards(plan, plan, motion, task, 0, settings)
@@ -72,25 +71,23 @@ def _rows(*places: tuple[float, float, float]) -> Array:
 def _mount(outcome: Outcome, at_s: float) -> Array:
     """Where the mount was at an instant."""
     recording = film(outcome)
-    place: Array = arm().positions(
-        recording.arm[[int(np.searchsorted(recording.times[:-1], at_s - 1e-6))]]
-    )[0]
+    instant = int(np.searchsorted(recording.times[:-1], at_s - 1e-6))
+    place: Array = arm().positions(recording.arm[[instant]])[0]
     return place
 
 
 def check_that_touch_ends_at_a_wall(simulator: Simulator) -> None:
     """Two guards in a row: down until touched, up, and down again; each ends where the block begins."""
     block = make_body("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2))
-    high, low = (0.55, 0.0, _FROM), (0.55, 0.0, _STICK + _TOP / 2)
+    high = (0.55, 0.0, _FROM)
+    low = (0.55, 0.0, _STICK + _TOP / 2)
     touch = Guard("touch")
     outcome = _played(
         simulator, _rows(high, low, high, low), (None, touch, None, touch), block
     )
     _expect_fired(outcome, "touch", "touch")
-    ends = [
-        _mount(outcome, at_s)[2]
-        for at_s in (*(felt.at_s for felt in outcome.felt), np.inf)
-    ]
+    instants = [felt.at_s for felt in outcome.felt]
+    ends = [_mount(outcome, at_s)[2] for at_s in (*instants, np.inf)]
     near(
         "where two touches of a block end, and the arm rests, m",
         ends,

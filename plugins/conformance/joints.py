@@ -28,15 +28,18 @@ from plugins.conformance.worlds import (
 
 _TOP = np.array([FAR[0], FAR[1], 1.0])  # of a scene's rod that hangs
 _STEP_S = 1e-4  # of the equation of motion
-_LONG, _WIDE, _ROD_KG = 0.2, 0.01, 0.1  # of a rod that hangs from its end
+_LONG = 0.2  # m: of a rod that hangs from its end
+_WIDE = 0.01  # m
+_ROD_KG = 0.1
 _ACROSS = (1.0, 0.0, 0.0)  # the axis of its hinge
 _END = (0.0, 0.0, _LONG / 2)
 _BLOCK_KG = 0.2
 _LEANING = (0.0, 0.6, 0.8)  # the axis of a slider, which holds a load across it
+# Of the weight: of a level rod, N m, or along the slider, N.
 _PULL = {
     "hinge": _ROD_KG * GRAVITY * _LONG / 2,
     "slider": 0.8 * _BLOCK_KG * GRAVITY,
-}  # of a level rod, N m, or N
+}
 _INERTIA = {
     "hinge": _ROD_KG * ((_LONG**2 + _WIDE**2) / 12 + (_LONG / 2) ** 2),
     "slider": _BLOCK_KG,
@@ -68,12 +71,11 @@ class Release:
         step = _STEP_S / _INERTIA[joint.kind]
         most = joint.friction * step  # that friction changes the speed by in a step
         for _ in range(round(self.seconds / _STEP_S)):
-            pull = _PULL[joint.kind] * (
-                math.sin(value) if joint.kind == "hinge" else 1.0
-            )
-            speed += (
-                joint.stiffness * (joint.rest - value) - joint.damping * speed - pull
-            ) * step
+            pull = _PULL[joint.kind]
+            if joint.kind == "hinge":
+                pull *= math.sin(value)
+            spring = joint.stiffness * (joint.rest - value)
+            speed += (spring - joint.damping * speed - pull) * step
             speed -= min(max(speed, -most), most)
             inside = joint.lower <= value + speed * _STEP_S <= joint.upper
             speed *= inside
@@ -121,11 +123,11 @@ def hinged(tilt: float, joint: ToolJoint) -> Tool:
     """A post with a rod on a hinge at its side, the rod turned by ``tilt`` radians about x from hanging straight."""
     post = box("post", (0.03, 0.02, 0.1), (0.0, 0.0, -0.05), mass=0.05)
     half = _LONG / 2
-    at = Pose.xyz_rpy(
-        (0.02, half * math.sin(tilt), -0.05 - half * math.cos(tilt)), (tilt, 0.0, 0.0)
-    )
+    middle = (0.02, half * math.sin(tilt), -0.05 - half * math.cos(tilt))
+    pose = Pose.xyz_rpy(middle, (tilt, 0.0, 0.0))
     size = Box((_WIDE, _WIDE, _LONG))
-    return Tool((post, Component("rod", "post", at, size, _ROD_KG, joint=joint)))
+    rod = Component("rod", "post", pose, size, _ROD_KG, joint=joint)
+    return Tool((post, rod))
 
 
 def hinge(lower: float = -3.0, upper: float = 3.0, **resisting: Any) -> ToolJoint:
@@ -163,11 +165,10 @@ def check_joints_of_tools_move_as_formulas_say(simulator: Simulator) -> None:
     """The arm holds them; they are held until the motion begins."""
     for case in RELEASES:
         tool = _tool(case.joint)
-        recording = film(
-            wait(
-                simulator, tool=tool, seconds=case.seconds, settle_s=0.2, record_hz=100
-            )
+        outcome = wait(
+            simulator, tool=tool, seconds=case.seconds, settle_s=0.2, record_hz=100
         )
+        recording = film(outcome)
         what = f"a {case.joint.kind} of a tool that {case.what}, rad or m"
         near(what, recording.fingers[:, -1], case.follow(recording.times), case.within)
 
@@ -186,11 +187,9 @@ _BLOCK = cube("block", (FAR[0], FAR[1], 2.0), mass=_BLOCK_KG)  # high above the 
 def check_joints_of_scenes_move_as_formulas_say(simulator: Simulator) -> None:
     """A hinge's rod hangs from a fixed body that it overlaps."""
     for case in RELEASES:
-        bodies = (
-            (_POST, _rod("rod", case.joint.start))
-            if case.joint.kind == "hinge"
-            else (_BLOCK,)
-        )
+        bodies: tuple[Body, ...] = (_BLOCK,)
+        if case.joint.kind == "hinge":
+            bodies = (_POST, _rod("rod", case.joint.start))
         played = play(simulator, Scene(bodies, (case.joint,)), case.seconds)
         way = played.states.joint(case.joint.name).position - case.joint.start
         what = f"a {case.joint.kind} of a scene that {case.what}, rad or m"
@@ -205,36 +204,25 @@ def check_chain_stays_together(simulator: Simulator) -> None:
     hinge = Joint("upper", "hinge", "upper", None, _ACROSS, _END)
     ball = Joint("lower", "ball", "lower", "upper", _ACROSS, _END)
     states = play(simulator, Scene((top, bottom), (hinge, ball)), 2.0).states
-    between(
-        "the largest speed of a chain that swings, m/s",
-        states.linear_velocities.max(),
-        1.0,
-    )
+    fastest = states.linear_velocities.max()
+    between("the largest speed of a chain that swings, m/s", fastest, 1.0)
     for number in range(0, 200, 10):
         upper = states[number].pose("upper")
         lower = states[number].pose("lower")
         near("where the top of a chain is, m", upper.apply(_END), _TOP, 0.001)
-        near(
-            "where the middle of a chain is, m",
-            lower.apply(_END),
-            upper.apply(np.negative(_END)),
-            0.001,
-        )
+        middle = upper.apply(np.negative(_END))
+        near("where the middle of a chain is, m", lower.apply(_END), middle, 0.001)
 
 
 def _check_together(states: State) -> None:
     """Check that bodies are where their joints' values and their parents have them: they have no other motion."""
     for name, placed in states.joints.items():
         value = states.joint(name).position
-        due = placed.carry(
-            value, np.zeros_like(value), states.placement(placed.joint.parent)
-        )
-        near(
-            f"where the body of joint {name!r} is, m",
-            states.position(placed.joint.body),
-            due.position,
-            0.001,
-        )
+        parent = states.placement(placed.joint.parent)
+        due = placed.carry(value, np.zeros_like(value), parent)
+        position = states.position(placed.joint.body)
+        what = f"where the body of joint {name!r} is, m"
+        near(what, position, due.position, 0.001)
 
 
 def _value(joint: str) -> Measure:
@@ -249,15 +237,8 @@ def check_latch_opens_at_its_force() -> Iterator[Case]:
     hangs = -width / math.pi * math.asin(1 / 1.03)
     for share, due, within in ((1.03, hangs, 0.001), (0.97, -0.275, 0.225)):
         latch = Latch(0.0, share * _BLOCK_KG * GRAVITY, width)
-        joint = Joint(
-            "s",
-            "slider",
-            "block",
-            lower=-0.5,
-            upper=0.5,
-            damping=20.0,
-            latches=(latch,),
-        )
+        free = Joint("s", "slider", "block", lower=-0.5, upper=0.5, damping=20.0)
+        joint = replace(free, latches=(latch,))
         what = f"where a block hangs from a latch of {share} times its weight, m"
         yield Case(what, (_BLOCK,), _value("s"), due, within, 3.0, (joint,))
 
@@ -265,9 +246,8 @@ def check_latch_opens_at_its_force() -> Iterator[Case]:
 def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
     """A gate waits until the motion begins, follows its drive, and begins again."""
     drive = Drive((0.0, 0.5, 1.0), (0.1, 0.3, 0.1), 200.0, repeats=True)
-    lag = (
-        0.4 / 50.0
-    )  # m or rad: what the slowest servo that is allowed trails behind at its speed
+    # m or rad: what the slowest servo that is allowed trails behind at its speed.
+    lag = 0.4 / 50.0
     joint = Joint("gate", "slider", "block", start=0.1, drive=drive)
     played = play(simulator, Scene((_BLOCK,), (joint,)), 2.0, settle_s=0.3)
     found = played.states.joint("gate").position
@@ -277,23 +257,13 @@ def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
 def check_launched_body_flies(simulator: Simulator) -> None:
     """A cube rests until the motion begins; then it flies along its parabola and spins as it was told."""
     velocity = np.array([1.0, 0.5, 3.0])
-    thrown = replace(
-        cube("cube", (FAR[0], FAR[1], 0.0501)),
-        velocity=tuple(velocity),
-        spin=(0.0, 0.0, 4.0),
-    )
+    spin = (0.0, 0.0, 4.0)
+    resting = cube("cube", (FAR[0], FAR[1], 0.0501))
+    thrown = replace(resting, velocity=tuple(velocity), spin=spin)
     played = play(simulator, Scene((ground(), thrown)), 0.5, settle_s=0.3)
 
     due = thrown.pose.position + velocity * 0.5 + [0, 0, -GRAVITY / 2 * 0.5**2]
-    near(
-        "where a cube is 0.5 s after its launch, m",
-        played.states.position("cube")[-1],
-        due,
-        0.03,
-    )
-    near(
-        "the spin of a launched cube, rad/s",
-        played.states.angular_velocities[-1, 0],
-        (0.0, 0.0, 4.0),
-        0.08,
-    )
+    position = played.states.position("cube")[-1]
+    near("where a cube is 0.5 s after its launch, m", position, due, 0.03)
+    turning = played.states.angular_velocities[-1, 0]
+    near("the spin of a launched cube, rad/s", turning, spin, 0.08)

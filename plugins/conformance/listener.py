@@ -64,7 +64,8 @@ def script(
         for kind, node in config.items()
         if isinstance(node, dict) and "name" in node
     }
-    task, tools = installed().create("task", name), LengthOnly()
+    task = installed().create("task", name)
+    tools = LengthOnly()
     run = Run(folder, config, parts, "a model", task, tools, budget, 0, simulator)
     events: list[tuple[str, dict[str, Any]]] = [("run_started", {"run": run})]
     generations: list[Generation] = []

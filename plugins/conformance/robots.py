@@ -25,17 +25,14 @@ _SPREAD = 1.5
 _WHOLE = 0.02  # radians between the axes of the mount at home and the world's
 _ROOM = 0.01  # radians between home and the limits
 _LINES = 200
-_LINE_M, _LINE_RAD = (
-    (0.3, 0.4, 0.3),
-    (0.4, 0.8, 0.8),
-)  # the farthest end of a line from home, by axis
+_LINE_M = (0.3, 0.4, 0.3)  # the farthest end of a line from home, by axis
+_LINE_RAD = (0.4, 0.8, 0.8)
 _KNOTS = 33  # of a line, some 2 cm apart, as in motions
 _REACHED = (0.003, 0.02)  # m, and radians
-_LAG_RAD, _END_M, _REST_RAD = (
-    0.02,
-    1e-3,
-    2e-3,
-)  # as for the default robot in every engine
+# As for the default robot in every engine.
+_LAG_RAD = 0.02
+_END_M = 1e-3
+_REST_RAD = 2e-3
 _LEAST_REACHED = 0.4  # of lines around home
 
 
@@ -64,11 +61,8 @@ def check_home_points_the_mount_down(robot: Robot) -> None:
             f"home of {name!r} within its limits, rad", here, low + _ROOM, high - _ROOM
         )
     turn = robot.base.rotation.inv() * arm.forward(arm.home).rotation
-    between(
-        "the turn of the mount at home from the base's axes, rad",
-        turn.magnitude(),
-        high=_WHOLE,
-    )
+    what = "the turn of the mount at home from the base's axes, rad"
+    between(what, turn.magnitude(), high=_WHOLE)
 
 
 def check_inertias_are_physical(robot: Robot) -> None:
@@ -84,10 +78,8 @@ def check_inertias_are_physical(robot: Robot) -> None:
             continue
         moments = np.linalg.eigvalsh(tensor)
         real = moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - 1e-6)
-        expect(
-            real,
-            f"inertias {', '.join(map('{:g}'.format, moments))} of {name!r}: no body has",
-        )
+        written = ", ".join(f"{moment:g}" for moment in moments)
+        expect(real, f"inertias {written} of {name!r}: no body has")
 
         middles, halves = np.swapaxes(bounds, 0, 1)
         low = np.min(middles - halves, axis=0)
@@ -95,17 +87,13 @@ def check_inertias_are_physical(robot: Robot) -> None:
         away = np.linalg.norm(center - (low + high) / 2)
         spread = np.sqrt(moments[2] / mass + away**2)
         most = _SPREAD * float(np.linalg.norm(high - low))
-        between(
-            f"how far the mass of {name!r} lies from the middle of its shapes on average, m",
-            spread,
-            high=most,
-        )
+        what = f"how far the mass of {name!r} lies from the middle of its shapes on average, m"
+        between(what, spread, high=most)
 
 
 def _still(robot: Robot) -> JointTrajectory:
-    return JointTrajectory(
-        np.zeros(1), arm_of(robot).home[None], np.array([robot.opening_m])
-    )
+    joints = arm_of(robot).home[None]
+    return JointTrajectory(np.zeros(1), joints, np.array([robot.opening_m]))
 
 
 def check_straight_lines_are_reached(robot: Robot) -> str:
@@ -118,26 +106,25 @@ def check_straight_lines_are_reached(robot: Robot) -> str:
         way = rng.uniform(-1, 1, 3) * _LINE_M
         turn = rng.uniform(-1, 1, 3) * _LINE_RAD
         share = np.linspace(0.0, 1.0, _KNOTS)[1:, None]
+        positions = home.position + share * way
         rotations = Rotation.from_rotvec(share * turn) * home.rotation
-        _, errors = arm.follow(
-            home.position + share * way, rotations.as_matrix(), arm.home
-        )
+        _, errors = arm.follow(positions, rotations.as_matrix(), arm.home)
         reached = np.all(errors < _REACHED, axis=1)
         shares.append(np.argmin([*reached, False]) / len(reached))
     mean = float(np.mean(shares))
     mend = "choose a home away from limits and from an outstretched arm"
-    between(
-        f"the share of lines around home that is reached ({mend})", mean, _LEAST_REACHED
-    )
+    what = f"the share of lines around home that is reached ({mend})"
+    between(what, mean, _LEAST_REACHED)
     return f"{mean:.0%} of lines reached"
 
 
 def check_every_engine_tracks_a_trajectory(robot: Robot) -> str:
     """Without contact the arm follows a motion with the error that simulators are allowed for the default robot."""
-    return ", ".join(
-        f"{name} {follow(simulator, robot, f'in {name} '):.4f} rad"
-        for name, simulator in _engines()
-    )
+    lags = []
+    for name, simulator in _engines():
+        lag = follow(simulator, robot, f"in {name} ")
+        lags.append(f"{name} {lag:.4f} rad")
+    return ", ".join(lags)
 
 
 def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
@@ -152,18 +139,10 @@ def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
     targets, _ = planned.trajectory.sample(recording.times)
     lag = float(np.abs(recording.arm - targets).max())
     between(f"{where}how far the arm is off its trajectory, rad", lag, high=_LAG_RAD)
-    near(
-        f"{where}the tracking error, rad",
-        outcome.tracking_error_rad,
-        lag,
-        max(2e-3, 0.5 * lag),
-    )
-    near(
-        f"{where}where the end-effector ends, m",
-        arm.forward(recording.arm[-1]).position,
-        plan[-1, :3],
-        _END_M,
-    )
+    error = outcome.tracking_error_rad
+    near(f"{where}the tracking error, rad", error, lag, max(2e-3, 0.5 * lag))
+    end = arm.forward(recording.arm[-1]).position
+    near(f"{where}where the end-effector ends, m", end, plan[-1, :3], _END_M)
     return lag
 
 
@@ -194,9 +173,7 @@ def hold(simulator: Simulator, robot: Robot, tool: Tool, what: str) -> float:
 @lru_cache(maxsize=1)
 def _engines() -> tuple[tuple[str, Simulator], ...]:
     """Make every engine that is installed and plays one job at a time."""
-    found = tuple(
-        (name, simulator) for name, simulator in simulators() if simulator.batch == 1
-    )
+    found = tuple(named for named in simulators() if named[1].batch == 1)
     expect(found, "no simulator plays one job at a time; a check needs one")
     return found
 

@@ -39,14 +39,12 @@ Check = Callable[[Any], str | None]
 
 def _checks(*modules: ModuleType) -> tuple[Check, ...]:
     """The checks that the modules define, in order."""
-    named = (
-        (module, name, f) for module in modules for name, f in vars(module).items()
-    )
-    return tuple(
-        f
-        for module, name, f in named
-        if name.startswith("check_") and f.__module__ == module.__name__
-    )
+    checks: list[Check] = []
+    for module in modules:
+        for name, value in vars(module).items():
+            if name.startswith("check_") and value.__module__ == module.__name__:
+                checks.append(value)
+    return tuple(checks)
 
 
 SUITES = {
@@ -100,16 +98,15 @@ def _make(part: PluginPart, *given: object) -> Any:
 def examine(kind: str, checked: Any) -> Iterator[Verdict]:
     """Yield the verdict of each check of a kind on an object, as `subject` makes it, when the check ends."""
     for check in SUITES[kind]:
-        began, problem, remark = time.perf_counter(), None, None
+        began = time.perf_counter()
+        problem = None
+        remark = None
         try:
             remark = check(checked)
         except LeftOut as reason:
             remark = f"left out: {reason}"
         except RAISED as error:  # anything that the part's code raises is a result
-            problem = (
-                str(error)
-                if isinstance(error, AssertionError)
-                else describe_error(error)
-            )
+            failed = isinstance(error, AssertionError)
+            problem = str(error) if failed else describe_error(error)
         name = check.__name__.removeprefix("check_").replace("_", " ")
         yield Verdict(name, time.perf_counter() - began, problem, remark)

@@ -140,12 +140,11 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
             joined = frozenset((other.name, body.name)) in scene.joined
             if joined or (other.fixed and body.fixed):
                 continue
-            gaps = [
-                gap
-                for solid in body_solids(body)
-                for _, gap in Obstacles(body_solids(other)).gaps(solid, 0.0)
-            ]
-            deep = -min(gaps, default=0.0)
+            obstacles = Obstacles(body_solids(other))
+            deep = 0.0
+            for solid in body_solids(body):
+                for _, gap in obstacles.gaps(solid, 0.0):
+                    deep = max(deep, -gap)
             what = f"with seed {seed} {body.name!r} starts {1000 * deep:.1f} mm inside {other.name!r}"
             expect(
                 deep < MAX_OVERLAP_M,

@@ -6,6 +6,9 @@ read tools.
 
 from __future__ import annotations
 
+from itertools import product
+from typing import Any
+
 from core.design import Tool
 from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
@@ -119,5 +122,7 @@ def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) 
         return
     fields = representation.schema()
     sound = representation.dump(rigid())
-    documents = ({}, *({**sound, name: value} for name in fields for value in WILD))
+    documents: list[dict[str, Any]] = [{}]
+    for name, value in product(fields, WILD):
+        documents.append({**sound, name: value})
     read_or_refused(representation.parse, Tool, documents)
