@@ -98,6 +98,7 @@ def _hull(vertices: bytes) -> Any:
     return hull(trimesh.PointCloud(np.frombuffer(vertices).reshape(-1, 3)))
 
 
+@lru_cache(maxsize=8)
 def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
     """Return the solids of the links in the joints' frames; 0 is that of links that never move."""
     links = robot_model(robot, tool).links

@@ -1,7 +1,8 @@
 """Find where a joint trajectory drives the arm through itself, or the tool through the arm.
 
 Engines can't say: in none of them do the arm's links touch each other. All is computed from the robot's description
-and its collision shapes, with Pinocchio and Coal, so that the answer is the same for every engine.
+and its collision shapes, with Pinocchio and Coal, so that the answer is the same for every engine. docs/checks.md has
+the steps.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 import pinocchio as pin
@@ -34,7 +35,8 @@ DEEP_M = 0.005
 # The same for links of the gripper and the link two joints before it, whose hull has the largest hollow.
 DEEP_NEAR_M = 0.02
 # Limits of joints keep links apart that are joined by fewer than three; what hangs on the flange, by fewer than two.
-_APART, _APART_ON_FLANGE = 3, 2
+_APART = 3
+_APART_ON_FLANGE = 2
 
 STEP = 0.02  # between two looks: what all joints turn (rad) or slide (m, times `_PER_METRE`) in sum
 _PER_METRE = 20.0
@@ -93,21 +95,18 @@ class SolidPairs:
         for pair in limits:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
         self._data = pin.GeometryData(self._geometry)
-        for request, deep in zip(
-            self._data.collisionRequests, limits.values(), strict=True
-        ):
+        requests = self._data.collisionRequests
+        for request, deep in zip(requests, limits.values(), strict=True):
             request.security_margin = -deep
+        self._near = pin.BroadPhaseManager_NaiveCollisionManager(
+            robot.model, self._geometry, self._data
+        )
 
     def collide(self, joints: Array) -> bool:
-        """Report whether two are deeper in each other than is allowed."""
+        """Report whether two are deeper in each other than is allowed; only those whose boxes overlap are measured."""
         return bool(
             pin.computeCollisions(
-                self._robot.model,
-                self._robot.data,
-                self._geometry,
-                self._data,
-                joints,
-                True,
+                self._robot.model, self._robot.data, self._near, joints, True
             )
         )
 
@@ -129,39 +128,41 @@ def find_self_collision(
     hangs on one finger with what hangs on the other: fingers close until they meet something.
     """
     pairs = self_pairs(robot, tool)
-    joints = joint_values(
-        robot, tool, trajectory.arm, finger_values(robot, tool, trajectory.fingers)
-    )
-    turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1) + _PER_METRE * np.abs(
-        np.diff(trajectory.fingers)
-    )
-    travel = np.append(0.0, np.cumsum(turned))
-    looks = np.linspace(0.0, travel[-1], int(travel[-1] / STEP) + 2)
-    rows = np.interp(
-        looks, travel, np.arange(len(travel))
-    )  # of the targets, with fractions
-    seen = np.stack(
-        [np.interp(rows, np.arange(len(joints)), values) for values in joints.T], axis=1
-    )
-    first = next(
-        (look for look, values in enumerate(seen) if pairs.collide(values)), None
-    )
+    fingers = finger_values(robot, tool, trajectory.fingers)
+    joints = joint_values(robot, tool, trajectory.arm, fingers)
+    numbers = np.arange(len(joints))
+    rows = _choose_rows(trajectory)
+    looks = np.column_stack([np.interp(rows, numbers, values) for values in joints.T])
+    collisions = (k for k, look in enumerate(looks) if pairs.collide(look))
+    first = next(collisions, None)
     if first is None:
         return None
 
-    depths = pairs.depths(seen[first])
+    depths = pairs.depths(looks[first])
     pair = int(np.argmax(depths - pairs.deep))
-    deepest, depth = float(rows[first]), float(depths[pair])
-    for later in range(int(rows[first]) + 1, len(joints)):
+    deepest = float(rows[first])
+    depth = float(depths[pair])
+    for later in range(int(deepest) + 1, len(joints)):
         now = float(pairs.depths(joints[later])[pair])
         if now <= 0:
             break
         if now > depth:
-            deepest, depth = float(later), now
-    one, other = pairs.names[pair]
-    time = float(np.interp(deepest, np.arange(len(joints)), trajectory.times))
-    with_tool = one not in robot_model(robot, Tool(gripper=tool.gripper)).links
-    return SelfCollision(time, one, other, depth, with_tool)
+            deepest = float(later)
+            depth = now
+
+    part, other = pairs.names[pair]
+    time = float(np.interp(deepest, numbers, trajectory.times))
+    with_tool = part not in robot_model(robot, Tool(gripper=tool.gripper)).links
+    return SelfCollision(time, part, other, depth, with_tool)
+
+
+def _choose_rows(trajectory: JointTrajectory) -> Array:
+    """Choose at which of the targets to look, as numbers with fractions: each time that the joints moved by `STEP`."""
+    turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1)
+    turned += _PER_METRE * np.abs(np.diff(trajectory.fingers))
+    travel = np.append(0.0, np.cumsum(turned))
+    chosen = np.linspace(0.0, travel[-1], int(travel[-1] / STEP) + 2)
+    return np.interp(chosen, travel, np.arange(len(travel)))
 
 
 @lru_cache(maxsize=8)
@@ -179,13 +180,13 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
         (one + count, other + count): deep
         for (one, other), deep in _link_limits(robot, jointed(tool)).items()
     }
-    for (one, part), (other, link) in product(
-        enumerate(mounted), enumerate(links, start=count)
-    ):
-        before, behind = model.supports[part.frame], model.supports[link.frame]
-        on_two_fingers = before - behind and behind - before
-        if part.frame != link.frame and not on_two_fingers:
-            limits[one, other] = DEEP_M
+    for one, part in enumerate(mounted):
+        for other, link in enumerate(links, start=count):
+            before = model.supports[part.frame]
+            behind = model.supports[link.frame]
+            on_two_fingers = before - behind and behind - before
+            if part.frame != link.frame and not on_two_fingers:
+                limits[one, other] = DEEP_M
     return SolidPairs(model, [*mounted, *links], limits)
 
 
@@ -194,21 +195,17 @@ def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
     model = robot_model(robot, tool)
     links = link_solids(robot, tool)
-    hand = {solid.name for solid in links} - {
-        solid.name for solid in robot_solids(robot, False)
-    }
+    arm = {solid.name for solid in robot_solids(robot, False)}
     limits = {}
     for (one, part), (other, link) in combinations(enumerate(links), 2):
         between = model.supports[part.frame] ^ model.supports[link.frame]
         apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
-        if apart >= (_APART_ON_FLANGE if hand & {part.name, link.name} else _APART):
+        of_arm = {part.name, link.name} <= arm
+        if apart >= (_APART if of_arm else _APART_ON_FLANGE):
             limits[one, other] = DEEP_M if apart >= _APART else DEEP_NEAR_M
-    home = joint_values(
-        robot,
-        tool,
-        np.array([robot.home]),
-        finger_values(robot, tool, np.array([robot.opening_m])),
-    )[0]
+
+    fingers = finger_values(robot, tool, np.array([robot.opening_m]))
+    home = joint_values(robot, tool, np.array([robot.home]), fingers)[0]
     depths = SolidPairs(model, links, limits).depths(home)
     return {
         pair: deep
