@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A tool and one action plan, which are tried in one rollout; or a plan for each of several tasks (`TaskPlans`).
+    """A tool and one action plan, which are tried together; a plan may differ by task (`ActionPlan.of`).
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``

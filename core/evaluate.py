@@ -20,8 +20,7 @@ from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, Task
 from core.plugins import EXECUTOR, SIMULATOR
 from core.plugins.blame import refuse_exit
-from core.robot.kinematics import arm_of
-from core.search.together import make_fitness
+from core.search.builder import builder_for, check_starts
 from core.search.trials import Trials
 from core.simulation.play import find_problems
 from core.support.cli import arguments, command, print_table, say, write_bytes
@@ -45,11 +44,8 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
         SIMULATOR, cfg.sim
     ).create()  # a wrong setting is reported here, once, rather than by each worker
     task = task_part(cfg).create()
-    for each in task.parts:
-        arm_of(task.robot).home_for(
-            each.home
-        )  # an arm that can't start is reported once
-    fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
+    check_starts(task)
+    fitness = _build_fitness(cfg)
     evaluations = try_all(
         cfg, read_designs(document, tool_part(cfg).create(), task), fitness
     )
@@ -64,9 +60,14 @@ def try_all(
         return list(Trials(executor).evaluate(candidates, fitness))
 
 
+def _build_fitness(cfg: DictConfig) -> Fitness:
+    builder = builder_for(task_part(cfg))
+    return builder.build_fitness(cfg, node(cfg.rollout, RolloutSettings))
+
+
 def check_all(cfg: DictConfig) -> Iterator[str]:
     """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each; see `evaluate`."""
-    fitness = make_fitness(cfg, node(cfg.rollout, RolloutSettings))
+    fitness = _build_fitness(cfg)
     conditions = fitness.conditions()
     document = load_designs(Path(cfg.designs))
     for candidate in read_designs(

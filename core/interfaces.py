@@ -380,10 +380,6 @@ class Fitness(ABC):
         """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
         return ""
 
-    def instructions_in(self, task: str) -> str:
-        """Return what plans for one of several tasks are judged by."""
-        return self.instructions()
-
     def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
         """Return what a candidate earned in trials of `finals` or `unseen`: by engine a number for each layout."""
         return {
@@ -391,7 +387,7 @@ class Fitness(ABC):
             for engine, rewards in rewards_by_engine(trials).items()
         }
 
-    def joined(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
+    def recombine(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
         """Yield candidates made of parts of those that were ``tried``, whose trials are therefore known."""
         return iter(())
 

@@ -13,7 +13,6 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load
-from core.design import Candidate, Tool
 from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
@@ -31,7 +30,6 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
 from core.search.asking import build_designer
-from core.search.several import NO_PLANS
 from core.support.cli import arguments, command, say, write_bytes
 from core.trial import Evaluation, best_first
 
@@ -60,7 +58,7 @@ def compose(cfg: DictConfig) -> Request:
 @refuse_exit()
 def requests(cfg: DictConfig) -> list[Request]:
     """Compose the first request of agent ``cfg.agent`` in a run with this configuration; with ``cfg.designs`` the one
-    after a generation in which these were the elites. For several tasks those for plans for the best elite follow.
+    after a generation in which these were the elites. What the designer would ask next of the best elite follows.
 
     Raises:
         UserError: a part, a setting or the designs file is wrong.
@@ -73,24 +71,14 @@ def requests(cfg: DictConfig) -> list[Request]:
     elites: list[Evaluation] = []
     if cfg.designs is not None:
         elites, designer.tried = elites_of(
-            cfg, designer.task, designer.representation, fitness
+            cfg,
+            designer.assignment.task,
+            designer.assignment.representation,
+            fitness,
         )
     (first,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
-    if designer.planner is None:
-        return [first]
-    tool = (
-        elites[0].candidate
-        if elites
-        else Candidate(Tool(gripper=first.brief.gripper), NO_PLANS)
-    )
-    known = first.brief, first.temperature
-    return [
-        first,
-        *(
-            designer.planner.request(part, tool, elites[:1], *known)
-            for part in designer.task.parts
-        ),
-    ]
+    best = elites[0] if elites else None
+    return [first, *designer.follow_ups(first, best)]
 
 
 def elites_of(
@@ -173,7 +161,7 @@ def main(words: list[str]) -> None:
         cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
         most = f"at most {agents * (1 + tools * len(plans))} requests with some {tokens} tokens{cost}"
         say(
-            f"a generation has {most}: of each agent one for {tools} tools, then one for each tool and task"
+            f"a generation has {most}: of each agent one for {tools} tools, then {len(plans)} for each tool"
         )
     if cfg.prompt.critic:
         say(

@@ -54,7 +54,10 @@ class Task(ABC):
     tool_kinds: Sequence[
         str
     ] = ()  # that a tool for it may have, where its configuration names none
-    combine: str = "mean"  # of the rewards of its parts: mean or worst
+    sources: Sequence[Any] = ()  # what makes its `parts`, where there are several
+    builder: ClassVar[type | None] = (
+        None  # of its searches; None: `core.search.builder.SearchBuilder`
+    )
     language: ClassVar[str] = "python"  # of the source that a model is shown
     robot: Robot  # the arm that performs the task; the program makes a task for one
 
@@ -70,7 +73,7 @@ class Task(ABC):
 
     @property
     def parts(self) -> tuple[Task, ...]:
-        """The tasks that one tool must do: this one. A task of several parts names them in its setting ``of``."""
+        """The tasks in which a tool is tried: this one. A task of several parts has `sources`, too."""
         return (self,)
 
     @property

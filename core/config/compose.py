@@ -353,16 +353,10 @@ def task_part(config: DictConfig) -> PluginPart[Task]:
 
 
 def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
-    """Return the tasks that a tool must do: that of the configuration, or its parts if it has several.
-
-    Raises:
-        UserError: see `part` and `listed`.
-    """
+    """Return the tasks in which a tool is tried: that of the configuration, or what makes its parts."""
     whole = task_part(config)
-    if len(whole.create().parts) == 1:
-        return [whole]
-    each = listed("task", "task", config.task.of).values()
-    return [replace(part(TASK, one), robot=whole.robot) for one in each]
+    sources = whole.create().sources
+    return [replace(source, robot=whole.robot) for source in sources] or [whole]
 
 
 def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:

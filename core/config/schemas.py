@@ -64,7 +64,7 @@ class PromptSettings:
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
         given: the templates of a request for action plans only, for a given tool.
-        tools: the templates of a request for tools only, for several tasks.
+        tools: the templates of a request for tools only; plans are asked for later.
     """
 
     name: str = MISSING

@@ -7,6 +7,7 @@ any other name is an error.
 
 from __future__ import annotations
 
+import copy
 import importlib.resources
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -111,6 +112,12 @@ class PromptComposer:
         )
         self._idea = read_idea(settings.file, wanted="idea" in names)
 
+    def judged_by(self, instructions: str) -> PromptComposer:
+        """Return a composer of the same prompts for designs that are judged by something else."""
+        other = copy.copy(self)
+        other.judged = instructions.strip()
+        return other
+
     def compose(
         self,
         brief: Brief,
@@ -134,24 +141,20 @@ class PromptComposer:
         values = self._values(brief, pictures, schema)
         values |= {"pictured": list(pictured)}
         parts = self.settings.evolution if brief.elites else self.settings.initial
-        parts = (
-            self.settings.given
-            if values["given"] is not None
-            else self.settings.tools
-            if values["several"]
-            else parts
-        )
+        if values["given"] is not None:
+            parts = self.settings.given
+        elif not brief.n_action:
+            parts = self.settings.tools
         if not parts:
             raise UserError(
                 "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
             )
-        if values["several"] and (
-            lacks := {*parts} - {LAST, CRITIQUES, *self._templates}
-        ):
+        lacks = {*parts} - {LAST, CRITIQUES, *self._templates}
+        if lacks and not brief.n_action:
             names = ", ".join(f"{part}{SUFFIX}" for part in sorted(lacks))
             raise UserError(
-                f"prompt.dir={self.settings.dir} has no {names}, which requests for tools for several tasks need"
+                f"prompt.dir={self.settings.dir} has no {names}, which requests for tools alone need"
             )
         parts = [part for part in parts if part in self._templates]
         user: list[Text | Picture] = [

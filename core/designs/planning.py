@@ -19,7 +19,6 @@ from core.geometry import Array, Pose
 from core.interfaces import (
     ActionPlan,
     ActionRepresentation,
-    Brief,
     Perception,
     RolloutSettings,
     Seen,
@@ -28,8 +27,7 @@ from core.interfaces import (
 )
 from core.plugins import ACTION, describe_part, installed
 from core.scene import Scene
-from core.support.text import clean, kind, shorten
-from core.values.plans import TaskPlans
+from core.support.text import kind, shorten
 
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
 
@@ -59,7 +57,7 @@ def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
             f"'action' is {kind(name)}; it must be the name of an action representation"
         )
     try:
-        return TaskActions() if name == TaskPlans.action else _actions(name)
+        return _actions(name)
     except UserError as error:
         raise DesignError(str(error)) from error
 
@@ -100,46 +98,6 @@ def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> Act
             f"{describe_part(actions)}: parse gave {shorten(repr(plan))}; expected an ActionPlan"
         )
     return plan
-
-
-class TaskActions(ActionRepresentation):
-    """Plans for several tasks: a list with an object for each, of its ``task``, ``action`` and ``plan``.
-
-    One that can't be read has a ``problem`` in place of its plan.
-    """
-
-    def instructions(self, brief: Brief) -> str:
-        return ""
-
-    def schema(self, *, gripper: bool) -> dict[str, Any]:
-        return {"type": "array"}
-
-    def parse(self, data: object, *, gripper: bool) -> TaskPlans:
-        if not isinstance(data, list) or not all(
-            isinstance(item, dict) for item in data
-        ):
-            raise DesignError(
-                "plans for several tasks must be a list of objects with 'task', 'action' and 'plan'"
-            )
-        plans = []
-        for number, item in enumerate(data, start=1):
-            task, problem = item.get("task"), item.get("problem")
-            if not isinstance(task, str):
-                raise DesignError(
-                    f"'task' of plan {number} is {kind(task)}; it must be the name of a task"
-                )
-            try:
-                plan = (
-                    parse_plan(named_actions(item), item.get("plan"), gripper)
-                    if problem is None
-                    else str(problem)
-                )
-            except DesignError as error:
-                plan = str(error)
-            plans.append(
-                (clean(task, 200), clean(plan, 2000) if isinstance(plan, str) else plan)
-            )
-        return TaskPlans(tuple(plans))
 
 
 def look(

@@ -14,12 +14,13 @@ from core.designs.composer import PromptComposer
 from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
 from core.plugins import ACTION, SIMULATOR, installed
-from core.robot.kinematics import arm_of
-from core.search.assemble import make_designer
-from core.search.assignment import DEFAULT_KINDS, Assignment
+from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
+from core.search.builder import DesignerParts, builder_for, check_starts
 from core.search.designer import ModelDesigner
-from core.search.together import make_fitness
 from core.trial import TIE
+
+LEAST = {"n_agent": 1, "n_tool": 1, "n_action": 1, "k_top": 1, "n_iteration": 0}
+"""The lowest numbers of a budget."""
 
 
 def build_designer(
@@ -31,65 +32,56 @@ def build_designer(
         UserError: a part or setting that can't be used.
     """
     check_seed(cfg.seed)
-    budget = _read_budget(cfg)
-    task = task_part(cfg).create()
-    representation = tool_part(cfg).create()
-    for each in task.parts:
-        arm_of(task.robot).home_for(
-            each.home
-        )  # an arm that can't start is reported once, before it is drawn
-    if representation.given(task) is not None:
-        budget = replace(budget, n_tool=1)
-
+    builder = builder_for(task_part(cfg))
+    assignment = _read_assignment(cfg)
     settings = node(cfg.rollout, RolloutSettings)
     if cfg.prompt.feedback != "paper" or cfg.prompt.critic or _strategy_observes(cfg):
         settings = replace(settings, observe=True)
-    fitness = make_fitness(cfg, settings)
-
-    prompt = node(cfg.prompt, PromptSettings)
-    tie = cfg.evolution.get("tie", TIE)
-    instructions = {"": fitness.instructions()}
-    if len(task.parts) > 1:
-        instructions |= {
-            each.name: fitness.instructions_in(each.name) for each in task.parts
-        }
-    prompts = {
-        name: PromptComposer(prompt, settings, cfg.sim.name, tie=tie, judged=text)
-        for name, text in instructions.items()
-    }
-    kinds = cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS
-    designer = make_designer(
-        Assignment(
-            task,
-            representation,
-            part(ACTION, cfg.action).create(),
-            budget,
-            cfg.seed,
-            kinds,
-        ),
+    fitness = builder.build_fitness(cfg, settings)
+    prompts = PromptComposer(
+        node(cfg.prompt, PromptSettings),
+        settings,
+        cfg.sim.name,
+        tie=cfg.evolution.get("tie", TIE),
+        judged=fitness.instructions(),
+    )
+    parts = DesignerParts(
+        assignment,
+        fitness,
         part(SIMULATOR, cfg.sim).create,
         vlm,
-        prompts.pop(""),
+        prompts,
         node(cfg.sampling, Sampling),
         events,
-        prompts,
     )
-    return designer, fitness
+    return builder.build_designer(parts), fitness
+
+
+def _read_assignment(cfg: DictConfig) -> Assignment:
+    """Read what agents are asked for.
+
+    Raises:
+        UserError: a part or setting that can't be used; no tool kind that the robot can bear, or no given tool.
+    """
+    budget = _read_budget(cfg)
+    task = task_part(cfg).create()
+    representation = tool_part(cfg).create()
+    check_starts(task)
+    kinds = list(cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS)
+    assignment = Assignment(
+        task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds
+    )
+    if representation.given(task) is not None:
+        return replace(assignment, budget=replace(budget, n_tool=1))
+    return replace(assignment, tool_kinds=borne_kinds(kinds, task.robot))
 
 
 def _read_budget(cfg: DictConfig) -> Budget:
     budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
-    for name, least in (
-        ("n_agent", 1),
-        ("n_tool", 1),
-        ("n_action", 1),
-        ("k_top", 1),
-        ("n_iteration", 0),
-    ):
-        if getattr(budget, name) < least:
-            raise UsageError(
-                f"budget.{name} must be at least {least}, got {getattr(budget, name)}"
-            )
+    for name, least in LEAST.items():
+        number = getattr(budget, name)
+        if number < least:
+            raise UsageError(f"budget.{name} must be at least {least}, got {number}")
     return budget
 
 

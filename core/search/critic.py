@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -11,14 +12,14 @@ import numpy as np
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
 from core.interfaces import Brief, Picture, Reply, Request
-from core.search.together import weakest
+from core.search.prompt_pictures import shown_in
 from core.support.text import clean
 from core.trial import Evaluation
 
 MAX_CRITIQUE = 2000  # characters
 STRIP = "Film strip of the rollout: six instants at which something happens, in reading order"
 _CRITIC = (
-    1_000_000  # in place of an agent's number, keeps a request's random numbers apart
+    1_000_000  # in place of an agent's number: keeps requests' random numbers apart
 )
 
 
@@ -40,51 +41,40 @@ class Critic:
 
         At most `PromptSettings.critic` of them belong to a generation.
         """
-        generation = brief.generation
-        first = list(self._asked.values()).count(generation)
+        first = Counter(self._asked.values())[brief.generation]
+        left = max(0, self.prompts.settings.critic - first)
         telling = most_telling(brief.elites, last_generation(brief.tried))
-        new = (e for e in telling if e.candidate.id not in self._asked)
-        chosen = list(islice(new, max(0, self.prompts.settings.critic - first)))
+        unseen = [e for e in telling if e.candidate.id not in self._asked]
         return [
             self._request(brief, number, shown)
-            for number, shown in enumerate(chosen, first)
+            for number, shown in enumerate(islice(unseen, left), first)
         ]
 
     def _request(self, brief: Brief, number: int, shown: Evaluation) -> Request:
         self._asked[shown.candidate.id] = brief.generation
-        tool, (task, worst) = shown.candidate.tool, weakest(brief.task, shown)
-        seed = int(
-            np.random.default_rng([brief.seed, _CRITIC + number]).integers(2**31)
-        )
-        gripper = tool is not None and tool.gripper
+        tool = shown.candidate.tool
+        task, elite = shown_in(brief.task, shown)
+        rng = np.random.default_rng([brief.seed, _CRITIC + number])
         alone = replace(
             brief,
             task=task,
             agent=number,
-            elites=(worst,),
-            gripper=gripper,
+            elites=(elite,),
+            gripper=tool is not None and tool.gripper,
             n_tool=1,
             n_action=1,
-            seed=seed,
+            seed=int(rng.integers(2**31)),
         )
         strip = self.film(shown) if self.film is not None else None
-        messages = self.prompts.critique(
-            alone, {STRIP: strip} if strip is not None else {}
-        )
-        return Request(
-            f"g{brief.generation}-critic{number}",
-            alone,
-            messages,
-            {},
-            self.temperature,
-            critique=True,
-        )
+        pictures = {} if strip is None else {STRIP: strip}
+        messages = self.prompts.critique(alone, pictures)
+        name = f"g{brief.generation}-critic{number}"
+        return Request(name, alone, messages, {}, self.temperature, critique=True)
 
     def hear(self, reply: Reply, request: Request) -> None:
         """Keep what a reply says; a failed one says nothing."""
-        words = clean(
-            reply.text[: 10 * MAX_CRITIQUE], MAX_CRITIQUE, lines=True
-        ).replace("```", "'''")
+        text = clean(reply.text[: 10 * MAX_CRITIQUE], MAX_CRITIQUE, lines=True)
+        words = text.replace("```", "'''")
         if reply.error is None and words:
             self._words[request.brief.elites[0].candidate.id] = words
 
@@ -92,7 +82,6 @@ class Critic:
         self, elites: Sequence[Evaluation], tried: Iterable[Evaluation]
     ) -> dict[str, str]:
         """Return the critiques of elites, and of the last generation's candidates, by candidate."""
-        names = dict.fromkeys(
-            e.candidate.id for e in (*elites, *last_generation(tried))
-        )
+        shown = (*elites, *last_generation(tried))
+        names = dict.fromkeys(evaluation.candidate.id for evaluation in shown)
         return {name: self._words[name] for name in names if name in self._words}

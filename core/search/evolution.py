@@ -50,7 +50,7 @@ def evolve(
                 arrived[-1].append(evaluation)
             if candidates.limit is not None:
                 break
-            joined = fitness.joined(
+            joined = fitness.recombine(
                 [evaluation for generation in arrived for evaluation in generation]
             )
             for evaluation in trials.evaluate(joined, fitness):

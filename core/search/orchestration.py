@@ -67,9 +67,10 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     run = search.run
     events = search.events
     with writing(run.folder):
-        for picture in search.designer.scene_pictures():
-            if picture.name == "scene":
-                (run.folder / "scene.png").write_bytes(picture.png)
+        for pictures in search.designer.pictures.values():
+            for picture in pictures:
+                if picture.name == "scene":
+                    (run.folder / "scene.png").write_bytes(picture.png)
     events.hook.run_started(run=run)
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)

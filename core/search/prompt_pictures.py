@@ -2,74 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 from core.design import Tool
 from core.designs.composer import PromptComposer
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, RolloutSettings, Simulator, Task
-from core.search.together import weakest
 from core.simulation.pictures import SIZE, png, report_missing
 from core.simulation.strip import draw_strip
 from core.trial import Evaluation
 
-
-def pictures_by_task(
-    task: Task,
-    create: Callable[[], Simulator],
-    prompts: PromptComposer,
-    seed: int,
-    mounted: Sequence[Tool],
-) -> tuple[dict[str, dict[bool, tuple[Picture, ...]]], bool]:
-    """Make the pictures of each part of a task (`prompt_pictures`); those of several are named by it."""
-    found, drawable = dict[str, dict[bool, tuple[Picture, ...]]](), True
-    for number, part in enumerate(task.parts):
-        made, can_draw = prompt_pictures(part, create(), prompts, seed, mounted)
-        drawable = drawable and can_draw
-        if len(task.parts) > 1:
-            made = {
-                kind: tuple(_named(picture, part, number) for picture in own)
-                for kind, own in made.items()
-            }
-        found[part.name] = made
-    return found, drawable
+ScenePictures = Mapping[bool, tuple[Picture, ...]]
+"""The pictures of a scene, without the gripper (False) and with it."""
 
 
-def _named(picture: Picture, task: Task, number: int) -> Picture:
-    caption = (
-        picture.caption
-        or f"The scene of {task.name}, before the motion, without a tool:"
-    )
-    return replace(picture, name=f"{picture.name}_t{number}", caption=caption)
+def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:
+    """Return the task of the trial that is shown, and what the candidate earned in it."""
+    shown = evaluation.shown
+    if shown is not None:
+        for part in task.parts:
+            if part.name == shown.task:
+                return part, evaluation.in_task(part.name)
+    return task, evaluation.in_task(task.name)
 
 
-def strips(
-    task: Task, create: Callable[[], Simulator], seed: int, rollout: RolloutSettings
-) -> Callable[[Evaluation], Picture | None]:
-    """Return a function that draws a film strip of a rollout, of several tasks in that with the lowest reward."""
-    simulator = cache(create)
+@dataclass(eq=False)
+class StripArtist:
+    """Draws film strips of rollouts.
 
-    def show(evaluation: Evaluation) -> Picture | None:
-        where, evaluation = weakest(task, evaluation)
-        candidate, shown = evaluation.candidate, evaluation.shown
-        layout = seed if shown is None else shown.layout
-        seen = (
-            None if evaluation.combined else evaluation.observation
-        )  # else of another engine or perturbed
+    Attributes:
+        task: what was to be done.
+        engine: makes an engine, once a strip is drawn.
+        seed: of the layout, where an evaluation has no trial.
+        rollout: how plans are executed.
+    """
+
+    task: Task
+    engine: Callable[[], Simulator]
+    seed: int
+    rollout: RolloutSettings
+
+    @cached_property
+    def _simulator(self) -> Simulator:
+        return self.engine()
+
+    def draw(self, evaluation: Evaluation) -> Picture | None:
+        """Draw the trial that is shown; None: that fails, and standard error says why."""
+        task, evaluation = shown_in(self.task, evaluation)
+        candidate = evaluation.candidate
+        shown = evaluation.shown
+        layout = self.seed if shown is None else shown.layout
+        # Of several trials what was observed may be of another engine, or perturbed.
+        seen = None if evaluation.combined else evaluation.observation
         try:
-            strip = draw_strip(where, simulator(), candidate, layout, rollout, seen)
+            strip = draw_strip(
+                task, self._simulator, candidate, layout, self.rollout, seen
+            )
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
-        except (
-            RAISED
-        ) as error:  # else a picture that fails costs the picture, never the run
+        except RAISED as error:  # else it costs the picture, never the run
             report_missing(f"film strip of {candidate.id}", error)
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
-
-    return show
 
 
 def prompt_pictures(
@@ -78,37 +74,31 @@ def prompt_pictures(
     prompts: PromptComposer,
     seed: int,
     mounted: Sequence[Tool],
-) -> tuple[dict[bool, tuple[Picture, ...]], bool]:
+) -> tuple[ScenePictures, bool]:
     """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.
 
-    Return them without the gripper (False) and with it, and whether anything can draw here. Where the prompt has the
-    scene's numbers too, a picture that fails is left out, and standard error says why.
+    Return them, and whether anything can draw here. Where the prompt has the scene's numbers too, a picture that fails
+    is left out, and standard error says why.
 
     Raises:
         UserError: the machine fails, or a prompt without numbers can't be drawn.
     """
-    settings, level = prompts.settings, prompts.level
-    own = tuple(task.photographs()) if settings.photographs != "none" else ()
-    drawn, drawable, unseen = dict[bool, tuple[Picture, ...]](), True, not level.numbers
-    alone = bool(own) and settings.photographs == "alone"
-    for number, tool in enumerate(
-        mounted if (unseen or settings.picture) and not alone else ()
-    ):
+    settings = prompts.settings
+    numbers = prompts.level.numbers
+    photographs: tuple[Picture, ...] = ()
+    if settings.photographs != "none":
+        photographs = tuple(task.photographs())
+    alone = bool(photographs) and settings.photographs == "alone"
+    wanted = (settings.picture or not numbers) and not alone
+
+    drawn: dict[bool, tuple[Picture, ...]] = {}
+    drawable = True
+    for number, tool in enumerate(mounted if wanted else ()):
+        name = "scene_gripper" if number else "scene"
         try:
-            if unseen:
-                render = partial(simulator.render, task, seed=seed, tool=tool)
-                drawn[tool.gripper] = level.draw(task, seed, render)
-                continue
-            picture = png(
-                simulator.render(
-                    task, seed=seed, tool=tool, width=SIZE[0], height=SIZE[1]
-                )
-            )
-            drawn[tool.gripper] = (
-                Picture(picture, "scene_gripper" if number else "scene"),
-            )
+            drawn[tool.gripper] = _draw(task, simulator, prompts, seed, tool, name)
         except NoPicture as error:
-            if unseen:
+            if not numbers:
                 why = f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
                 raise UserError(why) from error
             report_missing("pictures", error)
@@ -117,9 +107,26 @@ def prompt_pictures(
         except OSError as error:
             raise UserError(f"the scene can't be drawn: {error}") from error
         except RAISED as error:
-            if unseen:
+            if not numbers:
                 raise
             report_missing("picture of the scene", error)
-    return {
-        tool.gripper: (*drawn.get(tool.gripper, ()), *own) for tool in mounted
-    }, drawable
+    pictures = {
+        tool.gripper: (*drawn.get(tool.gripper, ()), *photographs) for tool in mounted
+    }
+    return pictures, drawable
+
+
+def _draw(
+    task: Task,
+    simulator: Simulator,
+    prompts: PromptComposer,
+    seed: int,
+    tool: Tool,
+    name: str,
+) -> tuple[Picture, ...]:
+    """Draw the scene with what the arm carries: one picture, or those of the prompt's level where it has no numbers."""
+    render = partial(simulator.render, task, seed=seed, tool=tool)
+    if not prompts.level.numbers:
+        return prompts.level.draw(task, seed, render)
+    width, height = SIZE
+    return (Picture(png(render(width=width, height=height)), name),)

@@ -56,17 +56,21 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     designer, fitness = build_designer(
         cfg, CachedVLM(vlm, replies) if replies else vlm, events
     )
+    assignment = designer.assignment
     executor: Executor = part(EXECUTOR, cfg.executor).create()
 
     strategy: EvolutionStrategy = part(EVOLUTION, cfg.evolution).create(
-        designer=designer, budget=designer.budget
+        designer=designer, budget=assignment.budget
     )
     if strategy.learns:
         events.register(designer, "designer")
     refine = config["evolution"].get("refine", 0)
     if refine != 0:
         variation = Variation(
-            designer.task, designer.representation, designer.actions, designer.seed
+            assignment.task,
+            assignment.representation,
+            assignment.actions,
+            assignment.seed,
         )
         strategy = Refinement(strategy, designer, variation, refine)
 
@@ -79,22 +83,21 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         for name, listener in {**listeners, "vlm": vlm}.items()
     ]
 
-    task = designer.task
+    task = assignment.task
     parts = {kind: config[kind]["name"] for kind in _PARTS}
     parts |= {
         "robot": task.robot.name,
-        "material": designer.representation.material.name,
+        "material": assignment.representation.material.name,
     }
-    if task.language != "python" or len(task.parts) > 1:
-        parts["task"] = task.name  # a file's own, so that two scenes are two tasks
+    parts["task"] = task.name  # two scene files are two tasks
     run = Run(
         folder,
         config,
         parts,
         vlm.model,
         task,
-        designer.representation,
-        designer.budget,
+        assignment.representation,
+        assignment.budget,
         cfg.seed,
         simulator,
         designer.prompts.rollout,

@@ -98,33 +98,6 @@ class ActionPlan(ABC):
         return self
 
 
-@dataclass(frozen=True)
-class TaskPlans(ActionPlan):
-    """A plan for each of several tasks by its name, or the reason why there is none."""
-
-    action: ClassVar[str] = "several"
-    plans: tuple[tuple[str, ActionPlan | str], ...]
-
-    def of(self, task: str) -> ActionPlan | str:
-        return dict(self.plans).get(task, "the design has no plan for this task")
-
-    def resolve(self, seen: Seen) -> Waypoints:
-        raise TypeError("plans for several tasks are resolved one by one")
-
-    def dump(self) -> list[Any]:
-        return [
-            {
-                "task": task,
-                **(
-                    {"problem": plan}
-                    if isinstance(plan, str)
-                    else {"action": plan.action, "plan": plan.dump()}
-                ),
-            }
-            for task, plan in self.plans
-        ]
-
-
 @dataclass(frozen=True, eq=False)
 class Tempo:
     """When the N waypoints are reached; nan stands for "as fast as usual".

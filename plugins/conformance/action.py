@@ -56,7 +56,8 @@ def check_plans_that_fit_the_schema_are_read(
         for data in _drawn(representation.schema(gripper=gripper)):
             try:
                 plan = representation.parse(data, gripper=gripper)
-                waypoints = plan.resolve(seen)
+                played = _plan_for(plan, some_task().name)
+                waypoints = played.resolve(seen)
             except DesignError as error:
                 expect(
                     str(error).strip(),
@@ -80,12 +81,24 @@ def check_plans_that_fit_the_schema_are_read(
                 again.content == plan.content,
                 "a plan that is written and read again is another plan",
             )
-            same = pickle.loads(pickle.dumps(plan)).resolve(seen)  # noqa: S301  # our own
+            same = pickle.loads(pickle.dumps(played)).resolve(seen)  # noqa: S301  # our own
             expect(
                 np.array_equal(same.poses, waypoints.poses),
                 "a plan that was pickled means other waypoints",
             )
     expect(sound, f"of {2 * _DRAWS} plans of the schema's form none was read")
+
+
+def _plan_for(plan: ActionPlan, task: str) -> ActionPlan:
+    """Return what is played of a plan in a task.
+
+    Raises:
+        DesignError: the plan has nothing for this task.
+    """
+    played = plan.of(task)
+    if isinstance(played, str):
+        raise DesignError(played)
+    return played
 
 
 def check_nonsense_is_refused_with_a_reason(
@@ -100,9 +113,10 @@ def check_nonsense_is_refused_with_a_reason(
 
 
 def _drawn(schema: dict[str, Any]) -> Iterator[object]:
-    """Draw documents of a schema's form: numbers are small, texts are names of the scene's bodies."""
+    """Draw documents of a schema's form: numbers are small, texts are names of the task and its bodies."""
     rng = np.random.default_rng(0)
-    names = [body.name for body in some_task().scene(0).bodies]
+    task = some_task()
+    names = [task.name, *(body.name for body in task.scene(0).bodies)]
     for _ in range(_DRAWS):
         yield _draw(schema, rng, names)
 

@@ -13,8 +13,9 @@ from core.interfaces import Condition, Evaluation, Observation, Score, Trial
 from core.plugins import PluginPart
 from core.trial import Where, best_tools, count_rollouts, effort_of, tried_once
 from core.values.margins import Margin
-from core.values.plans import TaskPlans, Waypoints
+from core.values.plans import Waypoints
 from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.several.plans import TaskPlans
 
 ROD = Tool((Component("rod", "tool_mount", Pose(), Box((0.1, 0.1, 0.1)), mass=0.25),))
 PLAN = Waypoints(np.zeros((1, 6)))

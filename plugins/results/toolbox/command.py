@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from core.config.compose import load, node
+from core.designs.planning import parse_plan
 from core.designs.reading import save_design
 from core.errors import UsageError, UserError
 from core.geometry import Array
+from core.interfaces import ActionPlan
+from core.plugins import ACTION, installed
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.support.text import number
-from core.values.plans import TaskPlans
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
 from plugins.results.toolbox.trials import (
@@ -143,13 +145,21 @@ def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
     """Write a chosen tool with its plan for each task that it does."""
     tool = found.tools[index]
     row = found.earned[index]
-    plans = tuple(
-        (task, plan)
-        for task in found.done([index])
-        if (plan := row[task][1]) is not None
-    )
-    plan = TaskPlans(plans) if len(plans) > 1 else plans[0][1]
+    plans = {
+        task: plan for task in found.done([index]) if (plan := row[task][1]) is not None
+    }
+    first, *others = plans.values()
+    plan = _join_plans(plans, gripper=tool.tool.gripper) if others else first
     save_design(replace(tool.best.candidate, plan=plan), tool.representation, folder)
+
+
+def _join_plans(plans: Mapping[str, ActionPlan], *, gripper: bool) -> ActionPlan:
+    """Make one plan of those for several tasks."""
+    entries = [
+        {"task": task, "action": plan.action, "plan": plan.dump()}
+        for task, plan in plans.items()
+    ]
+    return parse_plan(installed().create(ACTION, "several"), entries, gripper)
 
 
 def show(found: Toolbox) -> None:

@@ -13,13 +13,14 @@ from core.design import Candidate
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached, UsageError
 from core.events import Generation
-from core.interfaces import Budget, Picture, Reply, Text
+from core.interfaces import Budget, Condition, Picture, Reply, Text
 from core.search.agent_groups import Team
-from core.search.assemble import make_designer
 from core.search.assignment import Assignment
+from core.search.builder import DesignerParts, SearchBuilder
 from core.search.critic import MAX_CRITIQUE, Critic
 from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
+from plugins.fitness.nominal import Nominal
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
 from tests.core.search.test_designer import (
@@ -32,6 +33,7 @@ from tests.core.search.test_designer import (
     good,
 )
 from tests.panda import on_panda
+from tests.playing import Named
 from tests.toys import ToyEngine
 
 BUDGET = Budget(2, 1, 1, 3, 5, 0.6)
@@ -151,7 +153,7 @@ def test_without_a_critic_or_anything_tried_nothing_is_asked(feedback):
 def test_whatever_a_critic_writes_stays_one_bounded_text(text):
     made, _ = criticised(says("It slips."))
     evaluations = tried(0, 0.9)
-    brief, _ = made._brief(1, 0, Team(range(1), evaluations), tuple(evaluations))
+    brief, _ = made.brief(1, 0, Team(range(1), evaluations), tuple(evaluations))
     request = made.critic.requests(replace(brief, tried=tuple(evaluations)))[0]
     made.critic.hear(Reply(request.id, text, "a critic"), request)
     words = made.critic.words(evaluations, evaluations)
@@ -188,8 +190,16 @@ def test_a_limit_is_passed_on():
 def test_a_program_that_writes_no_critiques_is_not_asked(capsys):
     prompts = PromptComposer(PromptSettings(critic=2))
     assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), BUDGET, 0)
-    made = make_designer(
-        assignment, ToyEngine, OfflineDesigner(), prompts, Sampling(), Listener().hub
+    made = SearchBuilder().build_designer(
+        DesignerParts(
+            assignment,
+            Nominal(Condition(Named(), Named())),
+            ToyEngine,
+            OfflineDesigner(),
+            prompts,
+            Sampling(),
+            Listener().hub,
+        )
     )
     assert made.critic is None
     assert capsys.readouterr().err.startswith(

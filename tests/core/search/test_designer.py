@@ -81,7 +81,7 @@ def designer(
     )
     composer, hub = PromptComposer(prompt), events or event_hub()
     return ModelDesigner(
-        assignment, vlm, composer, Sampling(temperature), hub, show=show
+        assignment, vlm, composer, Sampling(temperature), hub, film=show
     )
 
 

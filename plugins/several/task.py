@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from core.config.compose import listed, load, part
 from core.errors import UsageError
 from core.geometry import Array
-from core.hooks import Factories, hookimpl
 from core.interfaces import Robot, Task
 from core.plugins import TASK
 from core.scene import Scene, State
-
-
-@hookimpl
-def tasks() -> Factories:
-    return {"several": Several}
+from plugins.several.search import SeveralSearch
 
 
 class Several(Task):
@@ -30,53 +26,34 @@ class Several(Task):
     """
 
     goals = ()
+    builder = SeveralSearch
 
     def __init__(
         self, of: list[str | dict[str, Any]], combine: Literal["mean", "worst"] = "mean"
     ) -> None:
         super().__init__()
-        self._parts = tuple(
-            part(TASK, node).create() for node in listed("task", "task", of).values()
+        nodes = listed("task", "task", of).values()
+        self.sources = [part(TASK, node) for node in nodes]
+        self._parts: tuple[Task, ...] = tuple(
+            source.create() for source in self.sources
         )
         names = [task.name for task in self._parts]
         if len(names) < 2 or len(set(names)) < len(names):
             raise UsageError(
                 f"task.of needs two or more different tasks, got {', '.join(names)}"
             )
-        kinds = dict[str, list[str]]()
-        for settings in (
-            {"name": entry} if isinstance(entry, str) else entry for entry in of
-        ):
-            usual = load("config", [f"task={settings['name']}"]).task.get("tool_kinds")
-            kinds[str(settings["name"])] = list(
-                settings.get("tool_kinds") or usual or ("rigid",)
-            )
-        self.tool_kinds = tuple(
-            k
-            for k in next(iter(kinds.values()))
-            if all(k in own for own in kinds.values())
-        )
-        if not self.tool_kinds:
-            takes = ", ".join(
-                f"{name} takes {' or '.join(own)}" for name, own in kinds.items()
-            )
-            mend = "set tool_kinds of one, or leave one out"
-            raise UsageError(
-                f"these tasks have no tool kind in common: {takes}; {mend}"
-            )
-        own: dict[str, Any] = {
+        self.tool_kinds = _find_common_kinds(of)
+        texts = [f"{task.name}: {task.description}" for task in self._parts]
+        in_words = [f"{task.name}: {task.in_words}" for task in self._parts]
+        hidden: dict[str, Any] = {  # these hide the attributes of the class
             "name": "+".join(names),
             "combine": combine,
             "home": self._parts[0].home,
+            "success_reward": min(task.success_reward for task in self._parts),
+            "description": " ".join(texts),
+            "in_words": " ".join(in_words),
         }
-        own["success_reward"] = min(task.success_reward for task in self._parts)
-        own["description"] = " ".join(
-            f"{task.name}: {task.description}" for task in self._parts
-        )
-        own["in_words"] = " ".join(
-            f"{task.name}: {task.in_words}" for task in self._parts
-        )
-        vars(self).update(own)  # these hide the attributes of the class
+        vars(self).update(hidden)
 
     @property
     def parts(self) -> tuple[Task, ...]:
@@ -99,3 +76,29 @@ class Several(Task):
 
     def reward(self, start: State, end: State) -> Array:
         raise UsageError(f"{self.name} has several rewards: choose one of its tasks")
+
+
+def _find_common_kinds(entries: Sequence[str | Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the tool kinds that all tasks take.
+
+    Raises:
+        UsageError: there is none.
+    """
+    kinds: dict[str, list[str]] = {}
+    for entry in entries:
+        settings = {"name": entry} if isinstance(entry, str) else entry
+        name = str(settings["name"])
+        usual = load("config", [f"task={name}"]).task.get("tool_kinds")
+        kinds[name] = list(settings.get("tool_kinds") or usual or ("rigid",))
+
+    first = next(iter(kinds.values()))
+    common = tuple(
+        kind for kind in first if all(kind in taken for taken in kinds.values())
+    )
+    if not common:
+        takes = [f"{name} takes {' or '.join(taken)}" for name, taken in kinds.items()]
+        raise UsageError(
+            f"these tasks have no tool kind in common: {', '.join(takes)}; "
+            "set tool_kinds of one, or leave one out"
+        )
+    return common

@@ -1,0 +1,90 @@
+"""Build the fitness and the designer of a search for one tool for several tasks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from omegaconf import DictConfig
+
+from core.config.compose import task_parts
+from core.errors import UsageError
+from core.interfaces import Fitness, Picture, RolloutSettings, Task
+from core.search.builder import (
+    DesignerParts,
+    SearchBuilder,
+    build_fitness_in,
+    check_level,
+    equip,
+)
+from core.search.prompt_pictures import ScenePictures, prompt_pictures
+from plugins.several.designer import SeveralDesigner
+from plugins.several.fitness import Together
+from plugins.several.plans import TaskActions
+
+
+class SeveralSearch(SearchBuilder):
+    """Builds a fitness of those in each task, and a designer that asks for plans for each."""
+
+    def build_fitness(self, cfg: DictConfig, settings: RolloutSettings) -> Fitness:
+        by_task = {
+            task.shared().name: build_fitness_in(task, cfg, settings)
+            for task in task_parts(cfg)
+        }
+        return Together(by_task, cfg.task.get("combine", "mean"))
+
+    def build_designer(self, parts: DesignerParts) -> SeveralDesigner:
+        check_level(parts)
+        assignment = parts.assignment
+        task = assignment.task
+        prompts = parts.prompts
+        if not prompts.level.numbers:
+            raise UsageError(
+                f"prompt.told={prompts.settings.told} shows one scene, and {task.name} has several: "
+                "use words or source"
+            )
+        assert isinstance(parts.fitness, Together)
+        judges = parts.fitness.by_task
+
+        drawable = True
+        pictures: dict[str, ScenePictures] = {}
+        for number, part in enumerate(task.parts):
+            drawn, can_draw = prompt_pictures(
+                part, parts.engine(), prompts, assignment.seed, parts.mounted
+            )
+            drawable = drawable and can_draw
+            pictures[part.name] = {
+                gripper: tuple(_name(picture, part, number) for picture in own)
+                for gripper, own in drawn.items()
+            }
+        designer = SeveralDesigner(
+            replace(assignment, actions=TaskActions()),
+            parts.vlm,
+            prompts,
+            parts.sampling,
+            parts.events,
+            _join(pictures),
+            plan_actions=assignment.actions,
+            plan_prompts={
+                name: prompts.judged_by(fitness.instructions())
+                for name, fitness in judges.items()
+            },
+            plan_pictures=pictures,
+        )
+        equip(designer, parts, drawable=drawable)
+        return designer
+
+
+def _name(picture: Picture, task: Task, number: int) -> Picture:
+    """Name a picture of a scene by its task."""
+    usual = f"The scene of {task.name}, before the motion, without a tool:"
+    caption = picture.caption or usual
+    return replace(picture, name=f"{picture.name}_t{number}", caption=caption)
+
+
+def _join(pictures: dict[str, ScenePictures]) -> ScenePictures:
+    """Put the pictures of all scenes in one row."""
+    joined: dict[bool, tuple[Picture, ...]] = {}
+    for by_gripper in pictures.values():
+        for gripper, drawn in by_gripper.items():
+            joined[gripper] = (*joined.get(gripper, ()), *drawn)
+    return joined
