@@ -94,9 +94,9 @@ def dynamics_of(body: Body, least_rolling: float = 0.0) -> dict[str, float]:
 
 def offset_of(inertia: Inertia | None) -> Pose | None:
     """Return a body's frame in that of its centre of mass; None if they are the same."""
-    return (
-        None if inertia is None or inertia.frame == Pose() else inertia.frame.inverse()
-    )
+    if inertia is None or inertia.frame == Pose():
+        return None
+    return inertia.frame.inverse()
 
 
 def collisions_of(
@@ -107,17 +107,12 @@ def collisions_of(
     for part in body.collisions:
         shape: Primitive | Path
         if isinstance(part.shape, Mesh):  # its file goes to ``folder``
-            shape = text_file(
-                folder, str(part.shape.to_trimesh().export(file_type="obj")), "obj"
-            )
+            text = str(part.shape.to_trimesh().export(file_type="obj"))
+            shape = text_file(folder, text, "obj")
         else:
             shape = rounded_shape(part.shape, DIGITS)
-        shapes.append(
-            RobotShape(
-                shape,
-                Origin.of(part.pose if frame is None else frame @ part.pose, DIGITS),
-            )
-        )
+        pose = part.pose if frame is None else frame @ part.pose
+        shapes.append(RobotShape(shape, Origin.of(pose, DIGITS)))
     return tuple(shapes)
 
 
@@ -125,29 +120,20 @@ def inertial(inertia: Inertia | None) -> Inertial:
     """Make a link's inertia; None: fixed, without mass."""
     if inertia is None:
         return Inertial()
-    origin, (xx, yy, zz) = (
-        Origin.of(inertia.frame, DIGITS),
-        (rounded(moment, DIGITS) for moment in inertia.moments),
-    )
-    return Inertial(
-        rounded(inertia.mass, DIGITS),
-        origin.xyz,
-        (xx, 0.0, 0.0, yy, 0.0, zz),
-        origin.rpy,
-    )
+    origin = Origin.of(inertia.frame, DIGITS)
+    xx, yy, zz = (rounded(moment, DIGITS) for moment in inertia.moments)
+    moments = (xx, 0.0, 0.0, yy, 0.0, zz)
+    return Inertial(rounded(inertia.mass, DIGITS), origin.xyz, moments, origin.rpy)
 
 
 def facets_file(shape: Shape, folder: Path) -> Path:
     """Write the shape to ``folder`` as an OBJ file, for drawing: edges of less than 30 degrees are shaded smoothly."""
     smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
-    return text_file(
-        folder, str(smooth.export(file_type="obj", include_normals=True)), "obj"
-    )
+    text = str(smooth.export(file_type="obj", include_normals=True))
+    return text_file(folder, text, "obj")
 
 
 def text_file(folder: Path, text: str, suffix: str) -> Path:
     """Return a file in ``folder`` that holds ``text``, writing it if it is not there yet."""
-    return write_once(
-        folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}",
-        lambda: text,
-    )
+    name = hashlib.sha256(text.encode()).hexdigest()[:16]
+    return write_once(folder / f"{name}.{suffix}", lambda: text)

@@ -17,23 +17,20 @@ def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, A
     points = []
     forces = []
     for contact in client.getContactPoints():
-        one, other = (
-            contact[body] == robot and contact[link] in links
-            for body, link in ((1, 3), (2, 4))
-        )
-        if one != other:
+        first = contact[1] == robot and contact[3] in links
+        second = contact[2] == robot and contact[4] in links
+        if first != second:
             points.append(contact[5])
-            forces.append(_force(contact) if one else -_force(contact))
+            forces.append(_force(contact) if first else -_force(contact))
     return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
 
 
 def _force(contact: Sequence[Any]) -> Array:
     """The force of a contact point on its first body, with friction along two directions."""
-    normal, one, other = (
-        contact[size] * np.array(contact[axis])
-        for size, axis in ((9, 7), (10, 11), (12, 13))
-    )
-    force: Array = normal + one + other
+    normal = contact[9] * np.array(contact[7])
+    friction = contact[10] * np.array(contact[11])
+    across = contact[12] * np.array(contact[13])
+    force: Array = normal + friction + across
     return force
 
 
@@ -53,11 +50,11 @@ class Forces(Impulses):
         """Add those of the last step."""
         for point in self._client.getContactPoints():
             who = point[1:5]
-            if (met := self._meetings.get(who)) is None:
-                met = meeting(
-                    self._things[point[1], point[3]], self._things[point[2], point[4]]
-                )
-                self._meetings[who] = met
+            met = self._meetings.get(who)
+            if met is None:
+                first = self._things[point[1], point[3]]
+                second = self._things[point[2], point[4]]
+                met = self._meetings[who] = meeting(first, second)
             self.add(met, point[9] * self._time_step)
             if met.body:
                 self.push(met, point[5], _force(point) * self._time_step)

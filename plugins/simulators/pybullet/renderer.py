@@ -13,7 +13,7 @@ from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import Client, pybullet
-from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
+from plugins.simulators.pybullet.robot import joint_numbers, load_robot, robot_file
 from plugins.simulators.rendering import Renderer, joint_positions
 
 _NEAR_M = 0.02
@@ -32,9 +32,8 @@ class PyBulletRenderer(Renderer):
         client.resetSimulation()
         robot = task.robot
         shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
-        self._robot = load_robot(
-            client, robot_file(self._folder, robot, shown, visuals=True)
-        )
+        file = robot_file(self._folder, robot, shown, visuals=True)
+        self._robot = load_robot(client, file)
         numbers, _ = joint_numbers(client, self._robot)
         self._arm = robot
         self._tool = shown
@@ -81,15 +80,9 @@ class PyBulletRenderer(Renderer):
         for name, (soft, number) in self._softs.items():
             if number:
                 self._client.removeBody(number)
-            self._softs[name] = (
-                soft,
-                self._add(
-                    Geom(
-                        soft.form.surface(state.nodes(name)),
-                        color=soft.visuals[0].color,
-                    )
-                ),
-            )
+            surface = soft.form.surface(state.nodes(name))
+            part = Geom(surface, color=soft.visuals[0].color)
+            self._softs[name] = (soft, self._add(part))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
         # The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended
@@ -130,10 +123,9 @@ class PyBulletRenderer(Renderer):
             shadow=1,
             renderer=self._client.ER_TINY_RENDERER,
         )
-        picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[
-            ..., :3
-        ]
-        return picture, np.reshape(np.asarray(numbers, dtype=np.int64), (height, width))
+        colors = np.asarray(pixels, dtype=np.uint8).reshape(height, width, 4)
+        bodies = np.asarray(numbers, dtype=np.int64).reshape(height, width)
+        return colors[..., :3], bodies
 
 
 def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
@@ -143,9 +135,8 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
     fov_deg = camera.fov_deg
     near = _NEAR_M
     far = _FAR_M
-    if (
-        camera.height_m is not None
-    ):  # the software renderer draws nothing in parallel projection: from far away instead
+    # The software renderer draws nothing in parallel projection: from far away instead.
+    if camera.height_m is not None:
         position = position - _AWAY_M * forward
         distance = float(np.linalg.norm(target - position))
         fov_deg = 2 * float(np.degrees(np.arctan(camera.height_m / 2 / distance)))

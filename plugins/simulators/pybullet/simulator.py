@@ -13,7 +13,8 @@ from core.support.scratch import temporary_folder
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
-from plugins.simulators.pybullet.world import PreparedScene, Settings, World, robot_file
+from plugins.simulators.pybullet.robot import robot_file
+from plugins.simulators.pybullet.world import PreparedScene, Settings, World
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.steps import check_time_step
 
@@ -55,27 +56,19 @@ class PyBulletSimulator(FreshWorlds):
         folder = self._folder
         scene = job.scene_in(task)
         if self._scene is None or self._scene[0] is not scene:
-            self._scene = (
-                scene,
-                PreparedScene(only_rigid(scene, task.name, "pybullet"), folder),
-            )
+            rigid = only_rigid(scene, task.name, "pybullet")
+            self._scene = (scene, PreparedScene(rigid, folder))
         robot = task.robot
-        if (
-            self._robot is None
-            or self._robot[0] != robot
-            or self._robot[1] is not job.tool
-        ):
-            self._robot = (
-                robot,
-                job.tool,
-                robot_file(folder, robot, job.tool, visuals=False),
-            )
+        known = self._robot
+        if known is None or known[0] != robot or known[1] is not job.tool:
+            file = robot_file(folder, robot, job.tool, visuals=False)
+            self._robot = known = (robot, job.tool, file)
         forces = job.forces and job.record_hz > 0
         return World(
             self._client,
             self._scene[1],
             robot,
-            self._robot[2],
+            known[2],
             job.tool,
             job.trajectory,
             self._settings,

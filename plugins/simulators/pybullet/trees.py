@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -33,9 +33,8 @@ from plugins.simulators.pybullet.bodies import (
 )
 from plugins.simulators.pybullet.engine import Client
 
-Place = tuple[
-    int, int
-]  # of a body: PyBullet's numbers of its multibody and of its link, -1 the base
+Place = tuple[int, int]
+"""Of a body: PyBullet's numbers of its multibody and of its link, -1 the base."""
 _KINDS = {"hinge": "revolute", "slider": "prismatic", "ball": "spherical"}
 _ROOT = "root"
 _MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
@@ -68,24 +67,22 @@ class Lightness:
         first = len(twists)
         axes = dict[str, list[int]]()
         for joint in joints:
-            own = _twists(joint, bodies[joint.body].pose)
-            rows = list(range(len(twists), len(twists) + len(own)))
+            moved_by = _twists(joint, bodies[joint.body].pose)
+            rows = list(range(len(twists), len(twists) + len(moved_by)))
             above[joint.body] = [*above.get(joint.parent or "", []), *rows]
             axes[joint.name] = [row - first for row in rows]
-            twists += own
+            twists += moved_by
         masses = np.zeros((len(twists), len(twists)))
         for name, body in bodies.items():
             frame = body.pose @ inertias[name].frame
             moving = np.array([twists[row] for row in above[name]])
             moved = moving[:, 3:] + np.cross(moving[:, :3], frame.position)
             turned = moving[:, :3] @ frame.rotation.as_matrix()
-            own_mass = (
-                body.mass * moved @ moved.T + turned * inertias[name].moments @ turned.T
-            )
-            masses[np.ix_(above[name], above[name])] += own_mass
-        return cls(
-            np.asarray(np.linalg.inv(masses), dtype=np.float64)[first:, first:], axes
-        )
+            linear = body.mass * moved @ moved.T
+            angular = turned * inertias[name].moments @ turned.T
+            masses[np.ix_(above[name], above[name])] += linear + angular
+        inverse = np.asarray(np.linalg.inv(masses), dtype=np.float64)
+        return cls(inverse[first:, first:], axes)
 
     def most(self, joint: Joint) -> float:
         """The most that a force of 1 at a joint accelerates."""
@@ -94,9 +91,8 @@ class Lightness:
 
     def rate(self, joint: Joint) -> float:
         """The highest rate, 1/s, at which its spring and latches swing a joint, or its damper stops it."""
-        stiffness = joint.stiffness + max(
-            (math.pi * a.force / a.width for a in joint.latches), default=0.0
-        )
+        latches = [math.pi * latch.force / latch.width for latch in joint.latches]
+        stiffness = joint.stiffness + max(latches, default=0.0)
         most = self.most(joint)
         return max(math.sqrt(stiffness * most), joint.damping * most / _MILD)
 
@@ -105,11 +101,8 @@ def _twists(joint: Joint, pose: Pose) -> list[Array]:
     """The directions in which a joint moves its body: angular velocities, and velocities at the world's origin."""
     if joint.kind == "slider":
         return [np.concatenate([np.zeros(3), pose.rotation.apply(joint.axis)])]
-    axes = (
-        [pose.rotation.apply(joint.axis)]
-        if joint.kind == "hinge"
-        else [*pose.rotation.apply(np.eye(3))]
-    )
+    own_axes = [joint.axis] if joint.kind == "hinge" else np.eye(3)
+    axes = pose.rotation.apply(own_axes)
     origin = pose.apply(joint.origin)
     return [np.concatenate([axis, np.cross(origin, axis)]) for axis in axes]
 
@@ -138,9 +131,8 @@ class PreparedTree:
         """Prepare a tree, parents first; its files are written to ``folder``."""
         bodies = [scene[joint.body] for joint in joints]
         frames = {joint.body: _frame(scene[joint.body], joint) for joint in joints}
-        links = {
-            joint.body: str(number) for number, joint in enumerate(joints)
-        }  # names of bodies may be anything
+        # Names of bodies may be anything.
+        links = {joint.body: str(number) for number, joint in enumerate(joints)}
         frame = frames[joints[0].body] if root is None else root.pose
         if root is not None:
             bodies.append(root)
@@ -152,26 +144,32 @@ class PreparedTree:
             name = links[body.name]
             inertia = inertias[body.name]
             place = frames[body.name].inverse() @ body.pose  # of the body in the link
-            own = inertial(
-                Inertia(inertia.mass, place @ inertia.frame, inertia.moments)
-            )
-            made[name] = RobotLink(name, own, collisions_of(body, folder, place))
+            moved = replace(inertia, frame=place @ inertia.frame)
+            shapes = collisions_of(body, folder, place)
+            made[name] = RobotLink(name, inertial(moved), shapes)
         hung = dict[str, RobotJoint]()
         for joint in joints:
-            above = joint.parent if joint.parent in frames else None
-            pose = (frame if above is None else frames[above]).inverse() @ frames[
-                joint.body
-            ]
+            above = _ROOT
+            parent_frame = frame
+            if joint.parent in frames:
+                above = links[joint.parent]
+                parent_frame = frames[joint.parent]
+            pose = parent_frame.inverse() @ frames[joint.body]
             name = links[joint.body]
-            hung[name] = _joint(
-                joint, name, _ROOT if above is None else links[above], pose
-            )
+            hung[name] = _joint(joint, name, above, pose)
         file = text_file(folder, write(Description("tree", made, hung)), "urdf")
         dynamics = {body.name: dynamics_of(body) for body in bodies}
         offsets = {name: offset_of(inertia) for name, inertia in inertias.items()}
         lightness = Lightness.of({body.name: body for body in bodies}, joints, inertias)
         return cls(
-            file, root, frame, tuple(joints), dynamics, offsets, lightness, scene.joined
+            file=file,
+            root=root,
+            frame=frame,
+            joints=tuple(joints),
+            dynamics=dynamics,
+            offsets=offsets,
+            lightness=lightness,
+            joined=scene.joined,
         )
 
     @property
@@ -186,18 +184,22 @@ class PreparedTree:
             | client.URDF_USE_IMPLICIT_CYLINDER
             | client.URDF_USE_SELF_COLLISION
         )
-        at = self.frame.position.tolist(), list(self.frame.rotation.as_quat())
-        number = client.loadURDF(
-            str(self.file), *at, useFixedBase=self.root is None, flags=flags
+        number = int(
+            client.loadURDF(
+                str(self.file),
+                self.frame.position.tolist(),
+                list(self.frame.rotation.as_quat()),
+                useFixedBase=self.root is None,
+                flags=flags,
+            )
         )
         infos = [client.getJointInfo(number, link) for link in range(len(self.joints))]
         links = {info[12].decode(): info[0] for info in infos}
-        places = {
-            joint.body: (int(number), links[str(i)])
-            for i, joint in enumerate(self.joints)
-        }
+        places = {}
+        for i, joint in enumerate(self.joints):
+            places[joint.body] = (number, links[str(i)])
         if self.root is not None:
-            places[self.root.name] = int(number), -1
+            places[self.root.name] = (number, -1)
         client.changeDynamics(number, -1, linearDamping=0, angularDamping=0)
         for body, dynamics in self.dynamics.items():
             client.changeDynamics(*places[body], **dynamics)
@@ -222,11 +224,9 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
     for placed in scene.ordered_joints:
         joint = placed.joint
         loose = joint.parent is not None and not scene[joint.parent].fixed
-        roots[joint.body] = (
-            roots.get(joint.parent, joint.parent)
-            if loose and joint.parent
-            else joint.body
-        )
+        roots[joint.body] = joint.body
+        if loose and joint.parent:
+            roots[joint.body] = roots.get(joint.parent, joint.parent)
         trees.setdefault(roots[joint.body], []).append(joint)
     return [
         PreparedTree.of(scene, None if name in roots else scene[name], joints, folder)
@@ -241,20 +241,16 @@ def _frame(body: Body, joint: Joint) -> Pose:
 
 def _joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
     """Make the joint that bears ``link`` at a pose in its parent."""
-    kind = (
-        "continuous"
-        if joint.kind == "hinge" and not joint.limited
-        else _KINDS[joint.kind]
-    )
-    lower, upper = (
-        (joint.lower - joint.start, joint.upper - joint.start)
-        if joint.limited
-        else (1.0, -1.0)
-    )  # none
-    low, high, x, y, z = (
-        rounded(value, DIGITS) for value in (lower, upper, *joint.axis)
-    )
-    limits = Limits(low, high, 0.0, 1000.0)
+    kind = _KINDS[joint.kind]
+    lower = 1.0  # above the upper one: none
+    upper = -1.0
+    if joint.limited:
+        lower = joint.lower - joint.start
+        upper = joint.upper - joint.start
+    elif joint.kind == "hinge":
+        kind = "continuous"
+    limits = Limits(rounded(lower, DIGITS), rounded(upper, DIGITS), 0.0, 1000.0)
+    x, y, z = (rounded(value, DIGITS) for value in joint.axis)
     origin = Origin.of(pose, DIGITS)
     return RobotJoint(f"{link}_joint", kind, parent, link, origin, (x, y, z), limits)
 
@@ -279,11 +275,9 @@ class Mechanism:
         for place, joint in joints:
             self._resist(place, joint)
             client.changeDynamics(*place, jointDamping=joint.damping)
-        self._driven = [(place, joint) for place, joint in joints if joint.drive]
+        self._driven = [placed for placed in joints if placed[1].drive]
         self._pulled = [
-            (place, joint)
-            for place, joint in joints
-            if joint.stiffness or joint.latches
+            placed for placed in joints if placed[1].stiffness or placed[1].latches
         ]
 
     def _resist(self, place: Place, joint: Joint) -> None:
@@ -291,14 +285,14 @@ class Mechanism:
         client = self._client
         most = joint.friction
         if joint.kind == "ball":
-            still = {
-                "targetPosition": [0, 0, 0, 1],
-                "targetVelocity": [0, 0, 0],
-                "positionGain": 0,
-                "velocityGain": 1,
-            }
             client.setJointMotorControlMultiDof(
-                *place, client.POSITION_CONTROL, **still, force=[most] * 3
+                *place,
+                client.POSITION_CONTROL,
+                targetPosition=[0, 0, 0, 1],
+                targetVelocity=[0, 0, 0],
+                positionGain=0,
+                velocityGain=1,
+                force=[most] * 3,
             )
         else:
             client.setJointMotorControl2(
@@ -329,31 +323,32 @@ class Mechanism:
             )
         else:
             position = joint.start + client.getJointState(*place)[0]
-            force = joint.stiffness * (joint.rest - position) + latch_force(
-                joint, position
-            )
+            spring = joint.stiffness * (joint.rest - position)
+            force = spring + latch_force(joint, position)
             client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=force)
 
     def _aim(self, place: Place, joint: Joint) -> None:
         """Drive a joint to where its schedule is at the end of the step."""
         assert joint.drive is not None
-        begins = 0.0 if self._steps is None else self._steps * self._time_step
-        ends = begins if self._steps is None else begins + self._time_step
+        begins = 0.0
+        ends = 0.0
+        if self._steps is not None:
+            begins = self._steps * self._time_step
+            ends = begins + self._time_step
         before, after = joint.drive.sample(np.array([begins, ends])).tolist()
         away = after - before
         target = after - joint.start
-        if (
-            joint.kind == "hinge" and not joint.limited
-        ):  # the schedule of a wheel begins again a turn behind
+        wheel = joint.kind == "hinge" and not joint.limited
+        if wheel:  # its schedule begins again a turn behind
             away -= 2 * np.pi * round(away / (2 * np.pi))
             value = self._client.getJointState(*place)[0]
             target += 2 * np.pi * round((value - target) / (2 * np.pi))
-        aim = {
-            "targetPosition": target,
-            "targetVelocity": away / self._time_step,
-            "force": joint.drive.force,
-        }
-        gains = {"positionGain": self._gain, "velocityGain": 1.0}
         self._client.setJointMotorControl2(
-            *place, self._client.POSITION_CONTROL, **aim, **gains
+            *place,
+            self._client.POSITION_CONTROL,
+            targetPosition=target,
+            targetVelocity=away / self._time_step,
+            force=joint.drive.force,
+            positionGain=self._gain,
+            velocityGain=1.0,
         )
