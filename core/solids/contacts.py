@@ -265,12 +265,11 @@ def _touched(pair: Pair, near: Flags, struck: Flags) -> tuple[Flags, float]:
         np.append(near | struck, False) | np.append(False, near | struck)
     )
     most = touch(pair.one, pair.other)
-    gaps = np.array([pair.gap(sample) for sample in samples.tolist()])
+    gaps = pair.gaps(samples)
     touched = np.zeros(len(near) + 1, dtype=bool)
     touched[samples] = gaps <= most
     if (hit := np.flatnonzero(struck)).size:
-        moving = (track for track in (pair.one, pair.other) if len(track.positions) > 1)
-        travel = sum((np.diff(track.travel)[hit] for track in moving), np.zeros(1))
+        travel = np.diff(pair.travel)[hit]
         before, after = (
             gaps[np.searchsorted(samples, hit + later)] for later in (0, 1)
         )
@@ -303,7 +302,7 @@ def nearest(
             number, sample = divmod(index, bounds.shape[1])
             if bounds[number, sample] >= best[0]:
                 break
-            best = min(best, (Pair(robot[number], body).gap(sample), sample))
+            best = min(best, (-Pair(robot[number], body).look(sample).depth, sample))
         found[body.owner] = best
     return found
 
@@ -318,7 +317,7 @@ def _first_touch(
     name = pair.one.name
     mount = name if name in tool.mounts else tool.placed()[name][0]
     frames = link_frames(robot, tool, taken.arm[[sample]], taken.fingers[[sample]])
-    return float(lengths(pair.nearest(sample) - frames[mount][1][0]))
+    return float(lengths(pair.look(sample).nearest - frames[mount][1][0]))
 
 
 def _box(track: Track) -> tuple[Array, Array]:

@@ -25,13 +25,13 @@ def neighbours(
     if tracks.samples < 2:
         return np.empty((0, 2), dtype=np.intp)
     moving = tracks.moving
-    lowest = tracks.rows.low[:, tracks.first]
-    highest = tracks.rows.high[:, tracks.first]
-    lowest[:, moving] = tracks.by_sample(tracks.rows.low).min(axis=2)
-    highest[:, moving] = tracks.by_sample(tracks.rows.high).max(axis=2)
-    below = lowest[:, None, moving] - margin <= highest[..., None]
-    above = highest[:, None, moving] + margin >= lowest[..., None]
-    near = (below & above).all(axis=0)
+    lowest = tracks.rows.low[tracks.first]
+    highest = tracks.rows.high[tracks.first]
+    lowest[moving] = tracks.by_sample(tracks.rows.low).min(axis=1)
+    highest[moving] = tracks.by_sample(tracks.rows.high).max(axis=1)
+    below = lowest[moving] - margin <= highest[:, None]
+    above = highest[moving] + margin >= lowest[:, None]
+    near = (below & above).all(axis=2)
 
     numbers = np.arange(len(tracks))[:, None]
     once = (tracks.moves[:, None] == 0) | (numbers > moving)
@@ -43,17 +43,22 @@ def neighbours(
     return pairs[free]
 
 
-def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Flags:
+def may_meet(
+    tracks: Tracks, pairs: Indices, least: Array, within: Flags | None = None
+) -> Flags:
     """Report where solids may get as deep in each other as ``least`` (P,), from a sample to the next: (P, T - 1).
 
-    Only intervals ``within`` (P, T - 1) are looked at, all ``pairs`` (P, 2) at once. The boxes along the world's axes
+    Only intervals ``within`` (P, T - 1) are looked at; None: all. The boxes along the world's axes
     around what the solids sweep are compared first, then those along the solids' own axes: solids are no deeper in
     each other than these.
     """
+    if within is None:
+        within = np.ones((len(pairs), tracks.samples - 1), dtype=bool)
     rows = tracks.rows
     met, interval = np.nonzero(within)
-    for low, high in zip(rows.low[::-1], rows.high[::-1], strict=True):
-        # Along z first, since most moves sideways.
+    for axis in (2, 1, 0):  # along z first, since most moves sideways
+        low = rows.low[:, axis]
+        high = rows.high[:, axis]
         one = tracks.row(pairs[met, 0], interval)
         other = tracks.row(pairs[met, 1], interval)
         depth = np.minimum(high[one] - low[other], high[other] - low[one])

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -38,133 +39,128 @@ class Detour(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Solids at samples, one after the other: R rows in all. Those of a single solid are its T samples."""
+    """Solids at samples, one after the other: R rows in all. Those of a single solid are its T samples.
 
-    rotations: Array  # (R, 3, 3), with ``positions`` (R, 3) the solid's frame. That of a ball does not turn
+    Attributes:
+        rotations: (R, 3, 3), with ``positions`` (R, 3) the solid's frame. That of a ball does not turn.
+        middles: (R, 3) the middle of the bounding box along the solid's own axes.
+        low: (R, 3), with ``high`` the bounding box at the sample and on the way to the next. Along an axis, rows lie
+            one after another in memory.
+        aside: (R,) how far it gets from the straight way to the next sample, metres, at most.
+        ways: (R,) how far any of its points moves until the next sample, metres, at most; the last is 0.
+        turned: (R,) the angle to the next sample, radians; the last is 0.
+    """
+
+    rotations: Array
     positions: Array
-    middles: Array  # (R, 3) the middle of the bounding box along the solid's own axes
-    low: Array  # (3, R), with ``high`` the bounding box at the sample and on the way to the next
+    middles: Array
+    low: Array
     high: Array
-    aside: Array  # (R,) how far it gets from the straight way to the next sample, metres, at most
-    moved: Array  # (R,) the length of the way to the next sample, metres; the last is 0
-    turned: Array  # (R,) the angle to the next sample, radians; the last is 0
-
-
-_AXES = (0, 0, 0, 1, 1, 0, 0, 0)  # along which the rows are in each of them
+    aside: Array
+    ways: Array
+    turned: Array
 
 
 class Track:
     """A convex solid at T samples; one that never moves has T = 1.
 
     Attributes:
-        rotations, positions, middles, aside, moved, turned: its `Rows`.
-        low: (T, 3), with ``high`` the bounding boxes.
-        reach: how far from the frame's origin rotation moves a point, metres.
-        half_width: half of the thickness, metres (`thickness`).
+        rotations, positions, middles, low, high: see `Rows`.
         box: half of the bounding box's extents along its own axes, (3,), metres.
     """
 
     def __init__(self, solids: Solids, number: int, rows: Rows) -> None:
         solid = solids.items[number]
-        self.name, self.owner, self.shape, self.geometry = (
-            solid.name,
-            solid.owner,
-            solid.shape,
-            solid.geometry,
-        )
-        (
-            self.rotations,
-            self.positions,
-            self.middles,
-            low,
-            high,
-            self.aside,
-            self.moved,
-            self.turned,
-        ) = rows
-        self.low, self.high = low.T, high.T
-        self.reach, self.half_width = (
-            float(solids.reaches[number]),
-            float(solids.widths[number]),
-        )
+        self.name = solid.name
+        self.owner = solid.owner
+        self.shape = solid.shape
+        self.geometry = solid.geometry
         self.box = solids.halves[number]
-        self._transforms: dict[
-            int, tuple[Any, Array]
-        ] = {}  # results of `at`, by sample
+        self.rotations = rows.rotations
+        self.positions = rows.positions
+        self.middles = rows.middles
+        self.low = rows.low
+        self.high = rows.high
+        self._ways = rows.ways
+        self._places: dict[int, tuple[Any, Array]] = {}  # results of `at`, by sample
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        return np.concatenate(
-            [[0.0], np.cumsum((self.moved + self.reach * self.turned)[:-1])]
-        )
-
-    @cached_property
-    def since(self) -> list[int]:
-        """For each sample the first one, of those in a row before it, that has exactly its pose; T numbers."""
-        still = (self.rotations[1:] == self.rotations[:-1]).all(axis=(1, 2))
-        still &= (self.positions[1:] == self.positions[:-1]).all(axis=1)
-        begins = np.where(np.append(False, still), 0, np.arange(len(self.positions)))
-        return cast("list[int]", np.maximum.accumulate(begins).tolist())
+        return np.append(0.0, np.cumsum(self._ways[:-1]))
 
     def at(self, k: int, share: float) -> tuple[Any, Array]:
         """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""
         if len(self.positions) == 1:
-            k, share = 0, 0.0
-        if share == 0 and k in self._transforms:
-            return self._transforms[k]
-        rotation, position = self.rotations[k], self.positions[k]
+            k = 0
+            share = 0.0
+        if share == 0 and k in self._places:
+            return self._places[k]
+        rotation = self.rotations[k]
+        position = self.positions[k]
         if share > 0:
             position = position + share * (self.positions[k + 1] - position)
-            rotation = rotation.dot(
-                pin.exp3(share * pin.log3(rotation.T.dot(self.rotations[k + 1])))
-            )
+            turn = pin.log3(rotation.T.dot(self.rotations[k + 1]))
+            rotation = rotation.dot(pin.exp3(share * turn))
             return coal.Transform3s(rotation, position), rotation
-        self._transforms[k] = coal.Transform3s(rotation, position), rotation
-        return self._transforms[k]
+        self._places[k] = coal.Transform3s(rotation, position), rotation
+        return self._places[k]
+
+
+class Look(NamedTuple):
+    """What is measured of two solids at an instant.
+
+    Attributes:
+        depth: how deep the first is in the second, metres; negative if they are apart.
+        rotation: (3, 3) that of the first; ``others_rotation`` is that of the second.
+        result: Coal's.
+    """
+
+    depth: float
+    rotation: Array
+    others_rotation: Array
+    result: Any
+
+    @property
+    def out(self) -> Array:
+        """The direction (3,) in the world of the shortest way out of the second for the first."""
+        direction: Array = self.result.normal
+        return direction
+
+    @property
+    def nearest(self) -> Array:
+        """The point (3,) of the first that is nearest to the second."""
+        return np.array(self.result.getNearestPoint2())
 
 
 class Pair:
-    """Two solids over time: how deep the first is in the second, and how far apart they are."""
+    """Two solids over time: how deep the first is in the second, and how far apart they are.
+
+    Attributes:
+        travel: (T,) how far the two have moved since the first sample, metres, at most.
+    """
 
     def __init__(self, one: Track, other: Track) -> None:
-        self.one, self.other = one, other
+        self.one = one
+        self.other = other
+        self.travel = one.travel + other.travel
         self._measure = coal.ComputeDistance(other.geometry, one.geometry)
-        self._gaps: dict[tuple[int, int], float] = {}
 
-    def query(self, k: int, share: float) -> tuple[float, Array, Array, Array]:
-        """Find at an instant (see `Track.at`) the penetration depth, the way out for the first, and both rotations.
-
-        The depth is in metres, and negative if the two are apart.
-        """
+    def look(self, k: int, share: float = 0.0) -> Look:
+        """Measure the two at an instant (see `Track.at`)."""
         here, rotation = self.one.at(k, share)
         there, others_rotation = self.other.at(k, share)
         result = coal.DistanceResult()
-        depth = -float(self._measure(there, here, _REQUEST, result))
-        return depth, result.normal, rotation, others_rotation
+        gap = float(self._measure(there, here, _REQUEST, result))
+        return Look(-gap, rotation, others_rotation, result)
 
-    def gap(self, k: int) -> float:
-        """Measure the gap at a sample, metres, negative if they overlap."""
-        k, j = (
-            track.since[min(k, len(track.positions) - 1)]
-            for track in (self.one, self.other)
+    def gaps(self, samples: Indices) -> Array:
+        """Measure the gaps (N,) at N samples, metres, negative if the two overlap; once while they rest."""
+        _, firsts, numbers = np.unique(
+            self.travel[samples], return_index=True, return_inverse=True
         )
-        if (k, j) not in self._gaps:
-            result = coal.DistanceResult()
-            self._gaps[k, j] = float(
-                self._measure(
-                    self.other.at(j, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result
-                )
-            )
-        return self._gaps[k, j]
-
-    def nearest(self, k: int) -> Array:
-        """Find the point (3,) of the first that is nearest to the second at a sample."""
-        result = coal.DistanceResult()
-        self._measure(
-            self.other.at(k, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result
-        )
-        return np.array(result.getNearestPoint2())
+        gaps = np.array([-self.look(k).depth for k in samples[firsts].tolist()])
+        return gaps[numbers]
 
 
 class Tracks:
@@ -180,48 +176,42 @@ class Tracks:
     def __init__(
         self, solids: Solids, moving: Indices, moved: Rows, samples: int
     ) -> None:
-        resting, rest = _at_rest(solids)
-        self.solids, self.moving, self.samples = solids, moving, samples
-        self.rows = Rows(
-            *(
-                np.concatenate(each, axis)
-                for *each, axis in zip(moved, rest, _AXES, strict=True)
-            )
-        )
-        self.first, self.moves = (
-            np.full(len(self), len(self.rows.aside)),
-            np.zeros(len(self), dtype=np.intp),
-        )
-        self.first[moving], self.moves[moving] = samples * np.arange(len(moving)), 1
+        resting, rest = _rest(solids)
+        self.solids = solids
+        self.moving = moving
+        self.samples = samples
+        self.rows = Rows(*map(np.concatenate, zip(moved, rest, strict=True)))
+        self.first = np.full(len(self), len(self.rows.aside))
+        self.first[moving] = samples * np.arange(len(moving))
         self.first[resting] = samples * len(moving) + np.arange(len(resting))
-        self._made: dict[int, Track] = {}
+        self.moves = np.zeros(len(self), dtype=np.intp)
+        self.moves[moving] = 1
+        self._tracks: dict[int, Track] = {}
 
     def __len__(self) -> int:
         return len(self.solids.items)
 
     def __getitem__(self, number: int) -> Track:
-        if number not in self._made:
+        if number not in self._tracks:
             begin = int(self.first[number])
-            span = slice(begin, begin + (self.samples if self.moves[number] else 1))
-            rows = (
-                values[:, span] if axis else values[span]
-                for values, axis in zip(self.rows, _AXES, strict=True)
-            )
-            self._made[number] = Track(self.solids, number, Rows(*rows))
-        return self._made[number]
+            count = self.samples if self.moves[number] else 1
+            rows = Rows(*(values[begin : begin + count] for values in self.rows))
+            self._tracks[number] = Track(self.solids, number, rows)
+        return self._tracks[number]
 
     def __iter__(self) -> Iterator[Track]:
         return (self[number] for number in range(len(self)))
 
-    def row(self, numbers: Indices | int, samples: Indices) -> Indices:
+    def row(self, numbers: Indices, samples: Indices) -> Indices:
         """The rows of solids at samples."""
         rows: Indices = self.first[numbers] + self.moves[numbers] * samples
         return rows
 
     def by_sample(self, values: Array) -> Array:
-        """Those of the rows' values (..., R) that are of the solids that move: (..., M, T)."""
-        shape = len(self.moving), self.samples
-        return values[..., : shape[0] * shape[1]].reshape(*values.shape[:-1], *shape)
+        """Those of the rows' values (R, ...) that are of the solids that move: (M, T, ...)."""
+        count = len(self.moving)
+        moved = values[: count * self.samples]
+        return moved.reshape(count, self.samples, *values.shape[1:])
 
 
 def lengths(vectors: Array) -> Array:
@@ -232,8 +222,8 @@ def lengths(vectors: Array) -> Array:
 
 def angles(rotations: Array, after: Array) -> Array:
     """Compute the angles (...), radians, from rotations (..., 3, 3) to others."""
-    traces = np.einsum("...ij,...ij->...", rotations, after)  # of the rotation between
-    turned: Array = np.arccos(np.maximum(np.minimum((traces - 1) / 2, 1.0), -1.0))
+    chords = lengths((after - rotations).reshape(*rotations.shape[:-2], 9))
+    turned: Array = 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
     return turned
 
 
@@ -251,58 +241,44 @@ def follow(
     """
     solids = all_solids(robot, tool, scene_solids(scene))
     model = robot_model(robot, tool)
-    own = joint_frames(
-        model, joint_values(robot, tool, recording.arm, recording.fingers)
-    )
-    bodies = _body_frames(recording.states)
-    rotations, positions = (
-        np.concatenate(pair) for pair in zip(own, bodies, strict=True)
-    )
+    joints = joint_values(robot, tool, recording.arm, recording.fingers)
+    rotations, positions = joint_frames(model, joints)
+    turns, shifts = _body_frames(recording.states)
     moving = solids.moving
     if only is not None:
-        wanted = np.zeros(len(solids.items), dtype=bool)
-        wanted[only] = True
-        moving = moving[wanted[moving]]
+        moving = np.intersect1d(moving, only)
     aside = np.zeros((len(moving), len(recording.times)))
     if detour is not None:
-        number = np.maximum(solids.frames[moving] + 1 - len(own[0]), 0)
-        turning = np.where(
-            number == 0, model.reach, 0.0
-        )  # links turn about the joints before them, too
-        aside += (
-            detour.moved[number]
-            + (solids.far[moving] + turning)[:, None] * detour.turned[number]
-        )
-    return Tracks(
+        number = np.maximum(solids.frames[moving] + 1 - len(rotations), 0)
+        turning = np.where(number == 0, model.reach, 0.0)  # about the joints before
+        far = solids.far[moving] + turning
+        aside += detour.moved[number] + far[:, None] * detour.turned[number]
+    rows = _rows(
         solids,
         moving,
-        _rows(solids, moving, rotations, positions, aside),
-        len(recording.times),
+        np.concatenate([rotations, turns]),
+        np.concatenate([positions, shifts]),
+        aside,
     )
+    return Tracks(solids, moving, rows, len(recording.times))
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:
     """The frames of the free bodies: (B, T, 3, 3) and (B, T, 3)."""
     quaternions = states.quaternions.swapaxes(0, 1)
-    matrices = Rotation.from_quat(
-        quaternions.reshape(-1, 4), scalar_first=True
-    ).as_matrix()
-    return matrices.reshape(*quaternions.shape[:2], 3, 3), states.positions.swapaxes(
-        0, 1
-    )
+    turns = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True)
+    rotations = turns.as_matrix().reshape(*quaternions.shape[:2], 3, 3)
+    return rotations, states.positions.swapaxes(0, 1)
 
 
 @lru_cache(maxsize=8)
-def _at_rest(solids: Solids) -> tuple[Indices, Rows]:
+def _rest(solids: Solids) -> tuple[Indices, Rows]:
     """The numbers of the solids that never move, and their rows."""
     numbers = np.flatnonzero(solids.frames == WORLD)
-    return numbers, _rows(
-        solids,
-        numbers,
-        np.eye(3)[None, None],
-        np.zeros((1, 1, 3)),
-        np.zeros((len(numbers), 1)),
-    )
+    straight = np.zeros((len(numbers), 1))
+    rotations = np.eye(3)[None, None]
+    positions = np.zeros((1, 1, 3))
+    return numbers, _rows(solids, numbers, rotations, positions, straight)
 
 
 def _rows(
@@ -312,7 +288,7 @@ def _rows(
 
     They get up to ``aside`` (N, T) from the straight way, by which their bounding boxes are wider.
     """
-    frames, halves = solids.frames[numbers], solids.halves[numbers]
+    frames = solids.frames[numbers]
     rotations, positions = place(
         rotations[frames],
         positions[frames],
@@ -320,27 +296,28 @@ def _rows(
         solids.positions[numbers],
     )
     rotations[solids.radii[numbers] < np.inf] = np.eye(3)
-    middles, extents = (
-        positions + rotate(rotations, solids.middles[numbers]),
-        rotate(np.abs(rotations), halves),
-    )
-    # By axis, since numpy reduces along contiguous instants fifty times as fast.
-    across, extents = (
-        middles.transpose(2, 0, 1).copy(),
-        extents.transpose(2, 0, 1).copy(),
-    )
-    low, high = across - extents, across + extents
+    middles = positions + rotate(rotations, solids.middles[numbers])
+    extents = rotate(np.abs(rotations), solids.halves[numbers])
+
+    # By axis (3, N, T): numpy reduces along contiguous instants fifty times as fast.
+    low = (middles - extents).transpose(2, 0, 1).copy()
+    high = (middles + extents).transpose(2, 0, 1).copy()
     np.minimum(low[..., :-1], low[..., 1:], out=low[..., :-1])
     np.maximum(high[..., :-1], high[..., 1:], out=high[..., :-1])
     low -= aside
     high += aside
-    moved, turned = np.zeros_like(aside), np.zeros_like(aside)
-    moved[:, :-1] = lengths(positions[:, 1:] - positions[:, :-1])
+
+    turned = np.zeros_like(aside)
     turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
-    places = (
+    ways = solids.reaches[numbers, None] * turned
+    ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
+    return Rows(
         rotations.reshape(-1, 3, 3),
         positions.reshape(-1, 3),
         middles.reshape(-1, 3),
+        low.reshape(3, -1).T,
+        high.reshape(3, -1).T,
+        aside.ravel(),
+        ways.ravel(),
+        turned.ravel(),
     )
-    boxes = low.reshape(3, -1), high.reshape(3, -1)
-    return Rows(*places, *boxes, aside.ravel(), moved.ravel(), turned.ravel())

@@ -22,6 +22,7 @@ from core.interfaces import (
     Task,
 )
 from core.scene import Scene, State
+from core.solids.bodies import thickness
 from core.solids.tracks import Track
 from core.trial import Evaluation
 from plugins.results.workshop.tracks import body_tracks, robot_tracks
@@ -181,9 +182,8 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
                 ((one.low <= part.high) & (one.high >= part.low)).all(axis=1)
                 for part in parts
             ]
-            margin = min(
-                EATEN_M, 0.6 * min((part.half_width for part in parts), default=0.0)
-            )
+            halves = [thickness(part.shape) / 2 for part in parts]
+            margin = min(EATEN_M, 0.6 * min(halves, default=0.0))
             points, cell = _plane(one.shape)
             around = margin * np.vstack([np.eye(3), -np.eye(3)])
             for k in np.flatnonzero(np.any(near, axis=0)) if near else ():
