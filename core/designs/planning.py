@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -42,7 +40,11 @@ _MACHINE = {
     errno.EROFS,
 }
 
-_NOISE, _HEIGHT = 7, 8  # keep these random numbers apart from others of the same seed
+# Keep these random numbers apart from others of the same seed.
+_NOISE = 7
+_HEIGHT = 8
+
+T = TypeVar("T")
 
 
 def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
@@ -67,22 +69,30 @@ def _actions(name: str) -> ActionRepresentation:
     return installed().create(ACTION, name)
 
 
-@contextmanager
-def guarded(part: object, doing: str) -> Iterator[None]:
-    """Turn what a plugin's code raises into a DesignError: a bug there costs the design, not the run.
+def call_part(
+    part: object, method: str, wanted: type[T], *args: Any, **named: Any
+) -> T:
+    """Call a method of a plugin's part that reads a design: a bug there costs the design, not the run.
 
-    Errors of the machine pass.
+    Raises:
+        DesignError: the method raised something, errors of the machine apart, or returned nothing of the type
+            ``wanted``; the message names its plugin.
     """
     try:
-        yield
+        value = getattr(part, method)(*args, **named)
     except (DesignError, MemoryError):
         raise
     except RAISED as error:
         if getattr(error, "errno", None) in _MACHINE:
             raise
         raise DesignError(
-            f"{describe_part(part)}: {doing} raised {type(error).__name__}: {error}"
+            f"{describe_part(part)}: {method} raised {type(error).__name__}: {error}"
         ) from error
+    if not isinstance(value, wanted):
+        raise DesignError(
+            f"{describe_part(part)}: {method} gave {shorten(repr(value))}; expected {wanted.__name__}"
+        )
+    return value
 
 
 def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> ActionPlan:
@@ -91,13 +101,7 @@ def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> Act
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
-    with guarded(actions, "parse"):
-        plan = actions.parse(raw, gripper=gripper)
-    if not isinstance(plan, ActionPlan):
-        raise DesignError(
-            f"{describe_part(actions)}: parse gave {shorten(repr(plan))}; expected an ActionPlan"
-        )
-    return plan
+    return call_part(actions, "parse", ActionPlan, raw, gripper=gripper)
 
 
 def look(
@@ -111,14 +115,15 @@ def look(
     bodies = (scene or task.scene(seed)).bodies
     if perception.position == perception.yaw == 0:
         return Seen({body.name: body.pose for body in bodies})
+
     draws = np.random.default_rng([seed, _NOISE]).standard_normal((len(bodies), 3))
     poses = {}
     for body, (x, y, yaw) in zip(bodies, draws.tolist(), strict=True):
-        turned = (
-            Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw]) * body.pose.rotation
-        )
+        turn = Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw])
         shift = perception.position * np.array([x, y, 0.0])
-        poses[body.name] = Pose.from_rotation(body.pose.position + shift, turned)
+        poses[body.name] = Pose.from_rotation(
+            body.pose.position + shift, turn * body.pose.rotation
+        )
     return Seen(poses)
 
 
@@ -139,34 +144,29 @@ def resolve(
     if isinstance(plan, Waypoints):
         waypoints = plan
     else:
-        there = tuple(
-            None if pose is None else Pose(pose.position - rise, pose.quaternion)
-            for pose in felt
-        )
-        seen = replace(look(task, seed, settings.perception, scene), felt=there)
-        with guarded(plan, "resolve"):
-            waypoints = plan.resolve(seen)
-        if not isinstance(waypoints, Waypoints):
-            raise DesignError(
-                f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints"
-            )
+        seen = look(task, seed, settings.perception, scene)
+        seen = replace(seen, felt=tuple(_lower(pose, rise) for pose in felt))
+        waypoints = call_part(plan, "resolve", Waypoints, seen)
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
     check_tempo(waypoints, task.home, settings.max_motion_s)
-    if rise.any():
-        poses = waypoints.poses.copy()
-        poses[:, :3] += rise
-        waypoints = replace(waypoints, poses=poses)
-    return waypoints
+    if not rise.any():
+        return waypoints
+    poses = waypoints.poses.copy()
+    poses[:, :3] += rise
+    return replace(waypoints, poses=poses)
 
 
 def _rise(seed: int, perception: Perception) -> Array:
     """Draw by how much (3,) the arm's waypoints lie higher than a plan means in the layout of ``seed``, metres."""
-    if perception.height == 0:
-        return np.zeros(3)
-    return np.array(
-        [
-            0.0,
-            0.0,
-            perception.height * np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1),
-        ]
-    )
+    rise = np.zeros(3)
+    if perception.height != 0:
+        draw = np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1)
+        rise[2] = perception.height * draw
+    return rise
+
+
+def _lower(pose: Pose | None, rise: Array) -> Pose | None:
+    """Say where a plan means a pose to be that the arm reached."""
+    if pose is None:
+        return None
+    return Pose(pose.position - rise, pose.quaternion)

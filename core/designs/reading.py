@@ -9,47 +9,33 @@ A document is an object ``{"strategies": [...]}``. A strategy holds the fields o
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import NO_PLAN, guarded, named_actions, parse_plan
-from core.designs.rules import check_tool, given_tool
+from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
+from core.designs.replies import EXPECTED, Malformed, Unread, decode
+from core.designs.rules import check_gripper, check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import describe_part
 from core.support.files import read_text
-from core.support.text import clean, kind, shorten
+from core.support.text import clean, kind
 
-MAX_NAME = 200
+MAX_NAME = 200  # characters
 MAX_DESCRIPTION = 5000
+_LONGEST = {
+    "strategy_name": MAX_NAME,
+    "strategy_description": MAX_DESCRIPTION,
+    "tool_name": MAX_NAME,
+    "tool_description": MAX_DESCRIPTION,
+    "action_description": MAX_DESCRIPTION,
+}
 
-MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
-MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
-MAX_SAVED = 1000  # sound ones; the rest is not read
-MAX_REREAD = (
-    1_000_000  # characters of malformed strategies, which may lie inside each other
-)
-
-_SEPARATORS = re.compile(r"[\s,]*")
-_OPENING = re.compile(r'"strategies"\s*:\s*\[')
-_STRATEGY = re.compile(
-    r'\{\s*"(?:parents|strategy_name)"\s*:'
-)  # the beginning of a strategy, by the schema
-
-# Matches a string (to its end or the reply's), or something that JSON forbids: a comment, or a comma before a closing
-# bracket. Possessive quantifiers keep the time linear for every text.
-_NOT_JSON = re.compile(
-    r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL
-)
-
-_EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
-
-# Not strict, because models write line breaks inside strings. NaN and infinities become strings, which rules refuse.
-_DECODER = json.JSONDecoder(strict=False, parse_constant=lambda name: name)
+Fields = dict[Any, Any]  # of a strategy, which may hold anything
 
 
 def read_designs(
@@ -65,43 +51,42 @@ def read_designs(
 ) -> list[Candidate]:
     """Read one candidate per action plan, in order, numbered by strategy and action from 0.
 
-    At most so many strategies and plans of each are read (None: all). A design that breaks
-    a rule gives candidates with a `Candidate.problem`: all of its strategy if the tool breaks it, and a single one if
-    the plans can't be counted. Candidates of a strategy share one tool. Of the ``parents`` that a strategy names, only
-    the ids in ``elites`` are kept. Plans are read by ``actions``; None: by the one that the strategy names.
+    A design that breaks a rule gives candidates with a `Candidate.problem`: all of its strategy if the tool breaks it,
+    and a single one if the plans can't be counted. Candidates of a strategy share one tool.
+
+    Args:
+        document: what was read from JSON.
+        representation: reads the tools.
+        task: what the designs are for.
+        generation: of the candidates.
+        agent: of the candidates.
+        elites: the ids that a strategy may name as ``parents``; others are ignored.
+        most: how many strategies are read, and plans of each; None: all.
+        actions: reads the plans; None: the one that a strategy names.
 
     Raises:
         DesignError: the document has no strategies at all.
     """
-    candidates: list[Candidate] = []
     n_tool, n_action = most
+    candidates: list[Candidate] = []
     for number, strategy in enumerate(_strategies(document)[:n_tool]):
-        base = Candidate(
-            None,
-            NO_PLAN,
-            generation,
-            agent,
-            number,
-            parents=_read_parents(strategy, elites),
-        )
-        candidates += _read_strategy(
-            strategy, base, representation, task, n_action, actions
-        )
+        parents = _read_parents(strategy, elites)
+        base = Candidate(None, NO_PLAN, generation, agent, number, parents=parents)
+        found = _read_strategy(strategy, base, representation, task, actions)
+        candidates += islice(found, n_action)
     return candidates
 
 
 def _strategies(document: object) -> list[Any]:
     if not isinstance(document, dict):
-        raise DesignError(f"the document is {kind(document)}; {_EXPECTED}")
+        raise DesignError(f"the document is {kind(document)}; {EXPECTED}")
     if "strategies" not in document:
-        raise DesignError(f"the document has no 'strategies'; {_EXPECTED}")
+        raise DesignError(f"the document has no 'strategies'; {EXPECTED}")
     strategies = document["strategies"]
     if not isinstance(strategies, list):
-        raise DesignError(
-            f"'strategies' is {kind(strategies)}, not a list; {_EXPECTED}"
-        )
+        raise DesignError(f"'strategies' is {kind(strategies)}, not a list; {EXPECTED}")
     if not strategies:
-        raise DesignError(f"'strategies' is empty; {_EXPECTED}")
+        raise DesignError(f"'strategies' is empty; {EXPECTED}")
     return strategies
 
 
@@ -110,132 +95,111 @@ def _read_strategy(
     base: Candidate,
     representation: ToolRepresentation,
     task: Task,
-    n_action: int | None,
     actions: ActionRepresentation | None,
 ) -> Iterator[Candidate]:
+    """Yield the candidates of a strategy; ``base`` holds what is known of them."""
     try:
-        if isinstance(strategy, Unread):
-            raise DesignError(strategy.reason)  # noqa: TRY301
-        if not isinstance(strategy, dict):
-            raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
+        fields = _as_fields(strategy)
         given = given_tool(representation, task)
-        gripper = _read_gripper(strategy, given)
-        actions = actions or named_actions(strategy)
+        gripper = _read_gripper(fields, given, task)
+        actions = actions or named_actions(fields)
         base = replace(
             base,
-            strategy_name=_read_text(strategy, "strategy_name", MAX_NAME),
-            strategy_description=_read_text(
-                strategy, "strategy_description", MAX_DESCRIPTION
-            ),
-            action_description=_read_text(
-                strategy, "action_description", MAX_DESCRIPTION
-            ),
+            strategy_name=_read_text(fields, "strategy_name"),
+            strategy_description=_read_text(fields, "strategy_description"),
+            action_description=_read_text(fields, "action_description"),
         )
     except DesignError as error:
-        for action in range(_count_plans(strategy))[:n_action]:
+        for action in range(_count_plans(strategy)):
             yield replace(base, action=action, problem=str(error))
         return
 
-    tool, tool_problem = (
-        (given, None)
-        if given is not None
-        else _read_tool(strategy, representation, task, gripper)
-    )
+    tool = given
+    problem = None
     try:
-        plans = _read_action_sets(strategy)
+        if given is None:
+            tool = _read_tool(fields, representation, gripper)
+            check_tool(tool, task.robot, representation.material)
     except DesignError as error:
-        yield replace(base, tool=tool, problem=tool_problem or str(error))
+        problem = str(error)
+
+    base = replace(base, tool=tool, problem=problem)
+    try:
+        plans = _read_action_sets(fields)
+    except DesignError as error:
+        yield replace(base, problem=problem or str(error))
         return
-    for action, raw in enumerate(plans[:n_action]):
-        plan, plan_problem = base.plan, None
+    for action, raw in enumerate(plans):
         try:
             plan = parse_plan(actions, raw, gripper)
+            yield replace(base, action=action, plan=plan)
         except DesignError as error:
-            plan_problem = f"action plan {action + 1}: {error}"
-        yield replace(
-            base,
-            tool=tool,
-            plan=plan,
-            action=action,
-            problem=tool_problem or plan_problem,
-        )
+            fault = f"action plan {action + 1}: {error}"
+            yield replace(base, action=action, problem=problem or fault)
+
+
+def _as_fields(strategy: object) -> Fields:
+    if isinstance(strategy, Unread):
+        raise DesignError(strategy.reason)
+    if not isinstance(strategy, dict):
+        raise DesignError(f"the strategy is {kind(strategy)}, not an object")
+    return strategy
 
 
 def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
     parents = strategy.get("parents") if isinstance(strategy, dict) else None
-    return (
-        tuple(elite for elite in elites if elite in parents)
-        if isinstance(parents, list)
-        else ()
-    )
+    if not isinstance(parents, list):
+        return ()
+    return tuple(elite for elite in elites if elite in parents)
 
 
-def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
-    gripper = strategy.get("gripper", given.gripper if given is not None else False)
+def _read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
+    usual = given is not None and given.gripper
+    gripper = fields.get("gripper", usual)
     if not isinstance(gripper, bool):
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
-    if given is not None and gripper != given.gripper:
+    if given is not None and gripper != usual:
         raise DesignError(
-            f"'gripper' is {str(gripper).lower()}; the given tool needs {str(given.gripper).lower()}"
+            f"'gripper' is {str(gripper).lower()}; the given tool needs {str(usual).lower()}"
         )
+    if gripper:
+        check_gripper(task.robot)
     return gripper
 
 
-def _read_text(strategy: dict[Any, Any], field: str, max_length: int) -> str:
-    text = strategy.get(field)
+def _read_text(fields: Fields, name: str) -> str:
+    text = fields.get(name)
     if text is None:
         return ""
     if not isinstance(text, str):
-        raise DesignError(f"{field!r} is {kind(text)}; it must be a text")
-    return clean(text, max_length)
+        raise DesignError(f"{name!r} is {kind(text)}; it must be a text")
+    return clean(text, _LONGEST[name])
 
 
 def _read_tool(
-    strategy: dict[Any, Any],
-    representation: ToolRepresentation,
-    task: Task,
-    gripper: bool,
-) -> tuple[Tool | None, str | None]:
-    """The tool, as far as it can be read, and its problem."""
-    tool = None
-    try:
-        if gripper and task.robot.gripper is None:
-            raise DesignError(  # noqa: TRY301
-                f"{task.robot.title} has no gripper; design one rigid tool, with 'gripper' false"
-            )
-        tool = _parsed(representation, strategy, gripper)
-        check_tool(tool, task.robot, representation.material)
-    except DesignError as error:
-        return tool, str(error)
-    return tool, None
-
-
-def _parsed(
-    representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool
+    fields: Fields, representation: ToolRepresentation, gripper: bool
 ) -> Tool:
-    """Parse a strategy's tool, with its name and description.
+    """Read a strategy's tool, with its name and description.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
-    name = _read_text(strategy, "tool_name", MAX_NAME)
-    description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
-    with guarded(representation, "parse"):
-        tool = representation.parse(strategy, gripper=gripper)
-    if not isinstance(tool, Tool) or tool.gripper != gripper:
-        wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
+    name = _read_text(fields, "tool_name")
+    description = _read_text(fields, "tool_description")
+    tool = call_part(representation, "parse", Tool, fields, gripper=gripper)
+    if tool.gripper != gripper:
+        mount = "for the fingers" if tool.gripper else "for the flange"
         raise DesignError(
-            f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}"
+            f"{describe_part(representation)}: parse gave a tool {mount}, and gripper={gripper} was asked for"
         )
-    return replace(
-        representation.material.made(tool), name=name, description=description
-    )
+    weighed = representation.material.made(tool)
+    return replace(weighed, name=name, description=description)
 
 
-def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
-    if "action_sets" not in strategy:
+def _read_action_sets(fields: Fields) -> list[Any]:
+    if "action_sets" not in fields:
         raise DesignError("'action_sets' is missing; give a list of action plans")
-    plans = strategy["action_sets"]
+    plans = fields["action_sets"]
     if not isinstance(plans, list) or not plans:
         what = "an empty list" if plans == [] else kind(plans)
         raise DesignError(f"'action_sets' is {what}; give a list of action plans")
@@ -248,157 +212,24 @@ def _count_plans(strategy: object) -> int:
     return max(1, len(plans)) if isinstance(plans, list) else 1
 
 
-@dataclass(frozen=True)
-class Unread:
-    """Replaces a strategy that can't be read, and gives the reason."""
-
-    reason: str
-
-
-def parse_reply(text: str) -> object:
-    """Find and parse the JSON document in a model's reply, with or without text around it.
-
-    It is the first object that has strategies; without one, the first object. ``NaN`` and ``Infinity`` are read as
-    strings. If the document is malformed, its strategies are read one by one: comments and extra commas are ignored,
-    and an `Unread` replaces each strategy that is cut off or still malformed. A reply is cut off after `MAX_REPLY`
-    characters.
-
-    Raises:
-        DesignError: there is no object, or it is malformed and has no sound strategy; gives line and column.
-    """
-    text = text[:MAX_REPLY]
-    first: object = None
-    failure: tuple[int, DesignError] | None = None
-    start = text.find("{")
-    # Each failure counts all lines before it; this many take a second or two.
-    for _ in range(100 + 1_000_000_000 // max(1, len(text))):
-        if start < 0:
-            break
-        try:
-            document, end = _DECODER.raw_decode(text, start)
-        except json.JSONDecodeError as error:
-            # An object that begins before the error would be an inner one.
-            end = max(error.pos, start + 1)
-            where = f"line {error.lineno}, column {error.colno}"
-            if failure is None or end - start > failure[0]:
-                failure = (
-                    end - start,
-                    DesignError(
-                        f"the reply's JSON is malformed at {where}: {error.msg}"
-                    ),
-                )
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # an integer of thousands of digits; deep nesting
-            raise DesignError(
-                f"the reply's JSON at position {start} can't be read: {_reason(error)}"
-            ) from error
-        else:
-            if "strategies" in document:
-                return document
-            first = document if first is None else first
-        start = text.find("{", end)
-    if failure is not None:
-        saved = _save_sound(text)
-        if saved is not None:
-            return saved
-        raise failure[1]
-    if first is None:
-        raise DesignError(f"the reply has no JSON object; {_EXPECTED}")
-    return first
-
-
-def _save_sound(text: str) -> dict[str, Any] | None:
-    """Read the strategies of a malformed document one by one; None: none of them is sound."""
-    opening = _OPENING.search(text)
-    if opening is None:
-        return None
-    strategies: list[Any] = []
-    malformed = reread = 0
-    position, end = opening.end(), len(text)
-    blanked = False
-    while True:
-        separators = _SEPARATORS.match(text, position)
-        assert separators is not None  # it matches nothing, too
-        position = separators.end()
-        if position >= end or text[position] == "]":
-            break
-        try:
-            strategy, position = _DECODER.raw_decode(text, position)
-        except (ValueError, RecursionError) as error:
-            reread += _read_until(error, end) - position
-            if not blanked:
-                text, blanked = (
-                    text[:position] + _NOT_JSON.sub(_blank, text[position:]),
-                    True,
-                )
-                continue
-            malformed += 1
-            strategies.append(_unread(text, position))
-            following = _STRATEGY.search(text, position + 1)
-            if following is None or malformed == MAX_MALFORMED or reread > MAX_REREAD:
-                break
-            position = following.start()
-        else:
-            strategies.append(strategy)
-            if len(strategies) >= MAX_SAVED:
-                break
-    if len(strategies) == malformed:
-        return None
-    if position >= end and not malformed:
-        strategies.append(_unread(text, position))
-    return {"strategies": strategies}
-
-
-def _read_until(error: Exception, end: int) -> int:
-    """How far the decoder read before it failed, at most."""
-    if isinstance(error, json.JSONDecodeError) and not error.msg.startswith(
-        "Unterminated string"
-    ):
-        return error.pos
-    return end
-
-
-def _unread(text: str, position: int) -> Unread:
-    line = text.count("\n", 0, position) + 1
-    return Unread(
-        f"the strategy is cut off or malformed (it begins at line {line} of the reply)"
-    )
-
-
-def _blank(match: re.Match[str]) -> str:
-    """A string as it is; anything else as blanks and line breaks, so that positions stay the same."""
-    return match[0] if match[0].startswith('"') else re.sub(r"[^\n]", " ", match[0])
-
-
-def _reason(error: Exception) -> str:
-    return (
-        "it is nested too deep"
-        if isinstance(error, RecursionError)
-        else "a number has too many digits"
-    )
-
-
 def load_designs(path: Path) -> object:
     """Read the document in a designs file, for `read_designs`.
 
     Raises:
         UserError: the file can't be read, or holds no designs document.
     """
-    text, what = read_text(path, f"designs file {path}"), f"designs file {path}"
+    what = f"designs file {path}"
+    text = read_text(path, what).rstrip()
+    start = len(text) - len(text.lstrip())
     try:
-        document: object = _DECODER.decode(text)
+        document, end = decode(text, start, what)
         _strategies(document)
-    except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
-        raise UserError(
-            f"{what} is malformed JSON at {where}: {error.msg}; {_EXPECTED}"
-        ) from error
+    except Malformed as error:
+        raise UserError(f"{error}; {EXPECTED}") from error
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{what} can't be read as JSON: {_reason(error)}") from error
+    if end < len(text):
+        raise UserError(f"{what} goes on after its document; {EXPECTED}")
     return document
 
 
@@ -410,17 +241,16 @@ def load_tool(
     Raises:
         UserError: there is no such strategy, or its tool can't be read.
     """
-    strategies, given = _strategies(load_designs(path)), representation.given(task)
+    strategies = _strategies(load_designs(path))
     if number not in range(len(strategies)):
         raise UserError(
             f"{path} has {len(strategies)} strategies; there is no strategy={number}"
         )
-    strategy = strategies[number]
+    given = representation.given(task)
     try:
-        if not isinstance(strategy, dict):
-            raise DesignError(f"it is {kind(strategy)}, not an object")  # noqa: TRY301
-        gripper = _read_gripper(strategy, given)
-        return _parsed(representation, strategy, gripper) if given is None else given
+        fields = _as_fields(strategies[number])
+        gripper = _read_gripper(fields, given, task)
+        return given or _read_tool(fields, representation, gripper)
     except DesignError as error:
         raise UserError(
             f"{path}: the tool of strategy {number} can't be read: {error}"
@@ -433,15 +263,30 @@ def save_design(
     """Write ``design.json``, a designs file with one candidate."""
     folder.mkdir(parents=True, exist_ok=True)
     document = {"strategies": [dump_design(candidate, representation)]}
-    (folder / "design.json").write_text(
-        json.dumps(document, indent=2) + "\n", encoding="utf-8"
-    )
+    text = json.dumps(document, indent=2) + "\n"
+    (folder / "design.json").write_text(text, encoding="utf-8")
 
 
 def dump_design(
     candidate: Candidate, representation: ToolRepresentation
 ) -> dict[str, Any]:
     """Write a candidate as a strategy of a designs document, with its one action plan.
+
+    Raises:
+        ValueError: the candidate has no tool.
+    """
+    strategy = dump_names(candidate)
+    assert candidate.tool is not None
+    strategy |= representation.dump(candidate.tool)
+    strategy["action_description"] = candidate.action_description
+    if candidate.plan.action != Waypoints.action:
+        strategy["action"] = candidate.plan.action
+    strategy["action_sets"] = [candidate.plan.dump()]
+    return strategy
+
+
+def dump_names(candidate: Candidate) -> dict[str, Any]:
+    """Write what a strategy says of itself and of its tool, whatever the representation.
 
     Raises:
         ValueError: the candidate has no tool.
@@ -457,12 +302,4 @@ def dump_design(
         "tool_name": tool.name,
         "tool_description": tool.description,
         "gripper": tool.gripper,
-        **representation.dump(tool),
-        "action_description": candidate.action_description,
-        **(
-            {"action": candidate.plan.action}
-            if candidate.plan.action != Waypoints.action
-            else {}
-        ),
-        "action_sets": [candidate.plan.dump()],
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 from core.design import DesignError, Tool
 from core.geometry import Pose
@@ -43,8 +44,8 @@ class SpawnRules:
             return
         self._joints = arm_of(task.robot).home_for(task.home)
         bodies = (scene or task.scene(seed)).bodies
-        self._scene = Obstacles(solid for body in bodies for solid in body_solids(body))
-        self._robots: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
+        self._scene = Obstacles(itertools.chain(*map(body_solids, bodies)))
+        self._arms: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
         """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
@@ -59,57 +60,64 @@ class SpawnRules:
                 raise DesignError(f"in {rules.task.name}, {error}") from error
         if self._parts:
             return
-        robot, frames = self._robot(tool.gripper)
+
+        arm, frames = self._arm(tool.gripper)
         placed = tool.placed()
-        solids = list[Solid]()
-        mounts = list[str]()
+        solids: list[tuple[Solid, str]] = []  # each with its mount
         for component in tool.components:
             mount, pose = placed[component.name]
-            own = solids_of(component.name, component.shape, frames[mount] @ pose)
-            solids += own
-            mounts += [mount] * len(own)
-        _check_halves(solids, mounts)
-        for solid, mount in zip(solids, mounts, strict=True):
+            there = frames[mount] @ pose
+            for solid in solids_of(component.name, component.shape, there):
+                solids.append((solid, mount))
+
+        _check_halves(solids)
+        for solid, mount in solids:
             carriers = (mount,) if tool.gripper else self.robot.near_mount
-            for link, gap in robot.gaps(solid, _TOUCH_M):
-                if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
-                    raise DesignError(
-                        f"component {solid.name!r} starts {-gap * 1000:.1f} mm inside the arm ({link}); "
-                        "move it away from the arm, or bend the tool around it"
-                    )
-            for body, gap in self._scene.gaps(solid, _TOUCH_M):
-                if gap < _TOUCH_M:
-                    contact = (
-                        f"{-gap * 1000:.1f} mm inside"
-                        if -gap > _TOUCH_M
-                        else "touching"
-                    )
-                    raise DesignError(
-                        f"component {solid.name!r} starts {contact} {body!r} of the scene; "
-                        "shorten or turn the tool so that it starts clear of everything"
-                    )
+            _check_arm(solid, arm, carriers)
+            _check_scene(solid, self._scene)
 
-    def _robot(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
-        """The robot's solids, and the world poses of its links."""
-        if gripper not in self._robots:
+    def _arm(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
+        """The solids of the arm at home, and the world poses of its links."""
+        if gripper not in self._arms:
             frames = link_poses(self.robot, gripper, self._joints)
-            solids = (
-                Solid(s.name, s.geometry, frames[s.name] @ s.pose)
-                for s in robot_solids(self.robot, gripper)
-            )
-            self._robots[gripper] = Obstacles(solids), frames
-        return self._robots[gripper]
+            solids = [
+                replace(solid, pose=frames[solid.name] @ solid.pose)
+                for solid in robot_solids(self.robot, gripper)
+            ]
+            self._arms[gripper] = Obstacles(solids), frames
+        return self._arms[gripper]
 
 
-def _check_halves(solids: Sequence[Solid], mounts: Sequence[str]) -> None:
+def _check_halves(solids: Sequence[tuple[Solid, str]]) -> None:
     """Refuse components on one finger that start inside components on the other."""
-    for (one, mount), (other, others) in itertools.combinations(
-        zip(solids, mounts, strict=True), 2
-    ):
-        if mount != others:
-            depth = -signed_distance(one, other)
-            if depth > MAX_ARM_OVERLAP_M:
-                raise DesignError(
-                    f"components {one.name!r} and {other.name!r}, on different fingers, start {depth * 1000:.1f} mm "
-                    "inside each other; move them apart"
-                )
+    for (left, left_mount), (right, right_mount) in itertools.combinations(solids, 2):
+        if left_mount == right_mount:
+            continue
+        depth = -signed_distance(left, right)
+        if depth > MAX_ARM_OVERLAP_M:
+            raise DesignError(
+                f"components {left.name!r} and {right.name!r}, on different fingers, start {depth * 1000:.1f} mm "
+                "inside each other; move them apart"
+            )
+
+
+def _check_arm(solid: Solid, arm: Obstacles, carriers: Sequence[str]) -> None:
+    for link, gap in arm.gaps(solid, _TOUCH_M):
+        if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
+            raise DesignError(
+                f"component {solid.name!r} starts {-gap * 1000:.1f} mm inside the arm ({link}); "
+                "move it away from the arm, or bend the tool around it"
+            )
+
+
+def _check_scene(solid: Solid, scene: Obstacles) -> None:
+    for body, gap in scene.gaps(solid, _TOUCH_M):
+        if gap >= _TOUCH_M:
+            continue
+        contact = "touching"
+        if -gap > _TOUCH_M:
+            contact = f"{-gap * 1000:.1f} mm inside"
+        raise DesignError(
+            f"component {solid.name!r} starts {contact} {body!r} of the scene; "
+            "shorten or turn the tool so that it starts clear of everything"
+        )

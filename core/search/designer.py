@@ -13,7 +13,8 @@ from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_instructive
 from core.designs.planning import NO_PLAN
-from core.designs.reading import parse_reply, read_designs
+from core.designs.reading import read_designs
+from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.errors import UserError
 from core.events import Generation

@@ -6,12 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.design import Candidate, DesignError
-from core.designs.planning import guarded
+from core.design import Candidate, DesignError, Tool
+from core.designs.planning import call_part
 from core.designs.reading import dump_design, read_designs
 from core.designs.start import SpawnRules
 from core.geometry import Array
-from core.interfaces import ActionRepresentation, Numbers, Task, ToolRepresentation
+from core.interfaces import (
+    ActionPlan,
+    ActionRepresentation,
+    Numbers,
+    Task,
+    ToolRepresentation,
+)
 
 
 @dataclass(eq=False)
@@ -49,14 +55,18 @@ class Variation:
         )
         varied = replace(named, parents=(candidate.id,), varied=True)
         try:
-            with guarded(self.representation, "with_parameters"):
-                tool = (
-                    self.representation.with_parameters(candidate.tool, values[:count])
-                    if count
-                    else candidate.tool
+            tool = candidate.tool
+            if count:
+                tool = call_part(
+                    self.representation, "with_parameters", Tool, tool, values[:count]
                 )
-            with guarded(self.actions, "with_parameters"):
-                plan = self.actions.with_parameters(candidate.plan, values[count:])
+            plan = call_part(
+                self.actions,
+                "with_parameters",
+                ActionPlan,
+                candidate.plan,
+                values[count:],
+            )
             document = {
                 "strategies": [
                     dump_design(

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from core.design import Candidate, DesignError
 from core.designs.composer import as_markdown
-from core.designs.reading import parse_reply, read_designs
+from core.designs.reading import read_designs
+from core.designs.replies import parse_reply
 from core.designs.start import SpawnRules
 from core.errors import UserError, check_positive
 from core.events import Run

@@ -19,7 +19,8 @@ from rich.progress import track
 
 from core.config.compose import load, part
 from core.design import Candidate
-from core.designs.reading import parse_reply, read_designs
+from core.designs.reading import read_designs
+from core.designs.replies import parse_reply
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed

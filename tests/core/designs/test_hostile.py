@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from core.design import DesignError
-from core.designs.reading import parse_reply, read_designs
+from core.designs.reading import read_designs
+from core.designs.replies import parse_reply
 from core.designs.rules import MAX_COMPONENTS
 from core.plugins import installed
 from tests.conftest import FUZZ_CASES

@@ -81,8 +81,8 @@ def test_a_plan_is_resolved_against_what_is_seen():
     [
         (DesignError("no anchor"), "no anchor"),
         (RuntimeError("oops"), r"resolve raised RuntimeError: oops"),
-        (POSES, r"resolve gave a ndarray; expected Waypoints"),
-        (Waypoints(POSES * 10), r"waypoint 1: x is beyond"),
+        (POSES, r"resolve gave 'array.*; expected Waypoints"),
+        (Waypoints(POSES * 10), r"waypoint 1: x is 5.0; it must be between -3 and 3"),
         (Waypoints(POSES * np.nan), r"waypoint 1: x is nan"),
         (Waypoints(np.empty((0, 6))), r"has 0 waypoints"),
     ],

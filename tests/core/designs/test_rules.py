@@ -96,7 +96,7 @@ def test_a_tool_has_components():
 def test_sides(size, reason):
     with pytest.raises(
         DesignError,
-        match=f"component 'a' is {reason}; each side must be between 0.0005 and 2 m",
+        match=f"component 'a' is {reason}; it must be between 0.0005 and 2 m",
     ):
         check_tool(rigid(box(size=size)), PANDA)
 
@@ -118,12 +118,12 @@ def test_masses(mass):
         (
             (0.2, 0.2, 0.2),
             0.005,
-            "'a' is lighter than air: 0.005 kg in 0.008 m.3 is a density of 0.625 kg/m.3",
+            "'a' weighs 0.005 kg in 0.008 m.3, a density of 0.625 kg/m.3; it must be",
         ),
         (
             (0.01, 0.01, 0.01),
             0.03,
-            "'a' is denser than gold: 0.03 kg in 1e-06 m.3 is a density of 3e.04 kg/m.3",
+            "'a' weighs 0.03 kg in 1e-06 m.3, a density of 3e.04 kg/m.3; it must be",
         ),
     ],
 )
@@ -252,13 +252,15 @@ def test_plans_become_arrays():
             "waypoint 1: yaw must be a number, not the text '0.1'",
         ),
         ([[*WAYPOINT[:5], [0]]], "yaw must be a number, not a list"),
-        ([[*WAYPOINT[:3], math.nan, 0, 0]], "waypoint 1: roll is nan, a finite number"),
-        ([[-math.inf, *WAYPOINT[1:]]], "x is -inf"),
-        ([[10**400, *WAYPOINT[1:]]], "x is beyond 3 metres"),
-        ([[*WAYPOINT[:4], -(10**400), 0]], "pitch is beyond 100 radians"),
         (
-            [[2, 2, 2, 0, 0, 0]],
-            "waypoint 1 is 3.46 m from the world's origin; at most 3 m",
+            [[*WAYPOINT[:3], math.nan, 0, 0]],
+            "waypoint 1: roll is nan; it must be between -100 and 100 radians",
+        ),
+        ([[-math.inf, *WAYPOINT[1:]]], "x is -inf; it must be between -3 and 3 metres"),
+        ([[10**400, *WAYPOINT[1:]]], "x is 1000.*; it must be between -3 and 3 metres"),
+        (
+            [[*WAYPOINT[:4], -(10**400), 0]],
+            "pitch is -1000.*; it must be between -100 and 100 radians",
         ),
         (np.zeros((2, 3)), "waypoint 1 has 3 numbers"),
         (np.zeros(6), "waypoint 1 must be a list"),
@@ -273,7 +275,8 @@ def test_unusable_plans_get_a_reason(plan, reason):
 @pytest.mark.parametrize("value", [-0.01, 1.01, 10**400])
 def test_gripper_values(value):
     with pytest.raises(
-        DesignError, match="waypoint 1: the gripper value must be between 0"
+        DesignError,
+        match=r"waypoint 1: gripper is .*; it must be between 0 and 1 \(0 is open",
     ):
         check_plan([[*WAYPOINT, value]], gripper=True)
 

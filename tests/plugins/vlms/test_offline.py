@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from core.design import Candidate
-from core.designs.reading import parse_reply, read_designs
+from core.designs.reading import read_designs
+from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.geometry import Box, Cylinder
 from core.interfaces import Brief, Material, Request, RolloutSettings, Task

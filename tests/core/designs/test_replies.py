@@ -1,0 +1,145 @@
+"""The document in a model's reply, whole, malformed or hostile."""
+
+import json
+import re
+
+import pytest
+
+from core.design import DesignError
+from core.designs.reading import load_designs, read_designs
+from core.designs.replies import MAX_SAVED, parse_reply
+from core.errors import UserError
+from tests.core.designs.test_reading import PLAN, STRATEGY, TASK, Rod
+
+pytestmark = pytest.mark.slow
+
+DOCUMENT = {
+    "strategies": [
+        {"tool_urdf": "<link name='{a}'>\n```json {\"</link>", "action_sets": [PLAN]}
+    ]
+}
+TEXT = json.dumps(DOCUMENT)
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        TEXT,
+        f"\n {json.dumps(DOCUMENT, indent=2)} \n",
+        f"```json\n{TEXT}\n```",
+        f"```\n{TEXT}\n```",
+        f"Sure! Here {{is}} what I {{ think:\n```json\n{TEXT}\n```\nGood luck {{}}.",
+        f'First I thought of {{"a": 1}}, then of {TEXT} and {{"strategies": []}}',
+        f"[{TEXT}]",
+        TEXT.replace("\\n", "\n"),
+    ],
+)
+def test_the_document_is_found_in_a_reply(reply):
+    assert parse_reply(reply) == DOCUMENT
+
+
+def test_a_reply_without_a_document():
+    assert parse_reply('so: {"a": 1} {"b": 2}') == {"a": 1}
+    for reply in ("", "I can't help with that.", "[1, 2]", "```json\n```"):
+        with pytest.raises(DesignError, match="no JSON object"):
+            parse_reply(reply)
+
+
+def test_malformed_json_is_located_at_its_outermost_object():
+    with pytest.raises(
+        DesignError, match=r"malformed JSON at line 2, column 15: Expecting"
+    ):
+        parse_reply('{"strategies": [\n  {"length": 1;}\n  {"length": 2}]}')
+    cut = json.dumps({"strategies": [STRATEGY]}, indent=1)[:-30]
+    with pytest.raises(DesignError, match=r"malformed JSON at line \d+, column \d+"):
+        parse_reply(f"Here {{it}} is:\n{cut}")
+
+
+def test_complete_strategies_of_a_reply_that_is_cut_off_are_kept():
+    whole = json.dumps(
+        {"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1
+    )
+    candidates = read_designs(
+        parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), TASK
+    )
+    assert [c.problem is None for c in candidates] == [True] * 4 + [False]
+    assert re.search(
+        r"cut off or malformed \(it begins at line \d+ of the reply\)",
+        candidates[-1].problem,
+    )
+
+
+def test_strategies_after_a_malformed_one_are_kept():
+    first, *_ = whole = [
+        json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)
+    ]
+    broken = whole[1].replace("[[", "[[;", 1)
+    text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
+    candidates = read_designs(parse_reply(text), Rod(), TASK)
+    assert [(c.strategy, c.problem is None) for c in candidates] == [
+        *([(0, True)] * 2), (1, False), (2, False), *([(3, True)] * 2)
+    ]  # fmt: skip
+    assert candidates[-1].strategy_name == "3"
+    assert "line 2 " in candidates[2].problem
+    assert "line 3 " in candidates[3].problem
+
+
+@pytest.mark.parametrize(
+    "loose",
+    [
+        TEXT.replace("]", ", ]").replace("}]", ",\n}]"),
+        TEXT.replace("]", '] // up ] "\n'),
+        TEXT.replace("[[0", "/* it's \" a\ncomment */ [[0", 1),
+        'Say " and {' + TEXT.replace("]", ",]"),
+    ],
+)
+def test_comments_and_extra_commas_are_ignored(loose):
+    tricky = loose.replace("'{a}'", "'{a},] /* // */'")  # within a text they stay
+    assert parse_reply(tricky)["strategies"] == [
+        {
+            **DOCUMENT["strategies"][0],
+            "tool_urdf": DOCUMENT["strategies"][0]["tool_urdf"].replace(
+                "{a}", "{a},] /* // */"
+            ),
+        }
+    ]
+
+
+HUGE = 20_000_000
+
+
+@pytest.mark.parametrize(
+    "endless",
+    [
+        *("x", "{", "[", '"', "9", "/*", ", ", '{"', '\\"', '{"a":'),
+        *(
+            '{"strategies": [',
+            '{"strategies": [],',
+            '{"strategies": [{"strategy_name": 1, ',
+        ),
+    ],
+)
+@pytest.mark.parametrize("before", ["", '{"strategies": ['])
+def test_twenty_megabytes_of_anything_are_read_or_refused(before, endless):
+    try:
+        document = parse_reply(before + endless * (HUGE // len(endless)))
+    except DesignError as error:
+        document, reason = {}, str(error)
+        assert len(reason) < 300
+    assert len(document.get("strategies", ())) <= MAX_SAVED
+
+
+@pytest.mark.parametrize(
+    ("inside", "reason"),
+    [
+        ("9" * 5000, "too many digits"),
+        ("[" * 100_000 + "]" * 100_000, "nested too deep"),
+    ],
+)
+def test_json_that_breaks_parsers(inside, reason, tmp_path):
+    text = f'{{"strategies": [{inside}]}}'
+    with pytest.raises(DesignError, match=reason):
+        parse_reply(text)
+    (tmp_path / "designs.json").write_text(text)
+    with pytest.raises(UserError, match=reason):
+        load_designs(tmp_path / "designs.json")
