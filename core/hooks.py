@@ -107,7 +107,7 @@ class Configs(Protocol):
 
     @hookspec
     def prompt_values(self) -> Factories:
-        """Compute what templates of prompts show under a name: a `core.designs.composer.PromptValue`."""
+        """Compute what templates of prompts show under a name: a `core.designs.prompt_values.PromptValue`."""
 
     @hookspec
     def exports(self) -> Factories:

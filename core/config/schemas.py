@@ -14,24 +14,21 @@ SYSTEM = ("system",)
 _PLANS = ("action_rules", "action_diversity", "workspace")
 _REPLY = ("frames", "units", "output", "context")
 _RULES = ("tool_rules", *_PLANS, "spawn_rules", *_REPLY)
-LAST = "last_generation"  # the part that is left out with the feedback "paper"
-CRITIQUES = "critiques"  # the part that is left out without a critic
-INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
+_TRIED = ("last_generation", "critiques")  # empty without feedback, or a critic
+INITIAL = ("mission_initial", *_TRIED, "procedure", *_RULES)
 EVOLUTION = (
     "mission_evolve",
     "elites",
-    LAST,
-    CRITIQUES,
+    *_TRIED,
     "procedure",
     "evolution_rules",
     *_RULES,
 )
-GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
+GIVEN = ("mission_given", "elites", *_TRIED, "procedure", *_PLANS, *_REPLY)
 _OF_TOOLS = (
     "tasks",
     "elites",
-    LAST,
-    CRITIQUES,
+    *_TRIED,
     "evolution_rules",
     "tool_rules",
     "spawn_rules",

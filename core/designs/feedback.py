@@ -2,44 +2,41 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
-from core.interfaces import Brief, Contact, Observation, Task
+from core.interfaces import Observation, Task
+from core.support.templates import macros
 from core.support.text import by_reason, clean, short_numbers
 from core.trial import Evaluation, Trial, best_first
 from core.values.observations import Sight
 
-_MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = (
-    0.001,
-    0.01,
-    0.01,
-    0.001,
-    0.001,
-)  # what is less is not worth its words
-_CONTACTS, _BODIES, _LAYOUTS, _OUTCOMES = 8, 4, 3, 6  # of an elite, at most
+_MOVED_M = 0.001  # what moved less is not worth its words
+_TILT_DEG = 1.0
+# The most that is written of an elite.
+_CONTACTS = 8
+_BODIES = 4
+_LAYOUTS = 3
+_OUTCOMES = 6
+
 _IN_A_LINE = 2  # bodies, and touches
-_REASON, _NAME, _OUTCOME = 300, 120, 100  # characters
+_REASON = 300  # characters
+_OUTCOME = 100  # characters
 _REASONS = 3  # of candidates without a line of their own
+_FREE = (None, None, None)  # the error of a body whose place does not matter
 ALL = Sight()
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
     """Return the evaluations of the last generation among those that were tried, in the order of `Candidate.key`."""
-    tried = list(tried)
-    last = max((e.candidate.generation for e in tried), default=0)
+    ordered = sorted(tried, key=lambda e: e.candidate.key)
     return tuple(
-        sorted(
-            (e for e in tried if e.candidate.generation == last),
-            key=lambda e: e.candidate.key,
-        )
+        e for e in ordered if e.candidate.generation == ordered[-1].candidate.generation
     )
 
 
@@ -49,113 +46,85 @@ def outcome_of(evaluation: Evaluation) -> str:
         return evaluation.status
     if evaluation.reason:
         return "invalid"
-    seen = evaluation.observation
-    return seen.result if seen is not None else "tried"
-
-
-def most_instructive(evaluations: Iterable[Evaluation]) -> Evaluation | None:
-    """Choose the failure that most is learnt from; None: there is none that was tried.
-
-    It is the best candidate of the most frequent class of failure; of equally frequent ones the one that got farther.
-    """
-    return next(iter(_failures(evaluations)), None)
+    if evaluation.observation is None:
+        return "tried"
+    return evaluation.observation.result
 
 
 def most_telling(
     elites: Sequence[Evaluation], evaluations: Iterable[Evaluation]
 ) -> Iterator[Evaluation]:
-    """Yield candidates from which most is learnt: the best elite, the most instructive failure, the next of each..."""
+    """Yield candidates from which most is learnt: the best elite, the most instructive failure, the next of each...
+
+    The most instructive failure is the best candidate of the most frequent class of failure; of equally frequent
+    classes, that of the class which got farther.
+    """
     names = {elite.candidate.id for elite in elites}
-    failures = _failures(e for e in evaluations if e.candidate.id not in names)
-    for pair in zip_longest(elites, failures):
+    others = [e for e in evaluations if e.candidate.id not in names]
+    for pair in zip_longest(elites, _failures(others)):
         yield from filter(None, pair)
 
 
-def critiques_text(brief: Brief) -> str:
-    """Write the critiques in a brief, of its elites and of what was tried, as JSON; empty: there are none."""
-    known = {e.candidate.id: e for e in (*brief.tried, *brief.elites)}
-    entries = []
-    for name, text in brief.critiques.items():
-        tool = known[name].candidate.tool
-        named = (
-            {"tool_name": clean(tool.name, _NAME)}
-            if tool is not None and tool.name
-            else {}
-        )
-        entries.append(
-            {
-                "id": name,
-                "reward": round(known[name].reward, 4),
-                **named,
-                "critique": text,
-            }
-        )
-    return json.dumps(entries, indent=1, ensure_ascii=False) if entries else ""
-
-
 def _failures(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
-    """The best candidate of each class of failure, the most frequent class first."""
-    groups: dict[str, list[Evaluation]] = {}
+    """Return the best candidate of each class of failure, the most frequent class first."""
+    best: dict[str, Evaluation] = {}
+    counts = Counter[str]()
     for evaluation in best_first(evaluations):
-        if (what := outcome_of(evaluation)) not in ("solved", "placed"):
-            groups.setdefault(what, []).append(evaluation)
-    ordered = sorted(
-        groups.values(), key=lambda group: (len(group), group[0].reward), reverse=True
-    )
-    return [group[0] for group in ordered]
+        outcome = outcome_of(evaluation)
+        counts[outcome] += 1
+        best.setdefault(outcome, evaluation)
+    return [
+        best[outcome]
+        for outcome, _ in counts.most_common()
+        if outcome not in ("solved", "placed")
+    ]
 
 
-@lru_cache(maxsize=2)
 def generation_lines(
-    evaluations: tuple[Evaluation, ...], budget: int, sight: Sight = ALL
+    evaluations: Iterable[Evaluation], budget: int, sight: Sight = ALL
 ) -> str:
     """Write a line for each candidate, in about ``budget`` characters.
 
     Candidates with equal lines share one. Where they would be too long, each kind keeps as many of its best as the
     others, and the last line counts what is left out.
     """
+    evaluations = list(evaluations)
+    others = [e for e in evaluations if e.status != "ok"]
+    others.sort(key=lambda e: (e.status, e.candidate.key))
     groups: dict[str, list[Evaluation]] = {}
-    others = sorted(
-        (e for e in evaluations if e.status != "ok"),
-        key=lambda e: (e.status, e.candidate.key),
-    )
     for evaluation in (*best_first(evaluations, tie=0.0), *others):
         groups.setdefault(describe(evaluation, sight), []).append(evaluation)
 
-    kinds: dict[str, list[str]] = {}
-    for text, group in groups.items():
-        kinds.setdefault(outcome_of(group[0]), []).append(text)
     lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
-    shown: set[str] = set()
-    for text in (
-        text
-        for rank in zip_longest(*kinds.values())
-        for text in rank
-        if text is not None
-    ):
+    left_out: list[Evaluation] = []
+    for text in _alternate(groups):
         budget -= len(lines[text]) + 1
-        if budget < 0 and shown:
-            break
-        shown.add(text)
+        if budget < 0 and len(lines) > 1:
+            left_out += groups[text]
+            del lines[text]
+    if left_out:
+        lines[""] = _count_left_out(left_out, sight)
+    return "\n".join(lines.values())
 
-    rest = [
-        evaluation
-        for text, group in groups.items()
-        if text not in shown
-        for evaluation in group
-    ]
-    written = [line for text, line in lines.items() if text in shown]
-    if rest:
-        counts = ", ".join(
-            f"{count} {name}"
-            for name, count in Counter(map(outcome_of, rest)).most_common()
-        )
-        reasons = by_reason((e.candidate.id, e.reason) for e in rest)[:_REASONS]
-        why = (sight.text(clean(reason, _OUTCOME)) for reason in reasons)
-        written.append(
-            f"- Left out: {'; '.join([f'{len(rest)} candidates: {counts}', *why])}."
-        )
-    return "\n".join(written)
+
+def _alternate(groups: dict[str, list[Evaluation]]) -> list[str]:
+    """Order the texts of groups: first the best one of each kind of outcome, then the second of each..."""
+    counts = Counter[str]()
+    ranks: dict[str, int] = {}
+    for text, group in groups.items():
+        outcome = outcome_of(group[0])
+        ranks[text] = counts[outcome]
+        counts[outcome] += 1
+    return sorted(groups, key=lambda text: ranks[text])
+
+
+def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
+    counts = Counter(outcome_of(e) for e in evaluations).most_common()
+    kinds = ", ".join(f"{count} {outcome}" for outcome, count in counts)
+    parts = [f"{len(evaluations)} candidates: {kinds}"]
+    for reason in by_reason((e.candidate.id, e.reason) for e in evaluations)[:_REASONS]:
+        parts.append(sight.text(clean(reason, _OUTCOME)))
+    return f"- Left out: {'; '.join(parts)}."
 
 
 def combined_figures(
@@ -169,12 +138,10 @@ def combined_figures(
             engine: statistics(rewards)
             for engine, rewards in evaluation.by_engine.items()
         }
-        figures["poor_layouts"] = (
-            poor_layouts(evaluation, task) if sight.numbers else []
-        )
-    return {name: figure for name, figure in figures.items() if figure} | dict(
-        evaluation.figures
-    )
+        poor = poor_layouts(evaluation, task)
+        if poor and sight.numbers:
+            figures["poor_layouts"] = poor
+    return figures | dict(evaluation.figures)
 
 
 def statistics(rewards: Sequence[float]) -> dict[str, Any]:
@@ -190,70 +157,20 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     """List the layouts in which a plan failed, the worst first, each with the numbers that were drawn for it."""
     if evaluation.status == "rejected" or len(task.parts) > 1:
         return []
-    poor = [
-        t
-        for t in evaluation.trials
-        if t.change is None and t.reward < task.success_reward
-    ]
-    listed: list[dict[str, Any]] = []
-    for trial in sorted(poor, key=lambda trial: trial.reward)[:_LAYOUTS]:
-        draw = task.draw(trial.layout)
-        drawn = {name: round(draw(name, math.nan), 3) for name in draw.ranges}
-        listed.append(
-            {
-                "layout": trial.layout,
-                "engine": trial.engine,
-                "reward": round(trial.reward, 3),
-                **drawn,
-            }
-        )
-    return listed
-
-
-def elite_feedback(
-    trial: Trial, seen: Observation, sight: Sight = ALL, several: bool = False
-) -> dict[str, Any]:
-    """Describe what was observed of an elite's trial, as JSON."""
-    robots = [
-        contact
-        for contact in seen.contacts
-        if contact.kind == "tool" and contact.other in seen.errors
-    ]
-    contacts = [
-        *robots,
-        *(contact for contact in seen.contacts if contact not in robots),
-    ]
-    described: dict[str, Any] = {
-        "trial": _where(trial, several),
-        "result": sight.text(_result(seen)),
-        "goals": {
-            name: f"{math.floor(100 * share)} %" for name, share in trial.goals
-        },  # 100 % is whole
-        "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
-        "moved": _moves(seen, sight),
-        "arrivals_s": list(seen.arrivals),
-        "guards": list(seen.felt),
-        "contacts": [_touch(contact, sight) for contact in contacts[:_CONTACTS]],
-        "missed": _miss(seen),
-        "lag": _lag(seen),
-    }
-    if sight.numbers:
-        wrong = [
-            (name, list(offset))
-            for name, offset in seen.errors.items()
-            if any(p is not None for p in offset)
-        ]
-        nearest = sorted(seen.clearances.items(), key=lambda item: item[1])
-        described["error_m"] = dict(
-            sorted(wrong, key=lambda item: item[0] not in seen.left)[:_BODIES]
-        )
-        described["path_m"] = {
-            name: " ".join(_point(point) for point in path)
-            for name, path in seen.paths.items()
-        }
-        described["times_s"] = list(seen.instants) if seen.paths else []
-        described["clearance_m"] = dict(nearest[:_BODIES])
-    return {key: value for key, value in described.items() if value}
+    poor: list[dict[str, Any]] = []
+    for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
+        if trial.change is None and trial.reward < task.success_reward:
+            draw = task.draw(trial.layout)
+            drawn = {name: round(draw(name, math.nan), 3) for name in draw.ranges}
+            poor.append(
+                {
+                    "layout": trial.layout,
+                    "engine": trial.engine,
+                    "reward": round(trial.reward, 3),
+                    **drawn,
+                }
+            )
+    return poor[:_LAYOUTS]
 
 
 def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
@@ -261,175 +178,137 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     reason = sight.text(clean(evaluation.reason, _REASON))
     if evaluation.status != "ok":
         return f"{evaluation.status}: {reason}"
-    words = [f"{evaluation.reward:.3f}"]
-    if reason:
-        words.append(f"invalid: {reason}")
-    trial = evaluation.shown
-    seen = evaluation.observation
-    several = len(evaluation.tasks) > 1
-    if trial is None or seen is None:
-        moved_m = {} if trial is None else trial.moved_m
-        ways = {name: way for name, way in moved_m.items() if way > _MOVED_M}
-        farthest = sorted(ways, key=lambda name: -ways[name])[:_IN_A_LINE]
-        return "; ".join(
-            [
-                " ".join(words),
-                *(sight.text(f"{name} moved {ways[name]:.3f} m") for name in farthest),
-            ]
-        )
 
-    found = elite_feedback(trial, seen, sight, several)
-    if evaluation.combined:
-        least = "".join(
-            f", least margin: {margin}" for margin in found.get("margins", ())[:1]
-        )
-        words.append(
-            f"({'; '.join(trial_lines(evaluation, sight))}); in {found['trial']}{least}:"
-        )
-    if not reason:
-        words.append(found["result"])
-    goals = ", ".join(
-        f"{name} {share}" for name, share in found.get("goals", {}).items()
-    )
-    moved = [f"{name} {way}" for name, way in found.get("moved", {}).items()]
-    touches = {
-        contact.other: _touch(contact, sight)
-        for contact in seen.contacts[::-1]
-        if contact.kind != "body"
-    }
-    parts = [
-        " ".join(words),
-        goals and f"of the goals {goals}",
-        *(moved[:_IN_A_LINE] or ["nothing moved"]),
-        *([*touches.values()][: -_IN_A_LINE - 1 : -1] or [_nearest(seen, sight)]),
-        _miss(seen),
-        _lag(seen),
-    ]
-    return "; ".join(filter(None, parts))
+    trial = evaluation.shown
+    if trial is None or trial.observation is None:
+        return f"{evaluation.reward:.3f} {reason}".rstrip()
+
+    several = len(evaluation.tasks) > 1
+    found = elite_feedback(trial, trial.observation, sight, several)
+    trials = trial_lines(evaluation, sight) if evaluation.combined else []
+    touches = _first_touches(trial.observation, sight)
+    return _say("line", evaluation.reward, reason, trials, found, touches)
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     """Say what became of each trial: those that are alike in one line, the worst first."""
     several = len(evaluation.tasks) > 1
-    groups: dict[tuple[float, str], list[Trial]] = {}
-    for trial in evaluation.trials:
-        what = (
-            trial.outcome
-            if trial.status == "ok" and not trial.reason
-            else f"{trial.status}: {trial.reason}"
-        )
-        groups.setdefault(
-            (round(trial.reward, 3), sight.text(clean(what, _OUTCOME))), []
-        ).append(trial)
+    places: dict[str, list[str]] = {}
+    for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
+        outcome = trial.outcome
+        if trial.status != "ok" or trial.reason:
+            outcome = f"{trial.status}: {trial.reason}"
+        text = f"{trial.reward:.3f} {sight.text(clean(outcome, _OUTCOME))}".rstrip()
+        places.setdefault(text, []).append(_name_trial(trial, several))
+
     lines = []
-    for (reward, what), trials in sorted(groups.items(), key=lambda item: item[0][0]):
-        alike = len(trials) == len(evaluation.trials)
-        where = (
-            f"all {len(trials)} trials"
-            if alike
-            else ", ".join(_where(trial, several) for trial in trials)
-        )
-        lines.append(" ".join(filter(None, (f"{reward:.3f}", what, "in", where))))
-    more = [f"{len(lines) - _OUTCOMES} others"] if len(lines) > _OUTCOMES else []
-    return lines[:_OUTCOMES] + more
+    for text, names in places.items():
+        where = ", ".join(names)
+        if len(names) == len(evaluation.trials):
+            where = f"all {len(names)} trials"
+        lines.append(f"{text} in {where}")
+    if len(lines) > _OUTCOMES:
+        lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
+    return lines
 
 
-def _where(trial: Trial, several: bool) -> str:
+def elite_feedback(
+    trial: Trial, seen: Observation, sight: Sight = ALL, several: bool = False
+) -> dict[str, Any]:
+    """Describe what was observed of an elite's trial, as JSON. ``several``: its fitness tries several tasks."""
+    contacts = sorted(
+        seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
+    )
+    described: dict[str, Any] = {
+        "trial": _name_trial(trial, several),
+        "result": sight.text(_say("result", seen)),
+        # Rounded down, since 100 % means all of it.
+        "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
+        "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
+        "moved": _moves(seen, sight),
+        "arrivals_s": list(seen.arrivals),
+        "guards": list(seen.felt),
+        "contacts": [
+            _say("touch", contact, sight.numbers) for contact in contacts[:_CONTACTS]
+        ],
+        "missed": _say("miss", seen),
+        "lag": _say("lag", seen),
+    }
+    if sight.numbers:
+        described |= _places(seen)
+    return {key: value for key, value in described.items() if value}
+
+
+def _places(seen: Observation) -> dict[str, Any]:
+    """Tell in numbers how far bodies are from their goals, where they were and when, and what the robot came near."""
+    errors = {
+        name: list(offset) for name, offset in seen.errors.items() if offset != _FREE
+    }
+    wrong_first = sorted(errors, key=lambda name: name not in seen.left)
+    nearest = sorted(seen.clearances, key=lambda name: seen.clearances[name])
+    places: dict[str, Any] = {
+        "error_m": {name: errors[name] for name in wrong_first[:_BODIES]},
+        "clearance_m": {name: seen.clearances[name] for name in nearest[:_BODIES]},
+    }
+    if seen.paths:
+        places["path_m"] = {name: _path(path) for name, path in seen.paths.items()}
+        places["times_s"] = list(seen.instants)
+    return places
+
+
+def _path(points: Iterable[Sequence[float]]) -> str:
+    return " ".join(f"({short_numbers(point, 3, ', ')})" for point in points)
+
+
+def _name_trial(trial: Trial, several: bool) -> str:
     """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
-    change = "" if trial.change is None else f"change {trial.change}"
-    task = trial.task if several else ""
-    return " ".join(
-        filter(None, (task, trial.engine, f"layout {trial.layout}", change))
-    )
-
-
-def _result(seen: Observation) -> str:
-    """Say what became of the goal's bodies, to which of them and when, and how many of several are in place."""
-    said: str = seen.result
-    if seen.what:
-        said += {"stuck": " at ", "forbidden": ": "}.get(seen.result, " ") + seen.what
-    if seen.at_s is not None and seen.result != "unreachable":
-        said += f" from {_when(seen, seen.at_s)}"
-    count = len(seen.errors)
-    return (
-        f"{said}, {count - len(seen.left)} of {count} in place"
-        if 0 < len(seen.left) < count
-        else said
-    )
+    name = f"{trial.engine} layout {trial.layout}"
+    if several:
+        name = f"{trial.task} {name}"
+    return name if trial.change is None else f"{name} change {trial.change}"
 
 
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
     """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
-    stirred = {
-        name: m
-        for name, m in seen.moved.items()
-        if math.hypot(*m.by) > _MOVED_M or m.tilt_deg >= 1
-    }
-    order = sorted(
-        stirred,
-        key=lambda name: (name not in seen.left, -math.hypot(*stirred[name].by)),
-    )
+    ways = {name: math.hypot(*moved.by) for name, moved in seen.moved.items()}
+    stirred = [
+        name
+        for name, moved in seen.moved.items()
+        if ways[name] > _MOVED_M or moved.tilt_deg >= _TILT_DEG
+    ]
+    stirred.sort(key=lambda name: (name not in seen.left, -ways[name]))
+
     described = {}
-    for name in order[:_BODIES]:
-        tilt_deg = stirred[name].tilt_deg
-        described[name] = sight.way(stirred[name]) + (
-            f", tilted {tilt_deg:.0f} deg" if tilt_deg >= 1 else ""
-        )
-    if len(order) > _BODIES:
-        described[f"{len(order) - _BODIES} others"] = "moved too"
+    for name in stirred[:_BODIES]:
+        moved = seen.moved[name]
+        described[name] = _say("move", moved, sight.way(moved))
+    if len(stirred) > _BODIES:
+        described[f"{len(stirred) - _BODIES} others"] = "moved too"
     return described
 
 
-def _touch(contact: Contact, sight: Sight) -> str:
-    """Say what touched what, from when to when, how deep and how hard."""
-    said = f"{contact.one} touched {contact.other} at {contact.first_s:.2f}-{contact.last_s:.2f} s"
-    if not sight.numbers:
-        return said
-    if contact.depth_m >= _DEEP_M:
-        said += f", {1000 * contact.depth_m:.1f} mm deep"
-    return said if contact.force_n is None else f"{said}, {contact.force_n:.1f} N"
+def _first_touches(seen: Observation, sight: Sight) -> list[str]:
+    """Describe the robot's first contacts with bodies; without one, how near it came to those of the goal."""
+    first: dict[str, str] = {}
+    for contact in seen.contacts:
+        if contact.kind != "body":
+            first.setdefault(contact.other, _say("touch", contact, sight.numbers))
+    if first:
+        return list(first.values())[:_IN_A_LINE]
+
+    gaps = {}
+    if sight.numbers:
+        gaps = {
+            name: gap for name, gap in seen.clearances.items() if name in seen.errors
+        }
+    return [_say("nearest", gaps)]
 
 
-def _nearest(seen: Observation, sight: Sight) -> str:
-    """Say of a robot that touched nothing how near it came to a body of the goal."""
-    gaps = {
-        name: seen.clearances[name] for name in seen.errors if name in seen.clearances
-    }
-    if not gaps or not sight.numbers:
-        return "no contact"
-    nearest = min(gaps, key=lambda name: gaps[name])
-    return f"no contact, nearest to {nearest} {1000 * gaps[nearest]:.0f} mm"
-
-
-def _miss(seen: Observation) -> str:
-    number, metres, radians = seen.miss
-    if metres < _MISS_M and radians < _MISS_RAD:
-        return ""
-    return (
-        f"way to waypoint {number} missed by {1000 * metres:.0f} mm, {radians:.2f} rad"
-    )
-
-
-def _lag(seen: Observation) -> str:
-    return (
-        ""
-        if seen.lag_rad < _LAG_RAD
-        else f"lag {seen.lag_rad:.2f} rad at {_when(seen, seen.lag_s)}"
-    )
-
-
-def _when(seen: Observation, instant: float) -> str:
-    """An instant, with the number of the waypoint that the arm is on its way to."""
-    number = 1 + sum(arrival < instant for arrival in seen.arrivals)
-    return f"{instant:.2f} s (" + (
-        f"to waypoint {number})" if number <= len(seen.arrivals) else "after the last)"
-    )
+def _say(phrase: str, *values: object) -> str:
+    """Fill in a macro of ``templates/observed.md.j2``."""
+    return str(getattr(macros("core.designs", "observed"), phrase)(*values))
 
 
 def _ids(group: Sequence[Evaluation]) -> str:
-    ids = [evaluation.candidate.id for evaluation in group]
-    return ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
-
-
-def _point(point: Sequence[float]) -> str:
-    return f"({short_numbers(point, 3, ', ')})"
+    ids = ", ".join(evaluation.candidate.id for evaluation in group[:3])
+    return ids if len(group) <= 3 else f"{ids} and {len(group) - 3} more"

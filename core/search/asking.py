@@ -35,7 +35,11 @@ def build_designer(
     builder = builder_for(task_part(cfg))
     assignment = _read_assignment(cfg)
     settings = node(cfg.rollout, RolloutSettings)
-    if cfg.prompt.feedback != "paper" or cfg.prompt.critic or _strategy_observes(cfg):
+    given = assignment.representation.given(assignment.task)
+    shows_rollouts = (
+        cfg.prompt.feedback != "paper" or cfg.prompt.critic or given is not None
+    )
+    if shows_rollouts or _strategy_observes(cfg):
         settings = replace(settings, observe=True)
     fitness = builder.build_fitness(cfg, settings)
     prompts = PromptComposer(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 import pluggy
@@ -11,7 +12,7 @@ import pluggy
 from core.config.schemas import Sampling
 from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
-from core.designs.feedback import last_generation, most_instructive
+from core.designs.feedback import last_generation, most_telling
 from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
@@ -185,15 +186,10 @@ class ModelDesigner:
         """Draw film strips of the best elite and of a failure, by the candidates' ids."""
         if self.film is None or self.prompts.settings.feedback != "full":
             return {}
-        shown = list(team.elites[:1])
-        best = [elite.candidate.id for elite in shown]
-        last = last_generation(tried)
-        failure = most_instructive(e for e in last if e.candidate.id not in best)
-        if failure is not None:
-            shown.append(failure)
-
+        best = team.elites[:1]
+        telling = most_telling(best, last_generation(tried))
         strips: dict[str, Picture] = {}
-        for evaluation in shown:
+        for evaluation in islice(telling, len(best) + 1):
             strip = self.film(evaluation)
             if strip is not None:
                 strips[evaluation.candidate.id] = strip

@@ -14,6 +14,11 @@ def fill(package: str, template: str, /, **given: Any) -> str:
     return _environment(package).get_template(template).render(given)
 
 
+def macros(package: str, template: str) -> Any:
+    """Return a template's macros, as the functions of a module: each writes a phrase."""
+    return _environment(package).get_template(template).module
+
+
 @cache
 def _environment(package: str) -> jinja2.Environment:
     folder = files(package) / "templates"

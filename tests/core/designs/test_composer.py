@@ -19,7 +19,8 @@ import prompts
 from core.config.compose import load, node
 from core.config.schemas import EVOLUTION, GIVEN, INITIAL, SYSTEM, TOOLS, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Tool
-from core.designs.composer import CRITIC, REPAIR, SUFFIX, PromptComposer
+from core.designs.composer import CRITIC, REPAIR, PromptComposer
+from core.designs.prompt_templates import SUFFIX
 from core.designs.rules import check_tool
 from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
@@ -28,6 +29,7 @@ from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import (
     Brief,
     Message,
+    Observation,
     Picture,
     Reply,
     Request,
@@ -291,10 +293,9 @@ def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_chang
 
 FIGURES = {
     "distance_m": 1.23456,
-    "ik_error_m": 0.0711111,
-    "ik_error_rad": 0.5,
-    "tracking_error_rad": 0.02,
-    "moved_m": {"cube": 0.44444444},
+    "observation": Observation(
+        "missed", miss=(1, 0.0711111, 0.5), lag_rad=0.02, arrivals=(1.0, 2.0)
+    ),
     "warnings": ("it fell",),
 }
 
@@ -319,10 +320,10 @@ def test_feedback(feedback: str) -> None:
     shown = {
         "action_plan": [[0.5, 0, 0.1235, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]],
         "distance_m": 1.2346,
-        "moved_m": {"cube": 0.4444},
-        "missed_m": 0.0711,
-        "missed_rad": 0.5,
-        "lag_rad": 0.02,
+        "result": "missed",
+        "arrivals_s": [1.0, 2.0],
+        "missed": "way to waypoint 1 missed by 71 mm, 0.50 rad",
+        "lag": "lag 0.02 rad at 0.00 s (to waypoint 1)",
         "warnings": ["it fell"],
     }
     assert {key: first.get(key) for key in shown} == (

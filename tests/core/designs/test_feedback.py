@@ -13,7 +13,7 @@ from core.designs.feedback import (
     elite_feedback,
     generation_lines,
     last_generation,
-    most_instructive,
+    most_telling,
     outcome_of,
     trial_lines,
 )
@@ -188,7 +188,7 @@ def test_of_several_bodies_those_that_are_not_in_place_come_first():
     assert [*found["moved"].items()][-1] == ("1 others", "moved too")
 
 
-def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the_moves():
+def test_rejected_failed_and_invalid_ones_say_why():
     found = lines(
         tried(
             0,
@@ -199,9 +199,9 @@ def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the
         ),
         tried(1, status="failed", reward=0.0, reason="the rod broke", seen=None),
         tried(2, reward=0.0, reason="'tip' passed through 'cube'"),
-        tried(3, seen=None, moved_m={"cube": 0.25, "can": 0.0}),
+        tried(3, seen=None),
     )
-    assert found[0] == "- g0-a0-s0-p3: 0.500; cube moved 0.250 m"
+    assert found[0] == "- g0-a0-s0-p3: 0.500"
     assert found[1].startswith(
         "- g0-a0-s0-p2: 0.000 invalid: 'tip' passed through 'cube'; cube by"
     )
@@ -289,9 +289,14 @@ def test_the_most_instructive_failure_is_the_best_of_the_most_frequent_class():
     dropped = replace(SEEN, result="dropped")
     solved = tried(0, 1.0, replace(SEEN, result="solved"))
     few = [tried(1, 0.9), tried(2, 0.1, dropped), tried(3, 0.2, dropped), solved]
-    assert most_instructive(few).candidate.id == "g0-a0-s0-p3"
-    assert most_instructive([solved]) is None
-    assert most_instructive([tried(0, status="rejected", reason="no")]) is None
+    assert [e.candidate.id for e in most_telling([], few)] == [
+        "g0-a0-s0-p3",
+        "g0-a0-s0-p1",
+    ]
+    assert list(most_telling([solved], few))[:2] == [solved, few[2]]
+    assert list(most_telling([], [solved])) == []
+    rejected = tried(0, status="rejected", reason="no")
+    assert list(most_telling([], [rejected])) == []
     assert outcome_of(few[0]) == "missed"
 
 

@@ -1,0 +1,95 @@
+"""Load the templates of a prompt's parts, and fill them in."""
+
+from __future__ import annotations
+
+import importlib.resources
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import jinja2.meta
+from jinja2.sandbox import SandboxedEnvironment
+
+from core.errors import UserError, choices
+from core.interfaces import Text
+
+SUFFIX = ".md.j2"
+
+
+class PromptTemplates:
+    """The templates of some ``parts`` in a folder, the project's own if it is None: part ``NAME`` is ``NAME.md.j2``.
+
+    ``names`` are those of the values that the templates use.
+
+    Raises:
+        UserError: the folder or a template is missing, or a template is not valid Jinja.
+    """
+
+    def __init__(self, folder: Path | None, parts: Iterable[str]) -> None:
+        root = folder or Path(str(importlib.resources.files("prompts")))
+        if not root.is_dir():
+            raise UserError(
+                f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out"
+            )
+        self._templates: dict[str, jinja2.Template] = {}
+        self.names: set[str] = set()
+        for part in sorted(set(parts)):
+            self._load(root, part)
+
+    def _load(self, root: Path, part: str) -> None:
+        name = part + SUFFIX
+        environment = _environment(root)
+        try:
+            self._templates[part] = environment.get_template(name)
+            text = (root / name).read_text("utf-8")
+        except jinja2.TemplateNotFound as error:
+            there = [file.name for file in root.glob(f"*{SUFFIX}")]
+            raise choices("prompt template", name, there, str(root)) from error
+        except jinja2.TemplateSyntaxError as error:
+            raise UserError(
+                f"prompt template {name}, line {error.lineno}: {_one_line(error)}"
+            ) from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(
+                f"prompt template {name} can't be read: {_one_line(error)}"
+            ) from error
+        self.names |= jinja2.meta.find_undeclared_variables(environment.parse(text))
+
+    def fill(self, part: str, values: Mapping[str, Any]) -> Text:
+        """Fill in the template of a part.
+
+        Raises:
+            UserError: the template uses an unknown name, or fails otherwise.
+        """
+        try:
+            text = self._templates[part].render(values)
+        except jinja2.TemplateError as error:
+            raise UserError(
+                f"prompt template {part}{SUFFIX}: {_one_line(error)}; a template may use: {', '.join(sorted(values))}"
+            ) from error
+        # A blank line at the end, however a client joins the texts.
+        return Text(text.strip() + "\n\n")
+
+
+@cache
+def _environment(root: Path) -> jinja2.Environment:
+    """Make what compiles a folder's templates: sandboxed, because a stranger's must do no more than fill in text."""
+    environment = SandboxedEnvironment(
+        loader=jinja2.FileSystemLoader(root),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["counted"] = _count
+    return environment
+
+
+def _count(number: int, noun: str) -> str:
+    """Write a number with a noun: ``one tool``, ``10 tools``."""
+    return f"one {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
