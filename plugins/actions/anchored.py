@@ -7,7 +7,7 @@ in it is computed by the model's text: there are no expressions.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -107,8 +107,11 @@ class Step:
             DesignError: an anchor is not there, or gives no direction.
         """
         anchor = _place(self.anchor, seen, where)
+        if not self.toward and self.axes == "anchor":
+            return anchor
         if not self.toward:
-            return anchor if self.axes == "anchor" else Pose(anchor.position)
+            return Pose(anchor.position)
+
         way = _place(self.toward, seen, where).position - anchor.position
         origin = anchor.position + self.share * way
         if self.axes == "anchor":
@@ -129,35 +132,39 @@ class Step:
         Raises:
             DesignError: a name is not there, or there is no way.
         """
-        if (length := float(np.linalg.norm(way))) < _APART_M:
+        length = float(np.linalg.norm(way))
+        if length < _APART_M:
             raise DesignError(
                 f"{where}: 'corrects' needs a way there, and the waypoint before is at the same place"
             )
         shift = (missed @ way / length + self.beyond) * way / length
-        places = {name: _place(name, seen, where) for name in self.corrects}
-        return {
-            name: Pose(place.position + shift, place.quaternion)
-            for name, place in places.items()
-        }
+        poses = {}
+        for name in self.corrects:
+            place = _place(name, seen, where)
+            poses[name] = Pose(place.position + shift, place.quaternion)
+        return poses
 
     @property
     def guard(self) -> Guard | None:
-        return Guard(self.until, self.newtons, self.otherwise) if self.until else None
+        """The guard of the way there; None: there is none."""
+        if not self.until:
+            return None
+        return Guard(self.until, self.newtons, self.otherwise)
 
     def dump(self) -> dict[str, Any]:
         """Return what was written, without what has its default."""
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        written = {
-            name: value
-            for name, value in given.items()
-            if name == "offset" or value != _DEFAULTS[name]
-        }
-        return {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in written.items()
-        }
+        written = {}
+        for name, default in _DEFAULTS.items():
+            value = getattr(self, name)
+            if name != "offset" and value == default:
+                continue
+            if isinstance(value, tuple):
+                value = list(value)
+            written[name] = value
+        return written
 
 
+_GUARD_FIELDS = ("until", "newtons", "otherwise", "corrects", "beyond")
 _DEFAULTS = {f.name: f.default for f in fields(Step)}
 _STEPS = TypeAdapter(Step)
 
@@ -171,31 +178,33 @@ class AnchoredPlan(ActionPlan):
     gripper: bool = False
 
     def resolve(self, seen: Seen) -> Waypoints:
-        rows = []
+        rows: list[list[float]] = []
         known = seen
-        felt = [*seen.felt]
+        felt = list(seen.felt)
         for number, step in enumerate(self.steps, start=1):
-            pose = step.frame(known, f"waypoint {number}") @ Pose.xyz_rpy(
-                step.offset, step.rpy
-            )
-            rows.append(
-                [*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])]
-            )
+            where = f"waypoint {number}"
+            offset = Pose.xyz_rpy(step.offset, step.rpy)
+            pose = step.frame(known, where) @ offset
             if step.until:
-                here = felt.pop(0) if felt else None
+                reached = felt.pop(0) if felt else None
                 poses = dict(known.poses)
                 if step.corrects:
-                    missed = (here or pose).position - pose.position
-                    found = step.corrected(
-                        known,
-                        pose.position - rows[-2][:3],
-                        missed,
-                        f"waypoint {number}",
-                    )
-                    poses |= found if here else {}
-                known = Seen({**poses, HERE: here or pose})
+                    way = pose.position - rows[-1][:3]
+                    missed = (reached or pose).position - pose.position
+                    found = step.corrected(known, way, missed, where)
+                    if reached:
+                        poses |= found
+                known = Seen({**poses, HERE: reached or pose})
+
+            row = [*pose.position, *pose.rpy]
+            if self.gripper:
+                row.append(step.grip)
+            rows.append(row)
+
         guards = tuple(step.guard for step in self.steps)
-        return Waypoints(np.array(rows), self._tempo(), guards if any(guards) else ())
+        if not any(guards):
+            guards = ()
+        return Waypoints(np.array(rows), self._tempo(), guards)
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:
@@ -245,20 +254,15 @@ class AnchoredActions(ActionRepresentation):
         )
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
-        step = _STEPS.json_schema()
-        hidden = {
-            *(() if gripper else ("grip",)),
-            *(
-                ()
-                if self.guards
-                else ("until", "newtons", "otherwise", "corrects", "beyond")
-            ),
-        }
         properties = {
-            name: _plain(of)
-            for name, of in step["properties"].items()
-            if name not in hidden
+            name: _plain(field)
+            for name, field in _STEPS.json_schema()["properties"].items()
         }
+        if not gripper:
+            del properties["grip"]
+        if not self.guards:
+            for name in _GUARD_FIELDS:
+                del properties[name]
         waypoint = {
             "type": "object",
             "properties": properties,
@@ -276,26 +280,25 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(
                 f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
             )
-        steps = tuple(
-            _step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1)
-        )
-        if (count := sum(bool(step.until) for step in steps)) > MAX_GUARDS:
-            raise DesignError(
-                f"the action plan has {count} guards; at most {MAX_GUARDS} are allowed"
-            )
-        first = next(
-            (number for number, step in enumerate(steps, 1) if step.until), len(steps)
-        )
-        for number, step in enumerate(steps[:first], 1):
-            if HERE in (step.anchor, step.toward):
+        steps = []
+        guards = 0
+        for number, item in enumerate(data, start=1):
+            step = _read_step(item, f"waypoint {number}", gripper)
+            if HERE in (step.anchor, step.toward) and not guards:
                 raise DesignError(
                     f"waypoint {number}: 'here' is where a guard ended; none comes before"
                 )
+            guards += bool(step.until)
+            steps.append(step)
+        if guards > MAX_GUARDS:
+            raise DesignError(
+                f"the action plan has {guards} guards; at most {MAX_GUARDS} are allowed"
+            )
         if steps[0].corrects:
             raise DesignError(
                 "waypoint 1: 'corrects' needs a waypoint before, from which the way leads there"
             )
-        return AnchoredPlan(steps, gripper)
+        return AnchoredPlan(tuple(steps), gripper)
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
         """Anchor them to the world; a tempo is left out."""
@@ -305,69 +308,62 @@ class AnchoredActions(ActionRepresentation):
         self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen
     ) -> list[Any]:
         guards = waypoints.guards or (None,) * len(waypoints)
-        steps = []
         rows = zip(
             waypoints.poses, waypoints.grips.tolist(), anchors, guards, strict=True
         )
-        for number, (row, grip, at, guard) in enumerate(rows, start=1):
+        steps = []
+        for number, (row, grip, anchor, guard) in enumerate(rows, start=1):
+            where = f"waypoint {number}"
             step = Step(
                 (0.0, 0.0, 0.0),
-                anchor=at.name,
-                axes=at.axes,
-                toward=at.toward,
-                share=at.share,
+                anchor=anchor.name,
+                axes=anchor.axes,
+                toward=anchor.toward,
+                share=anchor.share,
                 grip=grip,
-                **(vars(guard) if guard else {}),
             )
-            at_row = Pose.xyz_rpy(row[:3], row[3:6])
-            if at != Anchor():
-                pose = step.frame(seen, f"waypoint {number}").inverse() @ at_row
-                row = np.round([*pose.position, *pose.rpy], _DIGITS) + 0.0
             if guard:
-                seen = Seen({**seen.poses, HERE: at_row})
+                step = replace(step, **vars(guard))
+            pose = Pose.xyz_rpy(row[:3], row[3:6])
+            numbers = row[:6]
+            if anchor != Anchor():
+                offset = step.frame(seen, where).inverse() @ pose
+                numbers = np.round([*offset.position, *offset.rpy], _DIGITS) + 0.0
+            if guard:
+                seen = Seen({**seen.poses, HERE: pose})
+            x, y, z, roll, pitch, yaw = numbers.tolist()
             try:
-                steps.append(
-                    replace(
-                        step,
-                        offset=tuple(row[:3].tolist()),
-                        rpy=tuple(row[3:6].tolist()),
-                    ).dump()
-                )
+                step = replace(step, offset=(x, y, z), rpy=(roll, pitch, yaw))
             except ValidationError as error:
-                raise DesignError(
-                    f"waypoint {number}: {error.errors(include_url=False)[0]['msg']}"
-                ) from error
+                message = error.errors(include_url=False)[0]["msg"]
+                raise DesignError(f"{where}: {message}") from error
+            steps.append(step.dump())
         return steps
 
     def parameters(self, plan: ActionPlan) -> Numbers:
         """Return offsets and angles of all steps, and the logarithms of speeds, times and waits that are given."""
         if not isinstance(plan, AnchoredPlan):
             return Numbers()
-        found = Numbers.near(
-            np.array([[*step.offset, *step.rpy] for step in plan.steps]), STEPS, MOST
-        )
+        rows = np.array([[*step.offset, *step.rpy] for step in plan.steps])
+        found = Numbers.near(rows, STEPS, MOST)
         for _, name, value in _tempi(plan):
-            most = np.log(MAX_SPEED if name == "speed" else MAX_SECONDS)
-            now, step, least, longest = (
-                np.array([n])
-                for n in (np.log(value), STEP_LOG, np.log(MIN_TEMPO), most)
+            most = MAX_SPEED if name == "speed" else MAX_SECONDS
+            limits = np.log([MIN_TEMPO, most])
+            found += Numbers(
+                np.log([value]), np.array([STEP_LOG]), limits[:1], limits[1:]
             )
-            found += Numbers(now, step, least, longest)
         return found
 
     def with_parameters(self, plan: ActionPlan, values: Array) -> AnchoredPlan:
         assert isinstance(plan, AnchoredPlan)
         count = 6 * len(plan.steps)
         rows = np.round(values[:count], _DIGITS).reshape(-1, 2, 3).tolist()
-        placed: list[dict[str, Any]] = [
-            {"offset": tuple(offset), "rpy": tuple(rpy)} for offset, rpy in rows
-        ]
         steps = [
-            replace(step, **at) for step, at in zip(plan.steps, placed, strict=True)
+            replace(step, offset=tuple(offset), rpy=tuple(rpy))
+            for step, (offset, rpy) in zip(plan.steps, rows, strict=True)
         ]
-        for (number, name, _), value in zip(
-            _tempi(plan), np.exp(values[count:]).tolist(), strict=True
-        ):
+        tempi = np.exp(values[count:]).tolist()
+        for (number, name, _), value in zip(_tempi(plan), tempi, strict=True):
             tempo: dict[str, Any] = {name: round(value, _DIGITS)}
             steps[number] = replace(steps[number], **tempo)
         return replace(plan, steps=tuple(steps))
@@ -375,16 +371,61 @@ class AnchoredActions(ActionRepresentation):
 
 def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
     """The speeds, times and waits of a plan that are above 0: number of the step, name, value."""
-    names = ("speed", "seconds", "wait")
-    found = (
-        (n, name, getattr(step, name))
-        for n, step in enumerate(plan.steps)
-        for name in names
-    )
-    return [(number, name, value) for number, name, value in found if value > MIN_TEMPO]
+    found = []
+    for number, step in enumerate(plan.steps):
+        for name in ("speed", "seconds", "wait"):
+            value = getattr(step, name)
+            if value > MIN_TEMPO:
+                found.append((number, name, value))
+    return found
 
 
-def _step(data: object, where: str, gripper: bool) -> Step:
+# What must not hold of a step, each with the words for the model.
+_FAULTS: tuple[tuple[Callable[[Step], object], str], ...] = (
+    (
+        lambda step: step.speed and step.seconds,
+        "give speed or seconds, not both",
+    ),
+    (
+        lambda step: step.through and step.wait,
+        "a waypoint that is passed through has no wait; leave one of them out",
+    ),
+    (
+        lambda step: step.through and step.until,
+        "a waypoint that is passed through has no guard; leave one of them out",
+    ),
+    (
+        lambda step: (step.until == "force") != (step.newtons > 0),
+        "until 'force' needs 'newtons' above 0, and nothing else has them",
+    ),
+    (
+        lambda step: step.otherwise != "go_on" and not step.until,
+        "'otherwise' is for a guard; give 'until', too",
+    ),
+    (
+        lambda step: step.corrects and not step.until,
+        "'corrects' is for a guard; give 'until', too",
+    ),
+    (
+        lambda step: step.beyond and not step.corrects,
+        "'beyond' is for what a guard corrects; give 'corrects', too",
+    ),
+    (
+        lambda step: {WORLD, HERE} & {*step.corrects},
+        f"'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'",
+    ),
+    (
+        lambda step: step.toward and step.axes == "anchor" and not step.share,
+        "toward turns the world's axes; leave 'axes' out, or give a share of the way",
+    ),
+    (
+        lambda step: step.share and not step.toward,
+        "a share is one of the way to a second anchor; name it in 'toward'",
+    ),
+)
+
+
+def _read_step(data: object, where: str, gripper: bool) -> Step:
     """Read a waypoint that a model wrote."""
     if not isinstance(data, dict):
         raise DesignError(f"{where} must be an object with an offset, not {kind(data)}")
@@ -398,38 +439,9 @@ def _step(data: object, where: str, gripper: bool) -> Step:
         if first["type"] == "unexpected_keyword_argument":
             raise DesignError(str(choices("field", place, _DEFAULTS, where))) from error
         raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
-    if step.speed and step.seconds:
-        raise DesignError(f"{where}: give speed or seconds, not both")
-    if step.through and step.wait:
-        raise DesignError(
-            f"{where}: a waypoint that is passed through has no wait; leave one of them out"
-        )
-    if step.through and step.until:
-        raise DesignError(
-            f"{where}: a waypoint that is passed through has no guard; leave one of them out"
-        )
-    if (step.until == "force") != (step.newtons > 0):
-        raise DesignError(
-            f"{where}: until 'force' needs 'newtons' above 0, and nothing else has them"
-        )
-    if step.otherwise != "go_on" and not step.until:
-        raise DesignError(f"{where}: 'otherwise' is for a guard; give 'until', too")
-    if (step.corrects and not step.until) or (step.beyond and not step.corrects):
-        raise DesignError(
-            f"{where}: 'corrects' is for a guard, and 'beyond' for what it corrects; give both others, too"
-        )
-    if {WORLD, HERE} & {*step.corrects}:
-        raise DesignError(
-            f"{where}: 'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'"
-        )
-    if step.toward and step.axes == "anchor" and not step.share:
-        raise DesignError(
-            f"{where}: toward turns the world's axes; leave 'axes' out, or give a share of the way"
-        )
-    if step.share and not step.toward:
-        raise DesignError(
-            f"{where}: a share is one of the way to a second anchor; name it in 'toward'"
-        )
+    for is_broken, message in _FAULTS:
+        if is_broken(step):
+            raise DesignError(f"{where}: {message}")
     return step
 
 
@@ -450,9 +462,9 @@ def _place(name: str, seen: Seen, where: str) -> Pose:
 
 def _plain(schema: dict[str, Any]) -> dict[str, Any]:
     """A field's schema in the words that all providers know: without titles, defaults and prefixes."""
-    plain = {
-        key: value
-        for key, value in schema.items()
-        if key not in ("title", "default", "prefixItems")
-    }
-    return plain | ({"items": {"type": "number"}} if "prefixItems" in schema else {})
+    plain = dict(schema)
+    for name in ("title", "default"):
+        plain.pop(name, None)
+    if plain.pop("prefixItems", None):
+        plain["items"] = {"type": "number"}
+    return plain

@@ -13,9 +13,8 @@ from core.geometry import Array
 from core.interfaces import ActionPlan, ActionRepresentation, Brief, Numbers, Waypoints
 from core.support.templates import fill
 
-STEPS = np.repeat(
-    (0.01, 0.05), 3
-)  # small changes, metres and radians, of a search without a model
+# Small changes, metres and radians, of a search without a model.
+STEPS = np.repeat((0.01, 0.05), 3)
 MOST = np.repeat((MAX_REACH_M, MAX_ANGLE_RAD), 3)
 DIGITS = 5  # hundredths of a millimetre
 
@@ -29,7 +28,9 @@ class WaypointActions(ActionRepresentation):
         return fill("plugins.actions", "waypoints", gripper=brief.gripper)
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
-        count = len(WAYPOINT) if gripper else len(WAYPOINT) - 1
+        count = len(WAYPOINT)
+        if not gripper:
+            count -= 1
         waypoint = {
             "type": "array",
             "items": {"type": "number"},
@@ -52,22 +53,22 @@ class WaypointActions(ActionRepresentation):
 
     def with_parameters(self, plan: ActionPlan, values: Array) -> Waypoints:
         assert isinstance(plan, Waypoints)
-        return replace(
-            plan,
-            poses=np.hstack(
-                [np.round(values.reshape(-1, 6), DIGITS), plan.poses[:, 6:]]
-            ),
-        )
+        poses = np.round(values.reshape(-1, 6), DIGITS)
+        grips = plan.poses[:, 6:]
+        return replace(plan, poses=np.hstack([poses, grips]))
 
 
 def _with_numbers(plan: object) -> object:
     """``plan`` with strings in waypoints that hold plain decimal numbers replaced by these numbers."""
     if not isinstance(plan, list):
         return plan
-    return [
-        [_as_number(v) for v in waypoint] if isinstance(waypoint, list) else waypoint
-        for waypoint in plan
-    ]
+    return [_numbers_of(waypoint) for waypoint in plan]
+
+
+def _numbers_of(waypoint: object) -> object:
+    if not isinstance(waypoint, list):
+        return waypoint
+    return [_as_number(value) for value in waypoint]
 
 
 def _as_number(value: object) -> object:

@@ -90,9 +90,9 @@ class BoxTools(ComponentTools):
             )
         node = node_of(shape)
         sizes = rounded(node.sizes)
-        given = (
-            {"size": sizes}
-            if node.kind == "box"
-            else dict(zip(_SIZES[node.kind], sizes, strict=True))
-        )
-        return {"shape": node.kind, **given}
+        if node.kind == "box":
+            return {"shape": "box", "size": sizes}
+        return {
+            "shape": node.kind,
+            **dict(zip(_SIZES[node.kind], sizes, strict=True)),
+        }

@@ -16,6 +16,8 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY, NAME
 from core.geometry import Array, Compound, Pose, Shape
@@ -25,9 +27,8 @@ from core.support.text import kind, shorten
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
 
-MAX_NUMBER = (
-    1000.0  # far above every length, angle and mass of a tool; keeps products finite
-)
+# Far above every length, angle and mass of a tool; keeps products finite.
+MAX_NUMBER = 1000.0
 DIGITS = 5  # hundredths of a millimetre
 
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
@@ -82,46 +83,43 @@ class ComponentTools(VariedTools):
     def schema(self) -> dict[str, Any]:
         items = []
         for shape in self.shape_schemas:
-            properties = {"name": TEXT, "parent": TEXT, **shape}
-            properties |= {
+            properties = {
+                "name": TEXT,
+                "parent": TEXT,
+                **shape,
                 "position": TRIPLE,
                 "rpy": TRIPLE,
                 "mass": NUMBER,
                 "color": TEXT,
             }
             if self.joints:
-                kinds = TEXT | {"enum": ["hinge", "slider"]}
-                own = {
-                    "kind": kinds,
-                    "axis": TRIPLE,
-                    "at": TRIPLE,
-                    **dict.fromkeys(_JOINT_NUMBERS, NUMBER),
-                }
-                properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
+                properties["joint"] = {"anyOf": [{"type": "null"}, _JOINT]}
             items.append(_object(properties))
-        return {
-            self.field: {
-                "type": "array",
-                "items": items[0] if len(items) == 1 else {"anyOf": items},
-            }
-        }
+        item = items[0]
+        if len(items) > 1:
+            item = {"anyOf": items}
+        return {self.field: {"type": "array", "items": item}}
 
     def instructions(self, brief: Brief) -> str:
-        mount, name, size, at = first_box(brief)
+        box = first_box(brief)
         example = {
-            "name": name,
-            "parent": mount,
-            **self.example_shape(size),
-            "position": rounded(at),
+            "name": box.name,
+            "parent": box.mount,
+            **self.example_shape(box.size),
+            "position": rounded(box.place),
+            "rpy": [0, 0, 0],
+            "mass": 0.005,
+            "color": "#3373cc",
         }
-        example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
-        given = {
-            "field": self.field,
-            "joints": self.joints,
-            "example": json.dumps([example]),
+        return instruct(
+            self.template,
+            brief,
+            self.material,
+            field=self.field,
+            joints=self.joints,
+            example=json.dumps([example]),
             **self.limits,
-        }
-        return instruct(self.template, brief, self.material, **given)
+        )
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
         """Read a tool; components may come in any order.
@@ -151,82 +149,91 @@ class ComponentTools(VariedTools):
         self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]
     ) -> Iterator[Component]:
         """Yield components after their parents, each with its pose in its parent's frame."""
-        aliases = dict(self.robot.aliases)
-        own = robot_names(self.robot)
-        known = _KEYS.union(self.keys, ("joint",) if self.joints else ())
         read: dict[str, Component] = {}  # with their poses in the mount's frame
+        reserved = robot_names(self.robot)
         for number, item in enumerate(items, start=1):
-            name = _read_name(item, f"{self.field}: component {number}", read, own)
-            where = f"component {name!r}"
-            check_keys(item, known, where)
-            parent = item.get("parent", mounts[0] if len(mounts) == 1 else None)
-            if not isinstance(parent, str):
-                raise DesignError(
-                    f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
-                )
-            position = read_numbers(item.get("position"), 3, f"{where}: position")
-            pose = Pose.xyz_rpy(
-                position, read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy")
-            )
-            shape, at = read_shape(item, where)
-            mass = item.get("mass")
-            mass = (
-                default_mass(shape.volume)
-                if mass is None
-                else read_number(mass, f"{where}: mass")
-            )
-            color = _read_color(item, where)
-            pose = pose @ at
-            joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
-            read[name] = Component(
-                name, aliases.get(parent, parent), pose, shape, mass, color, joint
-            )
+            where = f"{self.field}: component {number}"
+            name = _read_name(item, where, read, reserved)
+            read[name] = self._read_component(name, item, read_shape, mounts)
+
         placed = {mount: Pose() for mount in mounts}
-        for name in parents_first(
-            {name: c.parent for name, c in read.items()}, mounts, "component"
-        ):
+        parents = {name: component.parent for name, component in read.items()}
+        for name in parents_first(parents, mounts, "component"):
             component = read[name]
             placed[name] = component.pose
-            yield replace(
-                component, pose=placed[component.parent].inverse() @ component.pose
+            pose = placed[component.parent].inverse() @ component.pose
+            yield replace(component, pose=pose)
+
+    def _read_component(
+        self,
+        name: str,
+        item: Mapping[str, Any],
+        read_shape: ReadShape,
+        mounts: tuple[str, ...],
+    ) -> Component:
+        """Read a component, with its pose in the mount's frame."""
+        where = f"component {name!r}"
+        known = {*_KEYS, *self.keys}
+        if self.joints:
+            known.add("joint")
+        check_keys(item, known, where)
+        parent = item.get("parent")
+        if parent is None and len(mounts) == 1:
+            parent = mounts[0]
+        if not isinstance(parent, str):
+            raise DesignError(
+                f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
             )
+        parent = dict(self.robot.aliases).get(parent, parent)
+
+        position = read_numbers(item.get("position"), 3, f"{where}: position")
+        rpy = read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy")
+        shape, place = read_shape(item, where)
+        pose = Pose.xyz_rpy(position, rpy) @ place
+        mass = default_mass(shape.volume)
+        if item.get("mass") is not None:
+            mass = read_number(item["mass"], f"{where}: mass")
+        color = _read_color(item, where)
+        joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
+        return Component(name, parent, pose, shape, mass, color, joint)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         placed = tool.placed()
-        return {
-            self.field: [
-                self._write(component, placed[component.name][1])
-                for component in tool.components
-            ]
-        }
+        items = [
+            self._write(component, placed[component.name][1])
+            for component in tool.components
+        ]
+        return {self.field: items}
 
     def _write(self, component: Component, pose: Pose) -> dict[str, Any]:
-        return {
+        shares = component.color[:3]
+        item = {
             "name": component.name,
             "parent": component.parent,
             **self.write_shape(component.shape, f"component {component.name!r}"),
             "position": rounded(pose.position),
             "rpy": rounded_rpy(pose),
             "mass": float(f"{component.mass:.6g}"),
-            "color": "#"
-            + "".join(f"{round(255 * share):02x}" for share in component.color[:3]),
-            **({"joint": _write_joint(component.joint, pose)} if self.joints else {}),
+            "color": "#" + "".join(f"{round(255 * share):02x}" for share in shares),
         }
+        if self.joints:
+            item["joint"] = _write_joint(component.joint, pose)
+        return item
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
         """Write the tool without colours and what is added when it is read, to 0.1 mm."""
-        return {
-            self.field: [
-                {
-                    key: [round(number, 4) for number in value]
-                    if isinstance(value, list)
-                    else value
-                    for key, value in item.items()
-                    if key != "color" and value not in (_NO_TURN, "box")
-                }
-                for item in self.dump(tool)[self.field]
-            ]
-        }
+        return {self.field: [_abridge(item) for item in self.dump(tool)[self.field]]}
+
+
+def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
+    short = {}
+    for key, value in item.items():
+        if key == "color" or value in (_NO_TURN, "box"):
+            continue
+        if isinstance(value, list):
+            value = [round(number, 4) for number in value]
+        short[key] = value
+    return short
 
 
 def _object(properties: dict[str, Any]) -> dict[str, Any]:
@@ -236,6 +243,16 @@ def _object(properties: dict[str, Any]) -> dict[str, Any]:
         "required": list(properties),
         "additionalProperties": False,
     }
+
+
+_JOINT = _object(
+    {
+        "kind": TEXT | {"enum": ["hinge", "slider"]},
+        "axis": TRIPLE,
+        "at": TRIPLE,
+        **dict.fromkeys(_JOINT_NUMBERS, NUMBER),
+    }
+)
 
 
 def default_mass(volume: float) -> float:
@@ -274,11 +291,7 @@ def parents_first(
 @lru_cache(maxsize=8)
 def robot_names(robot: Robot) -> frozenset[str]:
     """Collect the names of the robot's links and joints, with and without its gripper, and of its mounts."""
-    names = {
-        *Tool().mounts,
-        *Tool(gripper=True).mounts,
-        *(name for name, _ in robot.aliases),
-    }
+    names = {*Tool().mounts, *Tool(gripper=True).mounts, *dict(robot.aliases)}
     for gripper in {False, robot.gripper is not None}:
         arm = assembled(robot, Tool(gripper=gripper))
         names.update(arm.links, arm.named)
@@ -297,23 +310,20 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
         raise DesignError(
             f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}'
         )
-    axis = pose.rotation.inv().apply(
-        read_numbers(item.get("axis"), 3, f"{where}: axis")
-    )
-    at = (
-        read_numbers(item["at"], 3, f"{where}: at")
-        if item.get("at") is not None
-        else pose.position
-    )
-    x, y, z = pose.inverse().apply(at).tolist() if moves == "hinge" else (0.0, 0.0, 0.0)
+    axis = read_numbers(item.get("axis"), 3, f"{where}: axis")
+    x, y, z = pose.rotation.inv().apply(axis)
+    place = pose.position
+    if item.get("at") is not None:
+        place = np.array(read_numbers(item["at"], 3, f"{where}: at"))
+    origin = (0.0, 0.0, 0.0)
+    if moves == "hinge":
+        origin = tuple(pose.inverse().apply(place).tolist())
     numbers = {
         name: read_number(item.get(name, 0.0), f"{where}: {name}")
         for name in _JOINT_NUMBERS
     }
     try:
-        return ToolJoint(
-            moves, (axis[0], axis[1], axis[2]), origin=(x, y, z), **numbers
-        )
+        return ToolJoint(moves, (x, y, z), origin=origin, **numbers)
     except DesignError as error:
         raise DesignError(f"{where}: {error}") from error
 
@@ -324,9 +334,8 @@ def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     axis = pose.rotation.apply(joint.axis)
     at = rounded(pose.apply(joint.origin))
     numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
-    longest = float(
-        abs(axis).max()
-    )  # written as 1, so that what is read again is written the same
+    # Written as 1, so that what is read again is written the same.
+    longest = float(abs(axis).max())
     return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
 
 
@@ -343,12 +352,9 @@ def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None
 def read_number(value: object, where: str) -> float:
     """Read a number of at most `MAX_NUMBER` in size."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DesignError(
-            f"{where} must be a number, not {'missing' if value is None else kind(value)}"
-        )
-    if (
-        not abs(value) <= MAX_NUMBER
-    ):  # also refuses nan, and integers that are too large for a float
+        raise DesignError(f"{where} must be a number, not {describe(value)}")
+    # Also refuses nan, and integers that are too large for a float.
+    if not abs(value) <= MAX_NUMBER:
         raise DesignError(
             f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below"
         )
@@ -358,22 +364,27 @@ def read_number(value: object, where: str) -> float:
 def read_numbers(value: object, count: int, where: str) -> list[float]:
     """Read a list of ``count`` numbers."""
     if not isinstance(value, list) or len(value) != count:
-        found = (
-            "missing"
-            if value is None
-            else f"a list of {len(value)}"
-            if isinstance(value, list)
-            else kind(value)
+        raise DesignError(
+            f"{where} must be a list of {count} numbers, not {describe(value)}"
         )
-        raise DesignError(f"{where} must be a list of {count} numbers, not {found}")
     return [read_number(number, where) for number in value]
+
+
+def describe(value: object) -> str:
+    """Say what stands in the place of a number or a list."""
+    if value is None:
+        return "missing"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    return kind(value)
 
 
 def rounded(values: Iterable[float]) -> list[float]:
     """Round numbers to `DIGITS`, and write whole ones without a point."""
+    numbers = [round(float(value), DIGITS) + 0.0 for value in values]
     return [
-        int(value) if value.is_integer() else value
-        for value in (round(float(v), DIGITS) + 0.0 for v in values)
+        int(number) if number.is_integer() else number  # a whole one as 1, not 1.0
+        for number in numbers
     ]
 
 
@@ -392,7 +403,7 @@ def rounded_rpy(pose: Pose) -> list[float]:
 
 
 def _read_name(
-    item: object, where: str, taken: Mapping[str, object], own: frozenset[str]
+    item: object, where: str, taken: Mapping[str, object], reserved: frozenset[str]
 ) -> str:
     if not isinstance(item, Mapping):
         raise DesignError(f"{where} must be an object, not {kind(item)}")
@@ -405,7 +416,7 @@ def _read_name(
         raise DesignError(
             f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
         )
-    if name in own:
+    if name in reserved:
         raise DesignError(
             f"{where}: its name {name!r} is the robot's own; choose another"
         )
@@ -421,9 +432,8 @@ def _read_color(
     if text is None:
         return Component.color
     if not isinstance(text, str) or not _COLOR.fullmatch(text):
-        found = kind(text)
         raise DesignError(
-            f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {found}'
+            f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {kind(text)}'
         )
-    red, green, blue = (int(text[k : k + 2], 16) / 255 for k in (1, 3, 5))
-    return red, green, blue, 1.0
+    red, green, blue = bytes.fromhex(text[1:])
+    return red / 255, green / 255, blue / 255, 1.0

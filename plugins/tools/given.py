@@ -152,9 +152,10 @@ class KnownTools(GivenTools):
 
     def given(self, task: Task) -> Tool:
         if self._tool is None:
-            settings = {"name": self._of} if isinstance(self._of, str) else self._of
-            form = replace(
-                part(TOOL, OmegaConf.create(settings)), material=self.material
-            ).create(robot=self.robot)
+            settings = self._of
+            if isinstance(settings, str):
+                settings = {"name": settings}
+            tool = part(TOOL, OmegaConf.create(settings))
+            form = replace(tool, material=self.material).create(robot=self.robot)
             self._tool = load_tool(self._file, 0, form, task)
         return self._tool

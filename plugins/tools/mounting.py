@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,27 +26,33 @@ def describe_mount(brief: Brief) -> str:
     if not brief.gripper:
         return _write("mount", gripper=False, robot=robot, upright=upright)
     gap = finger_gap(robot)
-    closed = max(0.0, gap - 2 * robot.opening_m)
-    meet = (
-        "meet when it is closed"
-        if closed < _MEET_M
-        else f"{short_number(closed, 3)} m when it is closed"
+    closed_m = max(0.0, gap - 2 * robot.opening_m)
+    closed = "meet when it is closed"
+    if closed_m >= _MEET_M:
+        closed = f"{short_number(closed_m, 3)} m when it is closed"
+    return _write(
+        "mount",
+        gripper=True,
+        fingers=fingers_of(robot),
+        axis_of=_axis,
+        short=short_number,
+        gap=short_number(gap, 3),
+        closed=closed,
     )
-    given = {"fingers": fingers_of(robot), "axis_of": _axis, "short": short_number}
-    return _write("mount", gripper=True, **given, gap=short_number(gap, 3), closed=meet)
 
 
 def instruct(template: str, brief: Brief, material: Material, **given: Any) -> str:
     """Write how a model writes tools of a material: a template, with what tools weigh, and more that is ``given``."""
     robot = brief.task.robot
+    weight = ""
+    if material.density_kg_m3 is not None:
+        weight = describe_weight(material, robot)
     return _write(
         template,
         mount=describe_mount(brief),
         frame=" or ".join(f"`{mount}`" for mount in Tool(gripper=brief.gripper).mounts),
         elites=brief.elites,
-        weight=""
-        if material.density_kg_m3 is None
-        else describe_weight(material, robot),
+        weight=weight,
         payload=statics.mass_limit(robot, material)[0],
         share=statics.spring_share(material),
         **given,
@@ -68,48 +75,48 @@ def _write(template: str, /, **given: Any) -> str:
     return fill("plugins.tools", template, **{**vars(rules), **vars(statics), **given})
 
 
-def first_box(brief: Brief) -> tuple[str, str, Array, Array]:
-    """Make an example: mount, name, size (3,) and place (3,) of a shaft at the flange, or of a pad on the left finger.
+@dataclass(frozen=True)
+class ExampleBox:
+    """A box for an example, along the axes of its mount: its size (3,) and the place of its centre (3,), metres."""
 
-    The pad is on the inside of the finger's tip. Neither is turned in its mount's frame.
-    """
+    mount: str
+    name: str
+    size: Array
+    place: Array
+
+
+def first_box(brief: Brief) -> ExampleBox:
+    """Make a shaft at the flange, or a pad on the inside of the left finger's tip."""
     robot = brief.task.robot
     if not brief.gripper:
         size = np.array([0.02, 0.02, 0.1])
-        return (
-            RIGID_MOUNT,
-            "shaft",
-            size,
-            np.array([0.0, 0.0, -(robot.flange.disc.length + size[2]) / 2]),
-        )
+        below = (robot.flange.disc.length + size[2]) / 2
+        return ExampleBox(RIGID_MOUNT, "shaft", size, np.array([0.0, 0.0, -below]))
+
     finger = fingers_of(robot)[0]
     out = np.abs(finger.opens)
     down = np.abs(finger.tip)
-    size = 0.02 * (1 - out - down) + 0.015 * out + 0.04 * down
-    at = np.mean(finger.extent, axis=0) * (1 - out - down)
-    at += (
+    across = 1 - out - down
+    size = 0.02 * across + 0.015 * out + 0.04 * down
+    place = np.mean(finger.extent, axis=0) * across
+    place += (
         out * finger.face(-finger.opens)
         + 0.0075 * finger.opens
         + down * finger.face(finger.tip)
     )
-    return (
-        finger.name,
-        "left_pad",
-        size,
-        at + 0.0155 * finger.tip,
-    )  # it overlaps the finger by 4.5 mm
+    place += 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
+    return ExampleBox(finger.name, "left_pad", size, place)
 
 
 def _axis(way: Array) -> str:
     """Name an axis (3,), perhaps reversed, such as +y."""
-    at = int(np.abs(way).argmax())
-    return f"{'-' if way[at] < 0 else '+'}{'xyz'[at]}"
+    axis = int(np.abs(way).argmax())
+    sign = "-" if way[axis] < 0 else "+"
+    return sign + "xyz"[axis]
 
 
 def finger_gap(robot: Robot) -> float:
     """Measure the way between the inner faces of the fingers of the open gripper, metres."""
     left, right = fingers_of(robot)
-    return float(
-        (left.place(-left.opens) - right.place(-right.opens))
-        @ left.pose.rotation.apply(left.opens)
-    )
+    between = left.place(-left.opens) - right.place(-right.opens)
+    return float(between @ left.pose.rotation.apply(left.opens))

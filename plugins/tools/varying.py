@@ -32,9 +32,10 @@ def tool_numbers(design: Tool) -> Numbers:
         return Numbers()
     steps = np.repeat((GROWTH, SLIDE_M, TURN_RAD), 3)
     most = np.repeat((MOST_GROWTH, MOST_SLIDE_M, MOST_TURN_RAD), 3)
-    return sum(
-        (Numbers.near(np.zeros(9), steps, most) for _ in design.components), Numbers()
-    )
+    numbers = Numbers()
+    for _ in design.components:  # a table each, since they change one by one
+        numbers += Numbers.near(np.zeros(9), steps, most)
+    return numbers
 
 
 def vary_tool(design: Tool, values: Array) -> Tool:
@@ -55,9 +56,10 @@ def vary_tool(design: Tool, values: Array) -> Tool:
         if component.parent in changed:
             touch = _touching(component, old[component.parent])
             goal = _slid(touch, slide, old[component.parent], changed[component.parent])
-        own = _scaled(component.pose.inverse().apply(touch), component.shape, shape)
+        inside = component.pose.inverse().apply(touch)
+        inside = _scaled(inside, component.shape, shape)
         rotation = component.pose.rotation * Rotation.from_rotvec(turn)
-        pose = Pose.from_rotation(goal - rotation.apply(own), rotation)
+        pose = Pose.from_rotation(goal - rotation.apply(inside), rotation)
         mass = component.mass * shape.volume / component.shape.volume
         changed[component.name] = replace(component, pose=pose, shape=shape, mass=mass)
     return replace(design, components=tuple(changed.values()))
@@ -77,36 +79,32 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
         slide = np.zeros(3)
         if component.parent in old:
             touch = _touching(component, old[component.parent])
-            goal = after.pose.apply(
-                _scaled(
-                    component.pose.inverse().apply(touch), component.shape, after.shape
-                )
-            )
+            inside = component.pose.inverse().apply(touch)
+            inside = _scaled(inside, component.shape, after.shape)
+            goal = after.pose.apply(inside)
             slide = goal - _slid(touch, slide, old[component.parent], new[after.parent])
         growth = np.log(after.shape.bounds[1] / component.shape.bounds[1])
-        values += [
-            growth,
-            slide,
-            (component.pose.rotation.inv() * after.pose.rotation).as_rotvec(),
-        ]
+        turn = component.pose.rotation.inv() * after.pose.rotation
+        values += [growth, slide, turn.as_rotvec()]
     return np.concatenate(values)
 
 
 def _structure(tool: Tool) -> object:
     """What `vary_tool` leaves as it is, but for names."""
     number = {component.name: n for n, component in enumerate(tool.components)}
-    return tool.gripper, [
-        (
-            number.get(c.parent, c.parent),
-            content_of(c.shape) if isinstance(c.shape, Compound) else type(c.shape),
-        )
-        for c in tool.components
-    ]
+    structure: list[tuple[object, object]] = []
+    for component in tool.components:
+        shape: object = type(component.shape)
+        if isinstance(component.shape, Compound):
+            shape = content_of(component.shape)
+        structure.append((number.get(component.parent, component.parent), shape))
+    return tool.gripper, structure
 
 
 def _slid(point: Array, slide: Array, before: Component, after: Component) -> Array:
     """The point (3,) of a changed parent that was ``at`` on the old one, and slid."""
-    (middle, sides), (new_middle, new_sides) = before.shape.bounds, after.shape.bounds
+    middle, sides = before.shape.bounds
+    new_middle, new_sides = after.shape.bounds
     half = new_sides / 2
     share = np.clip((point - middle) / sides * 2, -1.0, 1.0)
     return new_middle + np.clip(share * half + slide, -half, half)
@@ -114,16 +112,16 @@ def _slid(point: Array, slide: Array, before: Component, after: Component) -> Ar
 
 def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> Array:
     """The point (3,) of a shape that has grown."""
-    (middle, sides), (new_middle, new_sides) = before.bounds, after.bounds
+    middle, sides = before.bounds
+    new_middle, new_sides = after.bounds
     return new_middle + (point - middle) * new_sides / sides
 
 
 def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
-    theirs = solids_of(parent.name, parent.shape, Pose())
-    return closest(solids_of(component.name, component.shape, component.pose), theirs)[
-        1
-    ]
+    solids = solids_of(component.name, component.shape, component.pose)
+    _, point = closest(solids, solids_of(parent.name, parent.shape, Pose()))
+    return point
 
 
 class VariedTools(ToolRepresentation):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
@@ -27,6 +28,12 @@ MAX_TRIANGLES = 8_000
 _MAX_PAIRS = 500  # of parts that are intersected
 _FEW = 6  # cutters, of which each leaves out what the others have taken
 _ALIKE = 1e-3  # mm^2
+_ROUND = ("sphere", "cylinder", "capsule", "cone")
+_OPERATIONS = {
+    "union": OpType.Add,
+    "difference": OpType.Subtract,
+    "intersection": OpType.Intersect,
+}
 
 
 class TooFine(Exception):
@@ -34,33 +41,27 @@ class TooFine(Exception):
 
 
 def segments(radius: float) -> int:
-    """Choose a multiple of 4."""
-    return min(
-        MAX_SEGMENTS,
-        4 * math.ceil(math.pi / math.acos(max(0.0, 1 - CHORD / radius)) / 4),
-    )
+    """Choose how many chords stand for a circle of this radius: a multiple of 4."""
+    half_angle = math.acos(max(0.0, 1 - CHORD / radius))
+    return min(MAX_SEGMENTS, 4 * math.ceil(math.pi / half_angle / 4))
 
 
 def count_triangles(node: Node) -> int:
     """Estimate the triangles of all shapes of a tree, before any is built."""
-    round_ones = (
-        segments(1000 * max(node.sizes[:2]))
-        if node.kind in ("sphere", "cylinder", "capsule", "cone")
-        else 0
-    )
+    around = 0
+    if node.kind in _ROUND:
+        around = segments(1000 * max(node.sizes[:2]))
     match node.kind:
         case "sphere" | "capsule":
-            return round_ones**2 // 2 + 2 * round_ones
+            return around**2 // 2 + 2 * around
         case "cylinder" | "cone":
-            return 4 * round_ones
+            return 4 * around
         case "revolve":
-            return (
-                2 * len(node.points) * segments(1000 * max(r for r, _ in node.points))
-            )
+            radius = max(r for r, _ in node.points)
+            return 2 * len(node.points) * segments(1000 * radius)
         case _:
-            return max(12, 4 * len(node.points)) + sum(
-                map(count_triangles, node.children)
-            )
+            below = sum(map(count_triangles, node.children))
+            return max(12, 4 * len(node.points)) + below
 
 
 def _placed(node: Node, solid: Manifold) -> Manifold:
@@ -81,11 +82,13 @@ def _leaf(node: Node) -> Manifold:
         case "capsule":
             radius, length = sizes
             ball = Manifold.sphere(radius, segments(radius))
-            return Manifold.batch_hull(
-                [ball.translate([0, 0, way * length / 2]) for way in (-1, 1)]
-            )
+            ends = [ball.translate([0, 0, way * length / 2]) for way in (-1, 1)]
+            return Manifold.batch_hull(ends)
+        case "cylinder":
+            radius, length = sizes
+            return Manifold.cylinder(length, radius, radius, segments(radius), True)
         case _:
-            low, high, length = sizes if node.kind == "cone" else (sizes[0], *sizes)
+            low, high, length = sizes
             return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
 
 
@@ -97,7 +100,9 @@ def _outline(node: Node) -> CrossSection:
     points = 1000 * np.array(node.points)
     x, y = points.T
     clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
-    return CrossSection([points[::-1] if clockwise else points])
+    if clockwise:
+        points = points[::-1]
+    return CrossSection([points])
 
 
 def surface(node: Node) -> Manifold:
@@ -108,16 +113,10 @@ def surface(node: Node) -> Manifold:
     """
     match node.kind:
         case "union" | "difference" | "intersection":
-            operation = {
-                "union": OpType.Add,
-                "difference": OpType.Subtract,
-                "intersection": OpType.Intersect,
-            }
+            operation = _OPERATIONS[node.kind]
             solid = surface(node.children[0])
             for child in node.children[1:]:
-                solid = Manifold.batch_boolean(
-                    [solid, surface(child)], operation[node.kind]
-                )
+                solid = Manifold.batch_boolean([solid, surface(child)], operation)
                 if solid.num_tri() > MAX_TRIANGLES:
                     raise TooFine
         case "hull":
@@ -127,9 +126,8 @@ def surface(node: Node) -> Manifold:
             solid = _outline(node).extrude(height).translate([0, 0, -height / 2])
         case "revolve":
             outline = _outline(node)
-            solid = outline.revolve(
-                segments(outline.bounds()[2]), math.degrees(node.sizes[0])
-            )
+            around = segments(outline.bounds()[2])
+            solid = outline.revolve(around, math.degrees(node.sizes[0]))
         case _:
             solid = _leaf(node)
     if solid.num_tri() > MAX_TRIANGLES:
@@ -145,44 +143,16 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
     """
     match node.kind:
         case "union":
-            parts = [
-                part
-                for child in node.children
-                for part in convex_parts(child, tolerance)
-            ]
+            parts = _all_parts(node.children, tolerance)
         case "intersection":
-            parts = convex_parts(node.children[0], tolerance)
-            for child in node.children[1:]:
-                others = convex_parts(child, tolerance)
-                if len(parts) * len(others) > _MAX_PAIRS:
-                    raise TooManyPieces
-                parts = [
-                    both
-                    for a, b in itertools.product(parts, others)
-                    if (both := a ^ b).volume() >= SLIVER
-                ]
+            parts = _intersect(node, tolerance)
         case "difference":
-            first, *others = node.children
-            parts = convex_parts(first, tolerance)
-            cutters = [
-                part for child in others for part in convex_parts(child, tolerance)
-            ]
-            gone = Manifold()
-            for cutter in sorted(
-                cutters, key=lambda solid: solid.num_tri()
-            ):  # fewer pieces than the other way round
-                rest = cutter - gone if len(cutters) <= _FEW else cutter
-                if rest.volume() < SLIVER:
-                    continue
-                parts = cut(
-                    parts, few_planes(rest if is_convex(rest) else cutter, tolerance)
-                )
-                gone += cutter if len(cutters) <= _FEW else Manifold()
+            parts = _subtract(node, tolerance)
         case "extrude":
             height = 1000 * node.sizes[0]
-            pieces = outline_pieces(_outline(node), tolerance)
             parts = [
-                piece.extrude(height).translate([0, 0, -height / 2]) for piece in pieces
+                piece.extrude(height).translate([0, 0, -height / 2])
+                for piece in outline_pieces(_outline(node), tolerance)
             ]
         case "revolve":
             parts = _revolved(_outline(node), math.degrees(node.sizes[0]), tolerance)
@@ -192,9 +162,45 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
             parts = [_leaf(node)]
     if len(parts) > MAX_PIECES:
         raise TooManyPieces
-    return [
-        _placed(node, part) for part in parts if part.volume() >= SLIVER
-    ]  # a flat hull has none
+    # A flat hull has no volume.
+    return [_placed(node, part) for part in parts if part.volume() >= SLIVER]
+
+
+def _all_parts(nodes: Iterable[Node], tolerance: Tolerance) -> list[Manifold]:
+    parts: list[Manifold] = []
+    for node in nodes:
+        parts += convex_parts(node, tolerance)
+    return parts
+
+
+def _intersect(node: Node, tolerance: Tolerance) -> list[Manifold]:
+    parts = convex_parts(node.children[0], tolerance)
+    for child in node.children[1:]:
+        others = convex_parts(child, tolerance)
+        if len(parts) * len(others) > _MAX_PAIRS:
+            raise TooManyPieces
+        overlaps = [a ^ b for a, b in itertools.product(parts, others)]
+        parts = [overlap for overlap in overlaps if overlap.volume() >= SLIVER]
+    return parts
+
+
+def _subtract(node: Node, tolerance: Tolerance) -> list[Manifold]:
+    first, *others = node.children
+    parts = convex_parts(first, tolerance)
+    cutters = _all_parts(others, tolerance)
+    cutters.sort(key=lambda solid: solid.num_tri())  # fewer pieces than otherwise
+    few = len(cutters) <= _FEW
+    gone = Manifold()
+    for cutter in cutters:
+        rest = cutter - gone if few else cutter
+        if rest.volume() < SLIVER:
+            continue
+        if not is_convex(rest):
+            rest = cutter
+        parts = cut(parts, few_planes(rest, tolerance))
+        if few:
+            gone += cutter
+    return parts
 
 
 def _round_hull(outline: CrossSection) -> CrossSection:
@@ -212,18 +218,17 @@ def _revolved(
     outline: CrossSection, degrees: float, tolerance: Tolerance
 ) -> list[Manifold]:
     hull = _round_hull(outline)
-    fine = segments(outline.bounds()[2])
-    pockets = [
-        pocket for pocket in (hull - outline).decompose() if pocket.area() >= _ALIKE
-    ]
+    around = segments(outline.bounds()[2])
+    gaps = (hull - outline).decompose()
+    pockets = [pocket for pocket in gaps if pocket.area() >= _ALIKE]
     if all(map(_convex_when_turned, pockets)):
         parts = _sectors(hull, degrees, tolerance)
         for pocket in pockets:
-            parts = cut(parts, few_planes(pocket.revolve(fine), tolerance))
+            parts = cut(parts, few_planes(pocket.revolve(around), tolerance))
         return parts
-    pieces = outline_pieces(outline, tolerance)
+
     sectors: list[Manifold] = []
-    for piece in pieces:
+    for piece in outline_pieces(outline, tolerance):
         sectors += _sectors(piece, degrees, tolerance)
         if len(sectors) > MAX_PIECES:
             raise TooManyPieces
@@ -235,12 +240,12 @@ def _sectors(
 ) -> list[Manifold]:
     """Revolve a convex outline in as few convex sectors as the tolerance allows, none where the whole is convex."""
     radius = outline.bounds()[2]
-    if _convex_when_turned(outline):
-        count = 1 if degrees >= 360 else math.ceil(degrees / 180 - 1e-6)
+    if not _convex_when_turned(outline):
+        widest = 2 * math.acos(max(0.5, 1 - tolerance.short / radius))
+        count = math.ceil(degrees / math.degrees(widest))
+    elif degrees >= 360:
+        count = 1
     else:
-        count = math.ceil(
-            degrees
-            / math.degrees(2 * math.acos(max(0.5, 1 - tolerance.short / radius)))
-        )
-    each = outline.revolve(segments(radius), degrees / count)
-    return [each.hull().rotate([0, 0, k * degrees / count]) for k in range(count)]
+        count = math.ceil(degrees / 180 - 1e-6)
+    sector = outline.revolve(segments(radius), degrees / count).hull()
+    return [sector.rotate([0, 0, k * degrees / count]) for k in range(count)]

@@ -63,39 +63,34 @@ class Faces:
     def of(cls, solid: Manifold) -> Faces:
         corners = vertices_of(solid)
         triangles = corners[np.asarray(solid.to_mesh64().tri_verts)]
-        normals = np.cross(
-            triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-        )
+        first, second, third = triangles.swapaxes(0, 1)
+        normals = np.cross(second - first, third - first)
         twice = np.linalg.norm(normals, axis=1)
         large = twice > _AREA
         triangles = triangles[large]
         normals = normals[large] / twice[large, None]
         twice = twice[large]
-        _, first, group = np.unique(
+        _, chosen, group = np.unique(
             np.round(normals, 4), axis=0, return_index=True, return_inverse=True
         )
-        sums = np.zeros((len(first), 3))
+        sums = np.zeros((len(chosen), 3))
         np.add.at(sums, group.ravel(), triangles.mean(axis=1) * twice[:, None])
         areas = np.bincount(group.ravel(), twice).astype(np.float64)
-        normals = normals[first]
-        chords = np.asarray(
-            cKDTree(normals).query(normals, k=2)[0]
-        )  # to itself and to the next one
-        curved = chords[:, 1] < _CURVED
+        normals = normals[chosen]
+        # The distances of each normal to itself and to the nearest other one.
+        chords, _ = cKDTree(normals).query(normals, k=2)
+        curved = np.asarray(chords)[:, 1] < _CURVED
         # Of very many facets of a curved surface, some stand for the others.
         kept = ~curved | (np.cumsum(curved) % (1 + curved.sum() // _FACETS) == 0)
-        normals, areas, centers = (
-            normals[kept],
-            areas[kept],
-            sums[kept] / areas[kept, None],
-        )
+        normals = normals[kept]
+        areas = areas[kept]
         return cls(
-            normals,
-            np.max(normals @ corners.T, axis=1),
-            centers,
-            areas,
-            curved[kept],
-            corners,
+            normals=normals,
+            offsets=np.max(normals @ corners.T, axis=1),
+            centers=sums[kept] / areas[:, None],
+            areas=areas,
+            curved=curved[kept],
+            corners=corners,
         )
 
     def excess(self, planes: Planes) -> tuple[Array, Array]:
@@ -107,11 +102,10 @@ class Faces:
         walls = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -size)])
         halves = np.column_stack([planes[0], -planes[1]])
         try:
-            corners = HalfspaceIntersection(
-                np.vstack([walls, halves]), np.zeros(3)
-            ).intersections
+            found = HalfspaceIntersection(np.vstack([walls, halves]), np.zeros(3))
         except QhullError as error:  # it is thinner than the numbers are exact
             raise TooManyPieces from error
+        corners = found.intersections
         return corners, corners @ self.normals.T - self.offsets
 
 
@@ -135,23 +129,10 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
         if len(chosen) == MAX_PIECES:
             raise TooManyPieces
         chosen.append(int(excess.max(axis=0).argmax()))
-    curved = faces.curved
-    flat, bent = (
-        [k for k in chosen if curved[k] == wanted] for wanted in (False, True)
-    )
-    best = _spread(faces, flat, bent)
-    too_few = 0
-    enough = len(bent)
-    while enough - too_few > 1:
-        count = (too_few + enough) // 2
-        planes = _spread(faces, flat, bent[:count])
-        if faces.excess(planes)[1].max() <= sum(tolerance):
-            best = planes
-            enough = count
-        else:
-            too_few = count
-    normals, offsets = best
-    corners, excess = faces.excess(best)
+    flat = [k for k in chosen if not faces.curved[k]]
+    bent = [k for k in chosen if faces.curved[k]]
+    normals, offsets = _spread_fewest(faces, flat, bent, tolerance)
+    corners, excess = faces.excess((normals, offsets))
     moved = offsets.copy()
     for k in range(len(flat), len(offsets)):
         on = np.abs(corners @ normals[k] - offsets[k]) < _ON
@@ -159,30 +140,46 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
     return normals, moved + normals @ middle
 
 
+def _spread_fewest(
+    faces: Faces, flat: list[int], bent: list[int], tolerance: Tolerance
+) -> Planes:
+    """Spread as few planes over the curved surface as the tolerance allows: see `_spread`."""
+    best = _spread(faces, flat, bent)
+    too_few = 0
+    enough = len(bent)
+    while enough - too_few > 1:
+        count = (too_few + enough) // 2
+        planes = _spread(faces, flat, bent[:count])
+        _, excess = faces.excess(planes)
+        if excess.max() <= sum(tolerance):
+            best = planes
+            enough = count
+        else:
+            too_few = count
+    return best
+
+
 def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
     """Return the flat faces' planes, and as many as ``bent`` that share the curved surface evenly."""
     normals = faces.normals[bent]
     centers = faces.centers[bent]
-    own_normals, own_centers, areas = (
-        part[faces.curved] for part in (faces.normals, faces.centers, faces.areas)
-    )
-    for _ in range(_ROUNDS if bent else 0):
+    facet_normals = faces.normals[faces.curved]
+    facet_centers = faces.centers[faces.curved]
+    areas = faces.areas[faces.curved]
+    rounds = _ROUNDS if bent else 0
+    for _ in range(rounds):
         # How far the edge between two tangent planes exceeds the surface grows with (c - c') (n - n').
-        across = own_centers @ normals.T + own_normals @ centers.T
-        far = (
-            (own_centers * own_normals).sum(axis=1)[:, None]
-            + (centers * normals).sum(axis=1)
-            - across
-        )
-        shares = np.where(
-            np.arange(len(bent)) == np.abs(far).argmin(axis=1)[:, None],
-            areas[:, None],
-            0.0,
-        )
+        across = facet_centers @ normals.T + facet_normals @ centers.T
+        facet_offsets = (facet_centers * facet_normals).sum(axis=1)
+        offsets = (centers * normals).sum(axis=1)
+        far = facet_offsets[:, None] + offsets - across
+        nearest = np.abs(far).argmin(axis=1)[:, None]
+        is_nearest = np.arange(len(bent)) == nearest
+        shares = np.where(is_nearest, areas[:, None], 0.0)
         served = shares.sum(axis=0) > 0
         shares = shares[:, served] / shares[:, served].sum(axis=0)
-        normals[served] = shares.T @ own_normals
-        centers[served] = shares.T @ own_centers
+        normals[served] = shares.T @ facet_normals
+        centers[served] = shares.T @ facet_centers
         normals /= np.linalg.norm(normals, axis=1)[:, None]
     normals = np.vstack([faces.normals[flat], normals])
     return normals, np.max(normals @ faces.corners.T, axis=1)
@@ -194,28 +191,29 @@ def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
     Raises:
         TooManyPieces: there are more pieces than `MAX_PIECES`.
     """
-    normals, offsets = planes
     pieces: list[Manifold] = []
     for part in parts:
-        beyond = vertices_of(part) @ normals.T > offsets + 1e-6
-        left = part
-        outside = []
-        for plane in (
-            np.flatnonzero(beyond.any(axis=0)) if not beyond.all(axis=0).any() else ()
-        ):
-            beside, left = left.split_by_plane(normals[plane], offsets[plane])
-            outside.append(beside)
-            if left.volume() < SLIVER:
-                break
-        entered = left.volume() >= SLIVER and not beyond.all(axis=0).any()
-        pieces += (
-            [piece for piece in outside if piece.volume() >= SLIVER]
-            if entered
-            else [part]
-        )
+        pieces += _cut_part(part, planes)
         if len(pieces) > MAX_PIECES:
             raise TooManyPieces
     return pieces
+
+
+def _cut_part(part: Manifold, planes: Planes) -> list[Manifold]:
+    """Return the pieces of a convex part outside the planes; the part itself, if the cutter doesn't enter it."""
+    normals, offsets = planes
+    beyond = vertices_of(part) @ normals.T > offsets + 1e-6
+    if beyond.all(axis=0).any():
+        return [part]
+    left = part
+    pieces = []
+    for plane in np.flatnonzero(beyond.any(axis=0)):
+        piece, left = left.split_by_plane(normals[plane], offsets[plane])
+        if piece.volume() >= SLIVER:
+            pieces.append(piece)
+        if left.volume() < SLIVER:
+            return [part]
+    return pieces if left.volume() >= SLIVER else [part]
 
 
 def outline_pieces(

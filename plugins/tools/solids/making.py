@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -75,8 +77,8 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
             the words "its solid".
     """
     pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
-    if make := PRIMITIVES.get(tree.kind):
-        return make(*tree.sizes), pose
+    if tree.kind in PRIMITIVES:
+        return PRIMITIVES[tree.kind](*tree.sizes), pose
     try:
         solid = surface(tree)
         if solid.volume() < _MIN_VOLUME:
@@ -86,9 +88,8 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
         _check_whole(solid)
         if is_convex(solid):
             return WrittenMesh(*_triangles(_slim(solid.hull())), tree), Pose()
-        return WrittenCompound(
-            Mesh(*_triangles(solid)), _parts(tree, solid, most), tree
-        ), Pose()
+        parts = _parts(tree, solid, most)
+        return WrittenCompound(Mesh(*_triangles(solid)), parts, tree), Pose()
     except TooFine as error:
         raise DesignError(
             f"has more than {MAX_TRIANGLES} triangles; use fewer curved shapes and holes"
@@ -116,24 +117,19 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
     """Make the convex parts, with the first tolerance that keeps them near the solid."""
     problem = ""
     for tolerance in _TOLERANCES:
-        try:
-            parts = [
-                part
-                for part in convex_parts(tree, tolerance)
-                if part.volume() >= SLIVER
-            ]
-        except TooManyPieces:
-            parts = []
+        parts = []
+        needed = f"more than {MAX_PARTS}"
+        with suppress(TooManyPieces):
+            parts = convex_parts(tree, tolerance)
+            parts = [part for part in parts if part.volume() >= SLIVER]
+            needed = str(len(parts))
         if not 0 < len(parts) <= most:
-            needed = (
-                f"{len(parts)} convex parts"
-                if parts
-                else f"more than {MAX_PARTS} convex parts"
-            )
-            left = f", of which {most} are left" if most < MAX_PARTS else ""
+            left = ""
+            if most < MAX_PARTS:
+                left = f", of which {most} are left"
             raise DesignError(
-                f"needs {needed} to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} are allowed for "
-                f"a tool{left}: make round hollows smaller or flat-walled, or leave some out"
+                f"needs {needed} convex parts to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} "
+                f"are allowed for a tool{left}: make round hollows smaller or flat-walled, or leave some out"
             )
         parts = [_slim(part) for part in parts]
         off = deviation(parts, solid)
@@ -153,7 +149,9 @@ def deviation(parts: list[Manifold], solid: Manifold) -> float:
     """
     whole = Manifold.batch_boolean(parts, OpType.Add)
     out = _farthest(whole - solid, solid)
-    return out if out > 1000 * WITHIN_M else max(out, _farthest(solid - whole, whole))
+    if out > 1000 * WITHIN_M:
+        return out
+    return max(out, _farthest(solid - whole, whole))
 
 
 def _farthest(pieces: Manifold, solid: Manifold) -> float:
@@ -163,10 +161,8 @@ def _farthest(pieces: Manifold, solid: Manifold) -> float:
     corners = vertices_of(pieces)
     rng = np.random.default_rng(0)
     triangles = corners[np.asarray(mesh.tri_verts)]
-    areas = np.linalg.norm(
-        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]),
-        axis=1,
-    )
+    first, second, third = triangles.swapaxes(0, 1)
+    areas = np.linalg.norm(np.cross(second - first, third - first), axis=1)
     chosen = triangles[rng.choice(len(triangles), _SAMPLES, p=areas / areas.sum())]
     points = np.einsum("pkx,pk->px", chosen, rng.dirichlet((1, 1, 1), _SAMPLES))
     points = np.vstack([points, corners[rng.permutation(len(corners))[:_SAMPLES]]])
@@ -208,9 +204,8 @@ def _slim(part: Manifold) -> Manifold:
 def _triangles(
     solid: Manifold,
 ) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
-    return vertices_of(solid) / 1000, np.asarray(
-        solid.to_mesh64().tri_verts, dtype=np.int64
-    )
+    faces = np.asarray(solid.to_mesh64().tri_verts, dtype=np.int64)
+    return vertices_of(solid) / 1000, faces
 
 
 def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float:
@@ -227,11 +222,9 @@ def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float
     measure = coal.ComputeDistance(surface, point)
     here = coal.Transform3s()
     request = coal.DistanceRequest()
-    return max(
-        float(
-            measure(
-                here, coal.Transform3s(np.eye(3), at), request, coal.DistanceResult()
-            )
-        )
-        for at in points
-    )
+    farthest = -math.inf
+    for place in points:
+        there = coal.Transform3s(np.eye(3), place)
+        distance = measure(here, there, request, coal.DistanceResult())
+        farthest = max(farthest, float(distance))
+    return farthest

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from core.support.text import kind, shorten
 from plugins.tools.components import (
     DIGITS,
     check_keys,
+    describe,
     read_number,
     read_numbers,
     rounded,
@@ -53,14 +54,12 @@ class Node:
     """A primitive, or what is made of children; metres and radians. Equal nodes make equal solids."""
 
     kind: str
-    sizes: tuple[
-        float, ...
-    ] = ()  # of a primitive; the height of an extrusion, the angle of a revolution
+    # Of a primitive; or the height of an extrusion, the angle of a revolution.
+    sizes: tuple[float, ...] = ()
     points: tuple[tuple[float, ...], ...] = ()
     children: tuple[Node, ...] = ()
-    at: tuple[float, ...] = (
-        0.0,
-    ) * 6  # x, y, z, roll, pitch, yaw in the parent's frame
+    # x, y, z, roll, pitch, yaw in the parent's frame.
+    at: tuple[float, ...] = (0.0,) * 6
 
 
 def dump_node(node: Node) -> dict[str, Any]:
@@ -73,8 +72,10 @@ def dump_node(node: Node) -> dict[str, Any]:
     data: dict[str, Any] = {node.kind: content}
     if node.kind in _EXTRA and node.sizes != (FULL_TURN,):
         data |= dict.fromkeys(_EXTRA[node.kind], rounded(node.sizes)[0])
-    if any(node.at):
-        data["at"] = rounded(node.at if any(node.at[3:]) else node.at[:3])
+    if any(node.at[3:]):
+        data["at"] = rounded(node.at)
+    elif any(node.at):
+        data["at"] = rounded(node.at[:3])
     return data
 
 
@@ -91,23 +92,10 @@ class TreeReader:
             DesignError: says what is wrong, where, and how to mend it.
         """
         if isinstance(value, str):
-            if len(value) > MAX_CHARACTERS:
-                raise DesignError(
-                    f"{where} is {len(value)} characters long; at most {MAX_CHARACTERS} are allowed"
-                )
-            try:
-                value = json.loads(value)
-            except json.JSONDecodeError as error:
-                raise DesignError(
-                    f"{where} is malformed JSON at column {error.colno}: {error.msg}"
-                ) from error
-            except (ValueError, RecursionError) as error:
-                raise DesignError(
-                    f"{where}: its JSON has a number of too many digits, or nests too deep"
-                ) from error
-        return self._node(value, where, 1)
+            value = _parse_json(value, where)
+        return self._read_node(value, where, 1)
 
-    def _node(self, value: object, where: str, depth: int) -> Node:
+    def _read_node(self, value: object, where: str, depth: int) -> Node:
         self._nodes += 1
         if self._nodes > MAX_NODES:
             raise DesignError(
@@ -121,67 +109,93 @@ class TreeReader:
             raise DesignError(
                 f'{where} must be an object such as {{"box": [0.02, 0.02, 0.1]}}, not {kind(value)}'
             )
-        named = [name for name in _KINDS if name in value]
-        if len(named) != 1:
-            found = (
-                " and ".join(named)
-                or ", ".join(shorten(str(key)) for key in list(value)[:3])
-                or "nothing"
-            )
-            raise DesignError(
-                f"{where} must have exactly one of {', '.join(_KINDS)}; it has {found}"
-            )
-        (name,) = named
+        name = _read_kind(value, where)
         check_keys(value, {name, "at", *_EXTRA.get(name, ())}, where)
         content = value[name]
         where = f"{where}: {name}"
         at = _read_pose(value.get("at"), f"{where}: at")
         if name in OPERATIONS:
-            if not isinstance(content, list) or len(content) < 2:
-                raise DesignError(f"{where} must be a list of two or more shapes")
-            if self._nodes + len(content) > MAX_NODES:
-                raise DesignError(
-                    f"{where} has {len(content)} shapes; a tool may have {MAX_NODES} in all"
-                )
-            children = (
-                self._node(child, f"{where} {k}", depth + 1)
-                for k, child in enumerate(content, start=1)
-            )
-            return Node(name, children=tuple(children), at=at)
+            return Node(name, children=self._children(content, where, depth), at=at)
         if name in SIZES:
             return Node(name, _read_sizes(content, name, where), at=at)
         if name == "hull":
-            return Node(
-                name, points=_read_points(content, 3, 4, MAX_HULL_POINTS, where), at=at
-            )
+            points = _read_points(content, 3, 4, MAX_HULL_POINTS, where)
+            return Node(name, points=points, at=at)
+
         points = _read_points(content, 2, 3, MAX_POINTS, where)
         _check_outline(np.array(points), where)
         if name == "extrude":
-            return Node(
-                name,
-                (_read_size(value.get("height"), f"{where}: height"),),
-                points,
-                at=at,
-            )
-        if min(r for r, _ in points) < 0:
+            size = _read_size(value.get("height"), f"{where}: height")
+        else:
+            size = _read_turn(value.get("angle", FULL_TURN), points, where)
+        return Node(name, (size,), points, at=at)
+
+    def _children(self, content: object, where: str, depth: int) -> tuple[Node, ...]:
+        if not isinstance(content, list) or len(content) < 2:
+            raise DesignError(f"{where} must be a list of two or more shapes")
+        if self._nodes + len(content) > MAX_NODES:
             raise DesignError(
-                f"{where}: its points are [r, z] with r from 0, the distance from the z axis"
+                f"{where} has {len(content)} shapes; a tool may have {MAX_NODES} in all"
             )
-        angle = read_number(value.get("angle", FULL_TURN), f"{where}: angle")
-        if not 0.01 <= angle <= FULL_TURN + 1e-4:
-            raise DesignError(
-                f"{where}: angle must be between 0.01 and {FULL_TURN} radians, a full turn"
-            )
-        return Node(name, (round(min(angle, FULL_TURN), DIGITS),), points, at=at)
+        return tuple(
+            self._read_node(child, f"{where} {number}", depth + 1)
+            for number, child in enumerate(content, start=1)
+        )
+
+
+def _parse_json(text: str, where: str) -> object:
+    if len(text) > MAX_CHARACTERS:
+        raise DesignError(
+            f"{where} is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
+        )
+    try:
+        value: object = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise DesignError(
+            f"{where} is malformed JSON at column {error.colno}: {error.msg}"
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise DesignError(
+            f"{where}: its JSON has a number of too many digits, or nests too deep"
+        ) from error
+    return value
+
+
+def _read_kind(value: Mapping[str, Any], where: str) -> str:
+    """Return the only key that names a kind of node."""
+    named = [name for name in _KINDS if name in value]
+    if len(named) == 1:
+        return named[0]
+    others = ", ".join(shorten(str(key)) for key in list(value)[:3])
+    found = " and ".join(named) or others or "nothing"
+    raise DesignError(
+        f"{where} must have exactly one of {', '.join(_KINDS)}; it has {found}"
+    )
+
+
+def _read_turn(angle: object, points: Sequence[Sequence[float]], where: str) -> float:
+    """Read the angle of a revolution of an outline, whose points are [r, z]."""
+    if min(r for r, _ in points) < 0:
+        raise DesignError(
+            f"{where}: its points are [r, z] with r from 0, the distance from the z axis"
+        )
+    radians = read_number(angle, f"{where}: angle")
+    if not 0.01 <= radians <= FULL_TURN + 1e-4:
+        raise DesignError(
+            f"{where}: angle must be between 0.01 and {FULL_TURN} radians, a full turn"
+        )
+    return round(min(radians, FULL_TURN), DIGITS)
 
 
 def _read_pose(value: object, where: str) -> tuple[float, ...]:
     if value is None:
         return (0.0,) * 6
-    count = 6 if isinstance(value, list) and len(value) > 3 else 3
+    count = 3
+    if isinstance(value, list) and len(value) > 3:
+        count = 6
+    where = f"{where}, x, y, z and rpy if any,"
     numbers = [
-        round(number, DIGITS) + 0.0
-        for number in read_numbers(value, count, f"{where}, x, y, z and rpy if any,")
+        round(number, DIGITS) + 0.0 for number in read_numbers(value, count, where)
     ]
     if max(map(abs, numbers[:3])) > MAX_SIZE_M:
         raise DesignError(f"{where} is more than {MAX_SIZE_M:g} m away")
@@ -202,33 +216,27 @@ def _read_sizes(content: object, name: str, where: str) -> tuple[float, ...]:
     if name == "sphere" and not isinstance(content, list):
         content = [content]
     numbers = read_numbers(content, len(names), f"{where} [{', '.join(names)}]")
-    least = [0.0 if size == "top radius" else MIN_SIDE_M for size in names]
-    sized = zip(numbers, names, least, strict=True)
-    return tuple(
-        _read_size(number, f"{where}: {size}", smallest)
-        for number, size, smallest in sized
-    )
+    sizes = []
+    for size, number in zip(names, numbers, strict=True):
+        least = 0.0 if size == "top radius" else MIN_SIDE_M
+        sizes.append(_read_size(number, f"{where}: {size}", least))
+    return tuple(sizes)
 
 
 def _read_points(
     content: object, count: int, fewest: int, most: int, where: str
 ) -> tuple[tuple[float, ...], ...]:
     if not isinstance(content, list) or not fewest <= len(content) <= most:
-        found = (
-            f"a list of {len(content)}" if isinstance(content, list) else kind(content)
-        )
         raise DesignError(
-            f"{where} must be a list of {fewest} to {most} points, not {found}"
+            f"{where} must be a list of {fewest} to {most} points, not {describe(content)}"
         )
-    points = [
-        read_numbers(point, count, f"{where}: point {k}")
-        for k, point in enumerate(content, start=1)
-    ]
+    points = []
+    for number, point in enumerate(content, start=1):
+        numbers = read_numbers(point, count, f"{where}: point {number}")
+        points.append(tuple(round(value, DIGITS) + 0.0 for value in numbers))
     if np.abs(points).max() > MAX_SIZE_M:
         raise DesignError(f"{where}: a point is more than {MAX_SIZE_M:g} m away")
-    return tuple(
-        tuple(round(number, DIGITS) + 0.0 for number in point) for point in points
-    )
+    return tuple(points)
 
 
 def _check_outline(points: Array, where: str) -> None:
@@ -239,13 +247,10 @@ def _check_outline(points: Array, where: str) -> None:
         raise DesignError(
             f"{where}: its outline has an area of {area:.3g} mm^2; give its corners in order"
         )
-    filled = CrossSection(
-        [1000 * points], FillRule.EvenOdd
-    )  # where it crosses itself, less of it is filled
-    if (
-        abs(filled.area() - area) > _SAME * area
-        or len(filled.offset(-_PINCHED_MM).decompose()) != 1
-    ):
+    # Where it crosses itself, less of it is filled.
+    filled = CrossSection([1000 * points], FillRule.EvenOdd)
+    crosses = abs(filled.area() - area) > _SAME * area
+    if crosses or len(filled.offset(-_PINCHED_MM).decompose()) != 1:
         raise DesignError(
             f"{where}: its outline crosses or touches itself; list its corners in order"
         )

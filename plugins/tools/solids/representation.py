@@ -38,10 +38,10 @@ class _Reader:
         self, item: Mapping[str, Any], where: str
     ) -> tuple[Shape | Compound, Pose]:
         """Read a tree; what is returned stands in for its shape."""
-        node = self._trees[where] = self._reader.read(
-            item.get("solid"), f"{where}: solid"
-        )
-        self._triangles += count_triangles(node) if node.kind not in SIZES else 0
+        node = self._reader.read(item.get("solid"), f"{where}: solid")
+        self._trees[where] = node
+        if node.kind not in SIZES:
+            self._triangles += count_triangles(node)
         if self._triangles > MAX_TRIANGLES:
             raise DesignError(
                 f"{where}: with it the tool's solids have {self._triangles} triangles; at most {MAX_TRIANGLES} are "
@@ -56,7 +56,8 @@ class _Reader:
             shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:
             raise DesignError(f"{where}: its solid {error}") from error
-        self._parts += len(shape.parts) if isinstance(shape, Compound) else 0
+        if isinstance(shape, Compound):
+            self._parts += len(shape.parts)
         return shape, pose
 
 
@@ -74,8 +75,13 @@ class SolidTools(ComponentTools):
     keys = ("solid",)
     template = "solids"
     limits = MappingProxyType(
-        {"MAX_SIZE_M": MAX_SIZE_M, "MAX_NODES": MAX_NODES, "MAX_POINTS": MAX_POINTS}
-        | {"WITHIN_M": WITHIN_M, "MAX_PARTS": MAX_PARTS}
+        {
+            "MAX_SIZE_M": MAX_SIZE_M,
+            "MAX_NODES": MAX_NODES,
+            "MAX_POINTS": MAX_POINTS,
+            "WITHIN_M": WITHIN_M,
+            "MAX_PARTS": MAX_PARTS,
+        }
     )
     shape_schemas = ({"solid": TEXT | {"description": "the tree of shapes, as JSON"}},)
 

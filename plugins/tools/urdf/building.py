@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Literal, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -26,10 +29,14 @@ from plugins.tools.components import default_mass, parents_first, robot_names
 
 MAX_CHARACTERS = 1_000_000
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
-MAX_NAME = {
-    "link": 64,
-    "joint": 70,
-}  # `core.robot` names a joint after its link, with "_joint" added
+# `core.robot` names a joint after its link, with "_joint" added.
+MAX_NAME = {"link": 64, "joint": 70}
+MAX_COUNT = {
+    "visual": MAX_COMPONENTS,
+    "collision": MAX_COMPONENTS,
+    "link": MAX_LINKS,
+    "joint": MAX_LINKS,
+}
 DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
 
 _MOVES: dict[str, Literal["hinge", "slider"]] = {
@@ -37,14 +44,9 @@ _MOVES: dict[str, Literal["hinge", "slider"]] = {
     "prismatic": "slider",
 }
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
-_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
-_MANY = (
-    "link",
-    "joint",
-    "material",
-    "collision",
-    "visual",
-)  # what an element may have several of
+_DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")
+# What an element may have several of.
+_MANY = ("link", "joint", "material", "collision", "visual")
 _MIN_OPACITY = 0.2  # what collides must be visible
 
 
@@ -77,56 +79,70 @@ def build_tool(
         DesignError: they are not boxes on joints that lead to a mount, fixed ones or, if ``loose``, hinges and sliders.
     """
     mounts = Tool(gripper=gripper).mounts
-    aliases = dict(robot.aliases)
+    reserved = robot_names(robot)
     root = _parse(text)
-    names = _check(root, robot_names(robot), " or ".join(mounts))
-    bare = {
-        link.get("name")
-        for link in root.iterfind("link")
-        if link.find("inertial") is None or not masses
-    }
-    for link in root.iterfind("link") if not masses else ():
-        link[:] = [element for element in link if element.tag != "inertial"]
-    for name in (
-        *mounts,
-        *(alias for alias, mount in aliases.items() if mount in mounts),
-    ):
-        SubElement(root, "link", name=name)
-        if (
-            name != mounts[0]
-        ):  # the others hang from the first one here: a description has one base
-            joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
-            SubElement(joint, "parent", link=mounts[0])
-            SubElement(joint, "child", link=name)
+    names = _check(root, reserved, " or ".join(mounts))
+    weighed = _links_with_mass(root) if masses else set()
+    for link in root.iterfind("link"):
+        if link.get("name") not in weighed:
+            link[:] = [element for element in link if element.tag != "inertial"]
+    aliases = dict(robot.aliases)
+    _add_mounts(root, mounts, aliases)
     try:
         tree = read_tree(root, Path("tool_urdf"))
     except UserError as error:
         raise DesignError(str(error)) from error
+
     components: list[Component] = []
     holders: dict[str, _Holders] = {
         mount: ([_Holder(mount, None, Pose())], None) for mount in mounts
     }
-    taken = {*names, *robot_names(robot)}
-    parents = {
-        name: aliases.get(tree.joints[name].parent, tree.joints[name].parent)
-        for name in names
-    }
+    taken = {*names, *reserved}
+    parents: dict[str, str] = {}
+    for name in names:
+        parent = tree.joints[name].parent
+        parents[name] = aliases.get(parent, parent)
     for name in parents_first(parents, mounts, "link"):
-        shapes = _boxes(tree.links[name])
-        mass = tree.links[name].inertial.mass
-        if name in bare:
-            mass = (
-                default_mass(math.fsum(shape.box.volume for shape in shapes))
-                if shapes
-                else Component.mass
-            )
-        moving = _moving(tree.joints[name], loose)
-        pose = tree.joints[name].origin.pose
+        link = tree.links[name]
+        joint = tree.joints[name]
+        shapes = _boxes(link)
+        mass = link.inertial.mass
+        if name not in weighed:
+            mass = _usual_mass(shapes)
+        moving = _moving(joint, loose)
         boxes, holders[name] = _hang(
-            name, shapes, mass, pose, moving, holders[parents[name]], taken
+            name, shapes, mass, joint.origin.pose, moving, holders[parents[name]], taken
         )
         components += boxes
     return Tool(tuple(components), gripper)
+
+
+def _links_with_mass(root: Element) -> set[str | None]:
+    return {
+        link.get("name")
+        for link in root.iterfind("link")
+        if link.find("inertial") is not None
+    }
+
+
+def _add_mounts(
+    root: Element, mounts: tuple[str, ...], aliases: Mapping[str, str]
+) -> None:
+    """Add links for the mounts, by each of their names; all hang from the first: a description has one base."""
+    others = [alias for alias, mount in aliases.items() if mount in mounts]
+    for name in (*mounts, *others):
+        SubElement(root, "link", name=name)
+        if name != mounts[0]:
+            joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
+            SubElement(joint, "parent", link=mounts[0])
+            SubElement(joint, "child", link=name)
+
+
+def _usual_mass(shapes: list[_Shape]) -> float:
+    """Return the mass of a link that says none."""
+    if not shapes:
+        return Component.mass
+    return default_mass(math.fsum(shape.box.volume for shape in shapes))
 
 
 def _parse(text: str) -> Element:
@@ -135,8 +151,7 @@ def _parse(text: str) -> Element:
         raise DesignError(
             f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
         )
-    declaration = _DECLARATION.match(text)
-    block = text[declaration.end() :] if declaration else text
+    block = _DECLARATION.sub("", text)
     try:
         root = read_xml(
             f"<robot>{block}\n</robot>".encode(errors="surrogatepass"),
@@ -144,53 +159,58 @@ def _parse(text: str) -> Element:
         )
     except UserError as error:
         raise DesignError(str(error)) from error
-    return root[0] if len(root) == 1 and root[0].tag == "robot" else root
+    if len(root) == 1 and root[0].tag == "robot":
+        return root[0]
+    return root
 
 
-def _check(root: Element, own: frozenset[str], mounts: str) -> list[str]:
+def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
     """Refuse what can't be in a tool, before anything is compared with all others; list the names of the links."""
-    names: dict[str, list[str]] = {"link": [], "joint": [], "material": []}
+    links = []
     for element in root:
-        if (tag := element.tag) not in names:
+        tag = element.tag
+        if tag not in ("link", "joint", "material"):
             raise DesignError(
                 f"<{shorten(tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>"
             )
         name = element.get("name", "")
-        names[tag].append(name)
-        if tag in MAX_NAME and (not _NAME.fullmatch(name) or len(name) > MAX_NAME[tag]):
+        if tag == "link":
+            links.append(name)
+        if tag in MAX_NAME:
+            _check_name(tag, name, reserved)
+
+    for tag, most in MAX_COUNT.items():
+        found = sum(1 for _ in root.iter(tag))
+        if found > most:
             raise DesignError(
-                f"{tag} name {shorten(name)} is not 1 to {MAX_NAME[tag]} letters, digits, '_', '.' or '-'"
-            )
-        if tag in MAX_NAME and name in own:
-            raise DesignError(
-                f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints"
-            )
-    limits = {
-        "visual": MAX_COMPONENTS,
-        "collision": MAX_COMPONENTS,
-        "link": MAX_LINKS,
-        "joint": MAX_LINKS,
-    }
-    for tag, most in limits.items():
-        if (count := sum(1 for _ in root.iter(tag))) > most:
-            raise DesignError(
-                f"the tool has {count} <{tag}> elements; at most {most} are allowed"
+                f"the tool has {found} <{tag}> elements; at most {most} are allowed"
             )
     for element in root.iter():
-        tags = [child.tag for child in element if child.tag not in _MANY]
-        if twice := next(
-            (tag for number, tag in enumerate(tags) if tag in tags[:number]), None
-        ):
-            raise DesignError(
-                f"a <{element.tag}> has {tags.count(twice)} <{twice}> elements; give one"
-            )
+        tags = Counter(child.tag for child in element if child.tag not in _MANY)
+        for tag, found in tags.items():
+            if found > 1:
+                raise DesignError(
+                    f"a <{element.tag}> has {found} <{tag}> elements; give one"
+                )
     held = {child.get("link") for child in root.iterfind("joint/child")}
-    for name in names["link"]:
+    for name in links:
         if name not in held:
             raise DesignError(
                 f"no joint holds link {name!r}; hang it from {mounts} or another link"
             )
-    return names["link"]
+    return links
+
+
+def _check_name(tag: str, name: str, reserved: frozenset[str]) -> None:
+    most = MAX_NAME[tag]
+    if not _NAME.fullmatch(name) or len(name) > most:
+        raise DesignError(
+            f"{tag} name {shorten(name)} is not 1 to {most} letters, digits, '_', '.' or '-'"
+        )
+    if name in reserved:
+        raise DesignError(
+            f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints"
+        )
 
 
 def _boxes(link: RobotLink) -> list[_Shape]:
@@ -199,28 +219,22 @@ def _boxes(link: RobotLink) -> list[_Shape]:
     Where there are as many of both, collision boxes have the colours of the visual ones.
     """
     collisions = link.collisions or link.visuals
-    visuals = link.visuals
-    painted = visuals if len(visuals) == len(collisions) else collisions
-    made = []
+    painted = collisions
+    if len(link.visuals) == len(collisions):
+        painted = link.visuals
+    boxes = []
     for shape, looks in zip(collisions, painted, strict=True):
         if not isinstance(shape.shape, Box):
-            found = (
-                "mesh"
-                if isinstance(shape.shape, Path)
-                else type(shape.shape).__name__.lower()
-            )
+            found = type(shape.shape).__name__.lower()
+            if isinstance(shape.shape, Path):
+                found = "mesh"
             raise DesignError(
                 f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>'
             )
         red, green, blue, opacity = looks.color or DEFAULT_COLOR
-        made.append(
-            _Shape(
-                shape.shape,
-                shape.origin.pose,
-                (red, green, blue, max(opacity, _MIN_OPACITY)),
-            )
-        )
-    return made
+        color = (red, green, blue, max(opacity, _MIN_OPACITY))
+        boxes.append(_Shape(shape.shape, shape.origin.pose, color))
+    return boxes
 
 
 def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
@@ -229,11 +243,9 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
     if joint.kind == "fixed":
         return None
     if not (loose and joint.kind in _MOVES):
-        wanted = (
-            'use type "fixed", "revolute" or "prismatic"'
-            if loose
-            else 'tools are rigid: use type "fixed"'
-        )
+        wanted = 'tools are rigid: use type "fixed"'
+        if loose:
+            wanted = 'use type "fixed", "revolute" or "prismatic"'
         raise DesignError(f"{where} is of type {shorten(joint.kind)}; {wanted}")
     lower, upper, *_ = joint.limits
     if lower is None or upper is None:
@@ -275,34 +287,34 @@ def _hang(
         )
     if not shapes:
         return [], (parents, base)
+
     volume = math.fsum(shape.box.volume for shape in shapes)
     components: list[Component] = []
-    own: list[_Holder] = []
+    bearers: list[_Holder] = []
     for box, place, color in shapes:
-        parent, there = _nearest(own or parents, box, place if own else base @ place)
-        own_mass = mass * (
-            box.volume / volume
-        )  # all of it, to the last bit, where there is one box
-        part = Component(
-            _free_name(name, taken) if own else name,
-            parent,
-            there,
-            box,
-            own_mass,
-            color,
-        )
-        if moving is not None and not own:
-            inverse = place.inverse()
-            (x, y, z), (ax, ay, az) = (
-                inverse.position.tolist(),
-                inverse.rotation.apply(moving.axis).tolist(),
-            )
-            part = replace(
-                part, joint=replace(moving, axis=(ax, ay, az), origin=(x, y, z))
-            )
+        # All of the mass, to the last bit, where there is one box.
+        share = mass * (box.volume / volume)
+        if bearers:
+            parent, there = _nearest(bearers, box, place)
+            free = _free_name(name, taken)
+            part = Component(free, parent, there, box, share, color)
+        else:
+            parent, there = _nearest(parents, box, base @ place)
+            joint = None
+            if moving is not None:
+                joint = _in_box(moving, place)
+            part = Component(name, parent, there, box, share, color, joint)
         components.append(part)
-        own.append(_Holder(part.name, box, place.inverse()))
-    return components, (own, None)
+        bearers.append(_Holder(part.name, box, place.inverse()))
+    return components, (bearers, None)
+
+
+def _in_box(joint: ToolJoint, place: Pose) -> ToolJoint:
+    """Return a link's joint in the frame of a box, which lies at ``place`` in the link."""
+    inverse = place.inverse()
+    x, y, z = inverse.position.tolist()
+    along_x, along_y, along_z = inverse.rotation.apply(joint.axis).tolist()
+    return replace(joint, axis=(along_x, along_y, along_z), origin=(x, y, z))
 
 
 def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
@@ -310,25 +322,20 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
 
     Return its name, and the pose in its own frame.
     """
-    best = holders[0]
-    least = math.inf
-    for holder in holders if len(holders) > 1 else ():
-        distance = (
-            gap(box, holder.frame @ pose, holder.box, Pose())
-            if holder.box is not None
-            else 0.0
-        )
-        if distance < least:
-            best = holder
-            least = distance
-        if distance == 0:
-            break
-    return best.name, best.frame @ pose
+    nearest = holders[0]
+    if len(holders) > 1:
+        nearest = min(holders, key=lambda holder: _gap_to(holder, box, pose))
+    return nearest.name, nearest.frame @ pose
+
+
+def _gap_to(holder: _Holder, box: Box, pose: Pose) -> float:
+    if holder.box is None:
+        return 0.0
+    return gap(box, holder.frame @ pose, holder.box, Pose())
 
 
 def _free_name(name: str, taken: set[str]) -> str:
-    number = 2
-    while (free := f"{name[:58]}_{number}") in taken:
-        number += 1
+    numbered = (f"{name[:58]}_{number}" for number in count(2))
+    free = next(text for text in numbered if text not in taken)
     taken.add(free)
     return free

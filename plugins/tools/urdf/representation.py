@@ -56,10 +56,14 @@ class UrdfTools(VariedTools):
         }
 
     def instructions(self, brief: Brief) -> str:
-        link, name, size, at = first_box(brief)
-        given = {
-            "size": short_numbers(size, 4),
-            "at": short_numbers(at, 4),
-            "joints": self.joints,
-        }
-        return instruct("urdf", brief, self.material, link=link, name=name, **given)
+        box = first_box(brief)
+        return instruct(
+            "urdf",
+            brief,
+            self.material,
+            link=box.mount,
+            name=box.name,
+            size=short_numbers(box.size, 4),
+            at=short_numbers(box.place, 4),
+            joints=self.joints,
+        )

@@ -12,13 +12,11 @@ from tests.panda import PANDA, on_panda
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_the_example_hangs_from_its_mount(gripper):
-    mount, name, size, at = first_box(
-        brief(on_panda(OneBook()), LengthOnly(), gripper=gripper)
+    box = first_box(brief(on_panda(OneBook()), LengthOnly(), gripper=gripper))
+    component = Component(
+        box.name, box.mount, Pose(box.place), Box(tuple(box.size)), 0.005
     )
-    check_tool(
-        Tool((Component(name, mount, Pose(at), Box(tuple(size)), 0.005),), gripper),
-        PANDA,
-    )
+    check_tool(Tool((component,), gripper), PANDA)
 
 
 def test_the_mounts_are_described():
