@@ -34,6 +34,7 @@ from core.trial import TIE
 
 REPAIR = "repair"
 CRITIC = "critic"
+IDEA = "colleague"  # quotes a person's idea
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
 
 
@@ -64,7 +65,9 @@ class PromptComposer:
         self.rollout = rollout or RolloutSettings()
         _check_settings(self.settings)
         self.level = installed().factory("level", self.settings.told, "prompt.told")()
-        self._templates = _load_templates(self.settings)
+        parts = _list_parts(self.settings)
+        folder = Path(self.settings.dir) if self.settings.dir else None
+        self._templates = PromptTemplates(folder, parts)
         self._facts = RunFacts(
             settings=self.settings,
             level=self.level,
@@ -72,7 +75,7 @@ class PromptComposer:
             engine=engine,
             tie=tie,
             judged=judged.strip(),
-            idea=read_idea(self.settings.file, wanted="idea" in self._templates.names),
+            idea=read_idea(self.settings.file, wanted=IDEA in parts),
         )
 
     def judged_by(self, instructions: str) -> PromptComposer:
@@ -203,8 +206,8 @@ def _check_settings(settings: PromptSettings) -> None:
             raise choices(name, value, values, f"prompt.{name}")
 
 
-def _load_templates(settings: PromptSettings) -> PromptTemplates:
-    parts = {
+def _list_parts(settings: PromptSettings) -> set[str]:
+    return {
         *settings.system,
         *settings.initial,
         *settings.evolution,
@@ -213,4 +216,3 @@ def _load_templates(settings: PromptSettings) -> PromptTemplates:
         REPAIR,
         CRITIC,
     }
-    return PromptTemplates(Path(settings.dir) if settings.dir else None, parts)

@@ -12,7 +12,7 @@ MAX_IDEA = 50_000  # characters
 
 
 def read_idea(file: str | None, *, wanted: bool) -> str | None:
-    """Read a person's text, without its HTML comments. ``wanted``: the templates use it.
+    """Read a person's text, without its HTML comments. ``wanted``: the prompt quotes it.
 
     Raises:
         UserError: it is wanted and missing, or given and not wanted, or not readable text.

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Set
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.errors import UserError, choices
@@ -21,41 +20,17 @@ SUFFIX = ".md.j2"
 class PromptTemplates:
     """The templates of some ``parts`` in a folder, the project's own if it is None: part ``NAME`` is ``NAME.md.j2``.
 
-    ``names`` are those of the values that the templates use.
-
     Raises:
         UserError: the folder or a template is missing, or a template is not valid Jinja.
     """
 
-    def __init__(self, folder: Path | None, parts: Iterable[str]) -> None:
+    def __init__(self, folder: Path | None, parts: Set[str]) -> None:
         root = folder or Path(str(importlib.resources.files("prompts")))
         if not root.is_dir():
             raise UserError(
                 f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out"
             )
-        self._templates: dict[str, jinja2.Template] = {}
-        self.names: set[str] = set()
-        for part in sorted(set(parts)):
-            self._load(root, part)
-
-    def _load(self, root: Path, part: str) -> None:
-        name = part + SUFFIX
-        environment = _environment(root)
-        try:
-            self._templates[part] = environment.get_template(name)
-            text = (root / name).read_text("utf-8")
-        except jinja2.TemplateNotFound as error:
-            there = [file.name for file in root.glob(f"*{SUFFIX}")]
-            raise choices("prompt template", name, there, str(root)) from error
-        except jinja2.TemplateSyntaxError as error:
-            raise UserError(
-                f"prompt template {name}, line {error.lineno}: {_one_line(error)}"
-            ) from error
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"prompt template {name} can't be read: {_one_line(error)}"
-            ) from error
-        self.names |= jinja2.meta.find_undeclared_variables(environment.parse(text))
+        self._templates = {part: _load(root, part + SUFFIX) for part in sorted(parts)}
 
     def fill(self, part: str, values: Mapping[str, Any]) -> Text:
         """Fill in the template of a part.
@@ -71,6 +46,22 @@ class PromptTemplates:
             ) from error
         # A blank line at the end, however a client joins the texts.
         return Text(text.strip() + "\n\n")
+
+
+def _load(root: Path, name: str) -> jinja2.Template:
+    try:
+        return _environment(root).get_template(name)
+    except jinja2.TemplateNotFound as error:
+        there = [file.name for file in root.glob(f"*{SUFFIX}")]
+        raise choices("prompt template", name, there, str(root)) from error
+    except jinja2.TemplateSyntaxError as error:
+        raise UserError(
+            f"prompt template {name}, line {error.lineno}: {_one_line(error)}"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(
+            f"prompt template {name} can't be read: {_one_line(error)}"
+        ) from error
 
 
 @cache

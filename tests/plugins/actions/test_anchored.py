@@ -458,7 +458,7 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
         ([{**HERE, "until": "touch"}], "'here' is where a guard ended"),
         ([FINDING], "waypoint 1: 'corrects' needs a waypoint before"),
         ([HOVER, {**FINDING, "until": ""}], "'corrects' is for a guard"),
-        ([HOVER, {**FINDING, "corrects": []}], "'beyond' for what it corrects"),
+        ([HOVER, {**FINDING, "corrects": []}], "'beyond' is for what a guard corrects"),
         ([HOVER, {**FINDING, "corrects": ["world"]}], "not for 'world' or 'here'"),
         (
             [HOVER, {**FINDING, "corrects": ["cube"] * 51}],
