@@ -1,195 +1,652 @@
-"""Define a task's goals in a form that programs can read, and the reward that follows from them.
+"""Say what a task wants in a form that programs can read, and make a reward of it.
 
-Plugins import it from `core.scene`.
+A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt` and
+`Turned`. A `Limit` says what must not happen meanwhile: `Kept` and `Untouched`. All of them say how far they were
+fulfilled (`Goal.share`), how far a rollout stayed from their limits (`Goal.margins`), and what they want in words.
+
+A new kind is one class, wherever it is written: a `Reach` says what it measures, a `Limit` what it leaves of a reward.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import reduce
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from core.errors import choices
 from core.geometry import Array, Pose, Vector
-from core.values.joints import Layout, Placement, rotate
+from core.scene import Scene
+from core.values.joints import Placement, rotate
 from core.values.margins import Margin
 from core.values.states import State, Trace
 
-Place = tuple[float | None, float | None, float | None]
+Coordinates = tuple[float | None, float | None, float | None]
+"""A place, m; a coordinate that is None is free."""
 
-SLIP_M, SLIP_RAD = (
-    0.1,
-    0.5,
-)  # what is right at the start counts as lost when it is so far off
-SLIP_SHARE = 0.2  # likewise, of a limit of height or area
-STILL_M_S, STILL_RAD_S = 0.02, 0.2  # at rest
-KEPT_M, STRAYED_M = (
-    0.02,
-    0.1,
-)  # a body to keep may move so far; from here on nothing is earned
-DONE = 0.95  # a goal is fulfilled from this progress on, where one instant is compared with another
+SLIP_M = 0.1  # what is right at the start counts as lost when it is so far off
+SLIP_RAD = 0.5
+NEAR_M = 0.02  # observations call a body in place up to here, if the tolerance is less
+NEAR_RAD = 0.1
+STILL_M_S = 0.02  # what is slower is at rest
+STILL_RAD_S = 0.2
+KEPT_M = 0.02  # a body to keep may move so far
+STRAYED = 5  # and where it moved so many times as far, nothing is earned
+NOTICED = 0.25  # of what it may move is worth a word
+DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
+
+_NAMES = {
+    "bodies": "body that can move",
+    "keep": "body that can move",
+    "untouched": "body",
+    "at": "body",
+    "joint": "joint",
+}
+"""The fields of goals that name things of the scene, and which."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What goals are judged by: the states of one world or of many, and the trace in between if one was taken.
+
+    ``goals`` are the task's, since one may come after another.
+    """
+
+    start: State
+    end: State
+    trace: Trace | None = None
+    goals: Sequence[Goal] = ()
+
+    @property
+    def film(self) -> Trace:
+        """The trace.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.trace is None:
+            raise ValueError(
+                "the goals need a trace: declare reward(self, start, end, trace), and pass the trace on"
+            )
+        return self.trace
+
+    def hold(self, body: str) -> Array:
+        """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
+        return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
+
+    def moved(self, body: str) -> Array:
+        """Measure how far a body is from where it was at the start, m, (...)."""
+        return _length(self.end.position(body) - self.start.position(body))
 
 
 @dataclass(frozen=True)
-class Goal:
-    """A task's goal in a form that programs can read: which bodies to move, and where.
+class Measure:
+    """A figure of a state that is to be at most ``limit``, or at least; all its numbers are in ``unit``.
 
-    At most one of ``place``, ``places``, ``away`` and ``joint`` says how far there is to go. ``place`` is where
-    ``bodies`` must end (metres, world frame; None: that coordinate is free) within ``tolerance`` metres; ``places`` has
-    one for each body; ``away`` is how far each must end from its start, in any direction; and ``joint`` must end at the
-    position ``to`` (m, or rad) within ``tolerance``. With ``at``, places and ``points`` are in the frame of that body
-    or mark, as it stands in the layout; if it may be turned, give both x and y or neither. With ``any`` one of the
-    bodies is enough. Goals are hints for programs: the reward is the task's own, or what `goals_reward` makes of them.
-
-    Attributes:
-        node: of soft bodies, the number of the node whose place counts; None: the centre of mass.
-        max_height_m: how high soft bodies may be at the end, from their lowest node to their highest; 0: any height.
-        min_area_m2: the area that each must cover at the end, as seen from above; 0: any.
-        keep: bodies to leave in place.
-        axis: an axis (3,) of the bodies' frames that must end along ``points`` (3,), within ``tolerance_deg`` degrees.
-        rest: the bodies must end at rest, or the joint.
-        held: the robot must carry the bodies at the end: they touch it, and nothing that is fixed.
-        by_s: how long the motion may take until the goal is fulfilled, s.
-        ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
-        after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
-        untouched: bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder, N.
-        weight: how much it counts where all goals do.
-        name: see ``after``.
-
-    Raises:
-        ValueError: there is nothing to reach, two ways to go, or a number that can't be.
+    What is ``slip`` beyond the limit counts as lost. Up to ``near`` observations call it good, if the limit is lower.
     """
 
-    bodies: tuple[str, ...] = ()
-    place: Place | None = None
-    away: float | None = None
-    tolerance: float = 0.0
+    name: str
+    value: Callable[[State], Array]
+    limit: float
+    slip: float
+    unit: str
+    at_least: bool = False
+    near: float = 0.0
+
+    def left(self, state: State) -> Array:
+        """Compute how far a state is beyond the limit, (...)."""
+        value = self.value(state)
+        beyond = self.limit - value if self.at_least else value - self.limit
+        return np.maximum(beyond, 0.0)
+
+    def margin(self, end: State) -> Margin | None:
+        """Return the margin of one world; None: nothing may be off, so that there is no room."""
+        value = float(self.value(end))
+        if self.at_least:
+            return Margin.at_least(self.name, value, self.limit, self.unit, self.slip)
+        if self.limit > 0:
+            return Margin.at_most(self.name, value, self.limit, self.unit)
+        return None
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a goal wants bodies in a layout, in the world: for programs that design tools, and for observations.
+
+    Attributes:
+        place: of each body's frame, m; None: anywhere.
+        away: how far each is to get from its start, m.
+        axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
+        joint: that is to get ``to`` a position, m or rad.
+        reference: the body or mark by which place and points are given.
+    """
+
+    bodies: tuple[str, ...]
     any: bool = False
-    keep: tuple[str, ...] = ()
-    at: str | None = None
-    places: tuple[Place, ...] = ()
-    joint: str | None = None
-    to: float | None = None
+    held: bool = False
+    place: Coordinates | None = None
+    away: float | None = None
     axis: Vector | None = None
     points: Vector = (0.0, 0.0, 1.0)
     tolerance_deg: float = 10.0
+    joint: str | None = None
+    to: float = 0.0
+    reference: str | None = None
+
+
+class Goal(ABC):
+    """Something that a task wants. Goals are hints for programs: the reward is the task's own, or `goals_reward`."""
+
+    @abstractmethod
+    def share(self, evidence: Evidence) -> Array:
+        """Compute how far it was fulfilled, 0..1, (...).
+
+        Raises:
+            ValueError: it needs a trace, and there is none.
+        """
+
+    @abstractmethod
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        """Return how far one world stayed from its limits."""
+
+    @abstractmethod
+    def words(self) -> str:
+        """Describe it for a prompt."""
+
+    @property
+    def needs_trace(self) -> bool:
+        """Whether its share depends on what happened before the end, or on what touched."""
+        return False
+
+
+@dataclass(frozen=True)
+class Reach(Goal):
+    """Bodies that must end in some way: at rest or held, wherever they are; its kinds say more.
+
+    A kind says what it measures of each body (`measures`), in words (`asks`), and where it wants them (`aim`).
+
+    Attributes:
+        bodies: their names.
+        any: whether one of the bodies is enough.
+        also: what else must hold of the same bodies at once; their names need not be repeated there.
+        rest: they must end at rest.
+        held: the robot must carry them at the end: they touch it, and nothing that is fixed.
+        by_s: how long the motion may take until the goal is fulfilled, s.
+        ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
+        after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
+        weight: how much it counts where all goals do.
+        name: see ``after``.
+    """
+
+    bodies: tuple[str, ...] = ()
+    _: KW_ONLY
+    any: bool = False
+    also: tuple[Reach, ...] = ()
     rest: bool = False
     held: bool = False
     by_s: float | None = None
     ever: bool = False
     after: str | int | None = None
-    untouched: tuple[str, ...] = ()
-    max_force_n: float = 0.0
     weight: float = 1.0
     name: str = ""
-    node: int | None = None
-    max_height_m: float = 0.0
-    min_area_m2: float = 0.0
 
-    def __post_init__(self) -> None:
-        ways = (
-            (self.place is not None or self.joint is not None)
-            + (self.away is not None)
-            + bool(self.places)
+    # What a kind says:
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        """Return what it asks of the end of a body; ``start`` is the state before the motion."""
+        return ()
+
+    def asks(self) -> str:
+        """Say in words what it asks, such as ``must end upright``."""
+        return ""
+
+    def aim(self, target: Target, scene: Scene) -> Target:
+        """Add to a target where it wants its bodies in a layout."""
+        return target
+
+    def unrest(self, body: str, state: State) -> Array:
+        """Measure how many times as fast as what is at rest a body is, (...)."""
+        moved = state.placement(body)
+        return np.maximum(
+            _length(moved.linear) / STILL_M_S, _length(moved.angular) / STILL_RAD_S
         )
-        shape = (self.max_height_m, self.min_area_m2)
-        wanted = (
-            self.axis is not None,
-            self.rest,
-            self.held,
-            self.untouched,
-            self.keep,
-            *shape,
-        )
-        if (
-            ways > 1
-            or not (ways or any(wanted))
-            or (self.joint is None) != (self.to is None)
-        ):
-            raise ValueError(
-                "a goal needs either place or away (the distance from the start), or places, or joint and to, not two "
-                "of these; or one of axis, rest, held, max_height_m, min_area_m2, untouched and keep"
-            )
-        if self.joint is not None and self.at is not None:
-            raise ValueError(
-                "a goal with a joint has no at: its position is the joint's own"
-            )
-        if self.places and len(self.places) != len(self.bodies):
-            raise ValueError(
-                f"a goal's places need one for each of its {len(self.bodies)} bodies"
-            )
-        if self.axis is not None and not (
-            np.linalg.norm(self.axis) > 0 and np.linalg.norm(self.points) > 0
-        ):
-            raise ValueError("a goal's axis and points need a length")
-        if (
-            min(self.tolerance, self.tolerance_deg, self.max_force_n, *shape) < 0
-            or not 0 < self.weight < np.inf
-        ):
-            raise ValueError(
-                "a goal's tolerances and limits must be 0 or more, its weight above 0"
-            )
-        if self.by_s is not None and not self.by_s > 0:
-            raise ValueError(f"a goal's by_s must be above 0, got {self.by_s}")
+
+    def subjects(self, state: State) -> tuple[str, ...]:
+        """Return the bodies that are looked at."""
+        return self.bodies
 
     @property
-    def moves(self) -> bool:
-        """Whether there is something to reach; else it only says what to leave alone."""
-        return bool(self.joint or self.bodies)
+    def subject(self) -> str:
+        """What it is about, in words."""
+        return (" or " if self.any else ", ").join(self.bodies)
 
-    def within(self, scene: Layout) -> Goal:
-        """Return the goal in a layout: with ``place``, ``places`` and ``points`` in the world.
+    # What follows from it:
 
-        A ``joint`` gives its body, and the place where the body's frame must get.
+    @property
+    def parts(self) -> tuple[Reach, ...]:
+        """The goal itself, and what it also wants."""
+        return (self, *self.also)
+
+    @property
+    def needs_trace(self) -> bool:
+        in_time = self.by_s is not None or self.ever or self.after is not None
+        return self.held or in_time
+
+    def all_measures(self, body: str, start: State) -> list[Measure]:
+        """Return what its parts ask of a body."""
+        return [found for part in self.parts for found in part.measures(body, start)]
+
+    def targets(self, scene: Scene) -> tuple[Target, ...]:
+        """Say where the bodies are to get in a layout."""
+        target = Target(self.bodies, self.any, self.held)
+        for part in self.parts:
+            target = part.aim(target, scene)
+        return (target,)
+
+    def progress(
+        self, start: State, now: State, hold: Callable[[str], Array] | None = None
+    ) -> Array:
+        """Compute how far it is fulfilled in states, 0..1, (...), whatever it asks of time.
+
+        ``hold`` says how far the robot holds a body; None: that does not count.
+        """
+        shape = now.positions.shape[:-2]
+        shares = []
+        for body in self.subjects(now):
+            left = np.zeros(shape)
+            before = np.zeros(shape)
+            for measure in self.all_measures(body, start):
+                first = np.broadcast_to(measure.left(start), shape)
+                scale = np.maximum(first, measure.slip)
+                left = left + measure.left(now) / scale
+                before = before + first / scale
+            reached = np.clip(1 - left / np.where(before > 0, before, 1.0), 0.0, 1.0)
+            if self.rest:
+                reached = reached / np.maximum(self.unrest(body, now), 1.0)
+            if self.held and hold is not None:
+                reached = reached * hold(body)
+            shares.append(reached)
+        best_or_mean = np.max if self.any else np.mean
+        found: Array = best_or_mean(shares, axis=0)
+        return found
+
+    def progress_over_time(self, evidence: Evidence) -> Array:
+        """Compute its progress at each instant of the trace, (..., T)."""
+        start = evidence.start.each(lambda array: array[..., None, :, :])
+        return self.progress(start, evidence.film.states, evidence.hold)
+
+    def share(self, evidence: Evidence) -> Array:
+        reached = self.progress(
+            evidence.start, evidence.end, lambda body: evidence.hold(body)[..., -1]
+        )
+        if self.by_s is not None or self.ever:
+            latest = np.inf if self.by_s is None else self.by_s
+            in_time = evidence.film.times <= latest
+            best = self.progress_over_time(evidence)[..., in_time].max(axis=-1)
+            reached = best if self.ever else np.minimum(best, reached)
+        if self.after is not None:
+            reached = np.minimum(reached, self._share_before(self.after, evidence))
+        return reached
+
+    def _share_before(self, which: str | int, evidence: Evidence) -> Array:
+        """Compute how far another goal was fulfilled before this one was for good, (...).
 
         Raises:
-            KeyError: there is no body ``at``, or no such joint.
+            ValueError: there is no such goal.
         """
-        if self.joint is not None and self.place is None:
-            placed = scene.placed_joints[self.joint]
-            if placed.joint.kind == "ball":
-                return replace(self, bodies=(placed.joint.body,))
-            parent = (
-                scene[placed.joint.parent].pose
-                if placed.joint.parent is not None
-                else Pose()
+        known = dict[str | int, Reach]()
+        for number, goal in enumerate(evidence.goals):
+            if isinstance(goal, Reach):
+                known[number] = goal
+                known[goal.name or number] = goal
+        if which not in known:
+            names = ", ".join(
+                getattr(goal, "name", "") or str(number)
+                for number, goal in enumerate(evidence.goals)
             )
-            moved = placed.carry(
-                np.asarray(self.to), np.zeros(()), Placement.at_rest(parent)
-            ).position
-            return replace(
-                self,
-                bodies=(placed.joint.body,),
-                place=(float(moved[0]), float(moved[1]), float(moved[2])),
+            raise ValueError(
+                f"a goal comes after {which!r}, which is no goal; there are: {names}"
             )
-        if self.at is None:
-            return self
-        frame = scene[self.at].pose
-        there = None if self.place is None else _in_world(frame, self.place)
-        points = (
-            tuple(float(p) for p in frame.rotation.apply(self.points))
-            if self.axis is not None
-            else self.points
-        )
-        return replace(
-            self,
-            place=there,
-            places=tuple(_in_world(frame, p) for p in self.places),
-            points=points,
-            at=None,
+        first = known[which].progress_over_time(evidence)
+        unfulfilled = self.progress_over_time(evidence) < DONE
+
+        # Not fulfilled at or after an instant: what comes later can't be before this goal.
+        backward = np.logical_or.accumulate(np.flip(unfulfilled, axis=-1), axis=-1)
+        open_until = np.flip(backward, axis=-1)
+        before = np.where(open_until, first, 0.0).max(axis=-1)
+        return np.where(before >= DONE, 1.0, before)
+
+    def is_in_place(self, body: str, start: State, end: State) -> bool:
+        """Report whether a body of one world ends as it should, with the tolerance of an observer."""
+        if self.rest and self.unrest(body, end) * DONE > 1:
+            return False
+        return all(
+            measure.left(end) <= max(measure.near - measure.limit, 0.0)
+            for measure in self.all_measures(body, start)
         )
 
-    def spread(self) -> tuple[Goal, ...]:
-        """Split a goal with ``places`` into one with a ``place`` for each body."""
-        if not self.places:
-            return (self,)
-        pairs = zip(self.bodies, self.places, strict=True)
-        return tuple(
-            replace(self, bodies=(body,), place=place, places=())
-            for body, place in pairs
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        """Return those of one world; of several bodies, those of the worst, or with ``any`` of the best."""
+        least_or_most = max if self.any else min
+        end = evidence.end
+        bodies = self.subjects(end)
+        measures = [self.all_measures(body, evidence.start) for body in bodies]
+        found = []
+        for alike in zip(*measures, strict=True):
+            margins = [measure.margin(end) for measure in alike]
+            known = [margin for margin in margins if margin is not None]
+            if known:
+                found.append(least_or_most(known, key=lambda margin: margin.margin))
+
+        what = self.subject if len(bodies) == 1 else "bodies"
+        if self.rest:
+            speeds = [float(self.unrest(body, end)) for body in bodies]
+            fastest = min(speeds) if self.any else max(speeds)
+            found.append(
+                Margin.at_most(f"speed of {what}", fastest, 1.0, "resting speeds")
+            )
+        if self.by_s is not None and evidence.trace is not None:
+            times = evidence.trace.times
+            fulfilled = times[self.progress_over_time(evidence) >= DONE]
+            first = float(fulfilled.min(initial=max(times[-1], self.by_s)))
+            found.append(
+                Margin.at_most(f"time to fulfil {what}", first, self.by_s, "s")
+            )
+        return found
+
+    def words(self) -> str:
+        when = {
+            "must end at rest": self.rest,
+            "must end held by the robot, touching nothing fixed (half counts if it is only touched)": self.held,
+            f"by {self.by_s or 0:g} s after the motion begins": self.by_s is not None,
+            "at any time, not at the end": self.ever,
+            f"after goal {self.after}": self.after is not None,
+            f"weight {self.weight:g}": self.weight != 1,
+        }
+        asked = [part.asks() for part in self.parts]
+        asked += [words for words, said in when.items() if said]
+        label = f"{self.name}: " if self.name else ""
+        return f"{label}{self.subject} {'; '.join(filter(None, asked))}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placed(Reach):
+    """Bodies that must end at a place.
+
+    Attributes:
+        place: where, (x, y, z) in metres; None: a coordinate is free.
+        at: the body or mark in whose frame, as it stands in the layout, the place is; None: in the world. If it may be
+            turned, give both x and y or neither.
+        tolerance: how far off still counts as there, m.
+        node: of soft bodies, the number of the node whose place counts; None: the centre of mass.
+    """
+
+    place: Coordinates
+    at: str | None = None
+    tolerance: float = 0.0
+    node: int | None = None
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        there = np.array([wanted or 0.0 for wanted in self.place])
+        counts = np.array([float(wanted is not None) for wanted in self.place])
+        if self.at is not None:
+            turned = rotate(start.quaternion(self.at), there)
+            there = start.position(self.at) + turned
+
+        def distance(state: State) -> Array:
+            return _length((state.position(body, self.node) - there) * counts)
+
+        name = f"{body} off its place"
+        return [Measure(name, distance, self.tolerance, SLIP_M, "m", near=NEAR_M)]
+
+    def asks(self) -> str:
+        node = "" if self.node is None else f"(node {self.node} of its nodes, from 0) "
+        place = describe_place(self.place)
+        return f"{node}must get to {place}{_in_frame(self.at)}{_within(self.tolerance)}"
+
+    def aim(self, target: Target, scene: Scene) -> Target:
+        place = self.place
+        if self.at is not None:
+            moved = scene[self.at].pose.apply([wanted or 0.0 for wanted in place])
+            x, y, z = (
+                None if wanted is None else float(coordinate)
+                for wanted, coordinate in zip(place, moved, strict=True)
+            )
+            place = (x, y, z)
+        return replace(target, place=place, reference=self.at)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Away(Reach):
+    """Bodies that must end so far ``away`` from where they start, m, in any direction."""
+
+    away: float
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        begin = start.position(body)
+
+        def way(state: State) -> Array:
+            return _length(state.position(body) - begin)
+
+        return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]
+
+    def asks(self) -> str:
+        return f"must get {self.away:g} m away from where it starts"
+
+    def aim(self, target: Target, scene: Scene) -> Target:
+        return replace(target, away=self.away)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointAt(Reach):
+    """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad."""
+
+    joint: str
+    to: float
+    tolerance: float = 0.0
+
+    @property
+    def subject(self) -> str:
+        return f"joint {self.joint}"
+
+    def subjects(self, state: State) -> tuple[str, ...]:
+        return (state.joints[self.joint].joint.body,)
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        def off(state: State) -> Array:
+            return np.abs(state.joint(self.joint).position - self.to)
+
+        name = f"{self.joint} off its position"
+        if start.joints[self.joint].joint.kind == "slider":
+            return [Measure(name, off, self.tolerance, SLIP_M, "m", near=NEAR_M)]
+        return [Measure(name, off, self.tolerance, SLIP_RAD, "rad", near=NEAR_RAD)]
+
+    def unrest(self, body: str, state: State) -> Array:
+        slides = state.joints[self.joint].joint.kind == "slider"
+        still = STILL_M_S if slides else STILL_RAD_S
+        return np.abs(state.joint(self.joint).speed) / still
+
+    def asks(self) -> str:
+        return f"must get to {self.to:g} m or rad{_within(self.tolerance)}"
+
+    def aim(self, target: Target, scene: Scene) -> Target:
+        """Add the joint's body, and the place where its frame gets; that of a ball joint has none."""
+        placed = scene.placed_joints[self.joint]
+        joint = placed.joint
+        target = replace(target, bodies=(joint.body,), joint=self.joint, to=self.to)
+        if joint.kind == "ball":
+            return target
+        parent = Placement.at_rest(scene[joint.parent].pose if joint.parent else Pose())
+        moved = placed.carry(np.asarray(self.to), np.zeros(()), parent)
+        x, y, z = moved.position.tolist()
+        return replace(target, place=(x, y, z))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turned(Reach):
+    """Bodies whose ``axis`` (3,), in their frames, must end along ``points`` (3,).
+
+    Attributes:
+        points: in the world, or in the frame of the body or mark ``at``, as it stands in the layout.
+        tolerance_deg: how far the axis may be off, degrees.
+
+    Raises:
+        ValueError: one of the two has no length.
+    """
+
+    axis: Vector
+    points: Vector = (0.0, 0.0, 1.0)
+    at: str | None = None
+    tolerance_deg: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not (np.any(self.axis) and np.any(self.points)):
+            raise ValueError("a goal's axis and points need a length")
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        axis = np.divide(self.axis, np.linalg.norm(self.axis))
+        points = np.divide(self.points, np.linalg.norm(self.points))
+        if self.at is not None:
+            points = rotate(start.quaternion(self.at), points)
+
+        def angle(state: State) -> Array:
+            along = (rotate(state.quaternion(body), axis) * points).sum(axis=-1)
+            between: Array = np.arccos(np.clip(along, -1.0, 1.0))
+            return between
+
+        most = float(np.radians(self.tolerance_deg))
+        return [Measure(f"angle of {body}", angle, most, SLIP_RAD, "rad")]
+
+    def asks(self) -> str:
+        axis = describe_place(np.round(self.axis, 3).tolist())
+        points = describe_place(np.round(self.points, 3).tolist())
+        along = f"axis {axis} must point along {points}{_in_frame(self.at)}"
+        return f"{along}, within {self.tolerance_deg:g} degrees"
+
+    def aim(self, target: Target, scene: Scene) -> Target:
+        points = self.points
+        if self.at is not None:
+            points = scene[self.at].pose.rotation.apply(points)
+        return replace(
+            target,
+            axis=self.axis,
+            points=points,
+            tolerance_deg=self.tolerance_deg,
+            reference=self.at,
         )
+
+
+class Limit(Goal):
+    """What must not happen, whichever goal is reached. Its share is what it leaves of the reward."""
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        """Yield what one world did against it, for observations: when, s, and what."""
+        return iter(())
+
+
+@dataclass(frozen=True)
+class Kept(Limit):
+    """Bodies to leave in place: ``keep`` has their names.
+
+    Beyond ``kept_m`` metres less is earned, and nothing where one moved five times as far.
+    """
+
+    keep: tuple[str, ...]
+    kept_m: float = KEPT_M
+
+    def share(self, evidence: Evidence) -> Array:
+        most = STRAYED * self.kept_m
+        factor: Array = np.ones(evidence.end.positions.shape[:-2])
+        for name in self.keep:
+            left = most - evidence.moved(name)
+            factor = factor * np.clip(left / (most - self.kept_m), 0.0, 1.0)
+        return factor
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        found = []
+        for name in self.keep:
+            moved = float(evidence.moved(name))
+            found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
+        return found
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        film = evidence.film
+        noticed = NOTICED * self.kept_m
+        for name in self.keep:
+            moved = float(evidence.moved(name))
+            if moved > noticed:
+                begin = evidence.start.position(name)
+                ways = _length(film.states.position(name) - begin)
+                begun = float(film.times[(ways > noticed).argmax()])
+                yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"
+
+    def words(self) -> str:
+        most = STRAYED * self.kept_m
+        earned = f"less is earned beyond {self.kept_m:g} m, nothing from {most:g} m on"
+        return f"leave {', '.join(self.keep)} in place: {earned}"
+
+
+@dataclass(frozen=True)
+class Untouched(Limit):
+    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder, N."""
+
+    untouched: tuple[str, ...]
+    max_force_n: float = 0.0
+
+    @property
+    def needs_trace(self) -> bool:
+        return True
+
+    def share(self, evidence: Evidence) -> Array:
+        film = evidence.film
+        factor: Array = np.ones(evidence.end.positions.shape[:-2])
+        for name in self.untouched:
+            harmed = film.touched(name, "robot")
+            if self.max_force_n:
+                harmed = film.force_n(name, "robot") > self.max_force_n
+            factor = factor * ~harmed
+        return factor
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        trace = evidence.trace
+        if trace is None:
+            return []
+        found = []
+        for name in self.untouched:
+            if self.max_force_n and trace.forces is not None:
+                force = float(trace.force_n(name, "robot"))
+                what = f"force on {name}"
+                found.append(Margin.at_most(what, force, self.max_force_n, "N"))
+            elif not self.max_force_n and name in trace.clearances:
+                touched = trace.touched(name, "robot")
+                gap = 0.0 if touched else float(trace.clearances[name])
+                found.append(Margin.clearance(name, gap))
+        return found
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        film = evidence.film
+        for name in self.untouched:
+            if self.max_force_n and film.forces is not None:
+                forces = film.forces_n(name, "robot")
+                harmed = forces > self.max_force_n
+                did = f"{name} pressed with {forces.max():.0f} N, {self.max_force_n:g} N allowed"
+            elif not self.max_force_n:
+                harmed = film.contact(name, "robot")
+                did = f"{_find_toucher(film, name)} touched {name}"
+            else:
+                continue
+            if harmed.any():
+                yield float(film.times[harmed.argmax()]), did
+
+    def words(self) -> str:
+        names = ", ".join(self.untouched)
+        harm = "touch"
+        if self.max_force_n:
+            harm = f"press harder than {self.max_force_n:g} N on"
+        return f"the robot must not {harm} {names}, or nothing is earned"
 
 
 class Aim(Protocol):
@@ -202,383 +659,140 @@ class Aim(Protocol):
     def every(self) -> bool: ...
 
 
-def _in_world(frame: Pose, place: Place) -> Place:
-    there = frame.apply([0.0 if wanted is None else wanted for wanted in place])
-    x, y, z = (
-        None if w is None else float(p) for w, p in zip(place, there, strict=True)
-    )
-    return x, y, z
-
-
-def needs_trace(goals: Sequence[Goal]) -> bool:
-    """Report whether the reward of goals needs to know what happened before the end, or what touched."""
-    return any(
-        g.held or g.ever or g.by_s is not None or g.after is not None or g.untouched
-        for g in goals
-    )
-
-
 def goals_reward(
     task: Aim, start: State, end: State, trace: Trace | None = None
 ) -> Array:
     """Compute the reward, 0..1, that a task's goals stand for, of one world or of many, (...).
 
     The progress of a goal rises from 0 at the start to 1 where it is fulfilled, linearly with the distance that is left
-    over. With ``every`` the goals' mean counts, by weight, else the best of
-    them. It is 0 where the robot touched what it must not, and less where a body to keep moved.
+    over. With ``every`` the mean of what is to be reached counts, by weight, else the best of it. It is multiplied by
+    the share of each limit: 0 where the robot touched what it must not, and less where a body to keep moved.
 
     Raises:
         ValueError: the goals need a trace, and there is none; or a goal comes after one that is not there.
     """
-    if trace is None and needs_trace(task.goals):
-        raise ValueError(
-            "the goals need a trace: declare reward(self, start, end, trace), and pass the trace on"
-        )
-    judge = _Judge(tuple(task.goals), start, trace)
-    factors = [_left_alone(goal, start, end, trace) for goal in task.goals]
-    earned = [judge.earned(goal, end) for goal in task.goals if goal.moves]
-    shape, moving = end.positions.shape[:-2], [goal.moves for goal in task.goals]
-    guards = [
-        factor
-        for factor, moves in zip(factors, moving, strict=True)
-        if task.every or not moves
-    ]
-    total = np.zeros(shape)
-    if task.every and earned:
-        total = np.average(
-            earned, axis=0, weights=[goal.weight for goal in task.goals if goal.moves]
-        )
-    elif earned:
-        own = [factor for factor, moves in zip(factors, moving, strict=True) if moves]
-        total = np.max(
-            [one * factor for one, factor in zip(earned, own, strict=True)], axis=0
-        )
-    return np.clip(reduce(np.multiply, guards, total), 0.0, 1.0)
+    evidence = Evidence(start, end, trace, task.goals)
+    wanted = reaches(task.goals)
+    shares = [goal.share(evidence) for goal in wanted]
+
+    reward = np.zeros(end.positions.shape[:-2])
+    if shares and task.every:
+        reward = np.average(shares, axis=0, weights=[goal.weight for goal in wanted])
+    elif shares:
+        reward = np.max(shares, axis=0)
+    for limit in limits(task.goals):
+        reward = reward * limit.share(evidence)
+    return np.clip(reward, 0.0, 1.0)
 
 
 def goals_shares(
     task: Aim, start: State, end: State, trace: Trace | None = None
 ) -> tuple[tuple[str, float], ...]:
     """Say how far one world fulfilled each of several goals that all count, 0..1; none where one goal is enough."""
-    moving = [(number, goal) for number, goal in enumerate(task.goals) if goal.moves]
-    if not task.every or len(moving) < 2:
+    if not task.every or len(reaches(task.goals)) < 2:
         return ()
-    judge = _Judge(tuple(task.goals), start, trace)
+    evidence = Evidence(start, end, trace, task.goals)
     return tuple(
-        (
-            goal.name or f"{goal.joint or ' '.join(goal.bodies[:3])} (goal {number})",
-            float(judge.earned(goal, end)),
-        )
-        for number, goal in moving
+        (goal.name or f"{goal.subject} (goal {number})", float(goal.share(evidence)))
+        for number, goal in enumerate(task.goals)
+        if isinstance(goal, Reach)
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Judge:
-    """The goals, and what they are judged by."""
-
-    goals: tuple[Goal, ...]
-    start: State
-    trace: Trace | None
-
-    def earned(self, goal: Goal, end: State) -> Array:
-        """Compute the progress of a goal, (...), with all that it asks of time."""
-        reached = progress(
-            goal, self.start, end, lambda name: self._hold(name)[..., -1]
-        )
-        if goal.by_s is not None or goal.ever:
-            in_time = self.film.times <= (np.inf if goal.by_s is None else goal.by_s)
-            best = self.over_time(goal)[..., in_time].max(axis=-1)
-            reached = best if goal.ever else np.minimum(best, reached)
-        if goal.after is not None:
-            first, this = self.over_time(self._named(goal.after)), self.over_time(goal)
-            # Not fulfilled at or after an instant: what comes later can't be before this goal.
-            open_ = np.flip(
-                np.logical_or.accumulate(np.flip(this < DONE, axis=-1), axis=-1),
-                axis=-1,
-            )
-            before = np.where(open_, first, 0.0).max(axis=-1)
-            reached = np.minimum(reached, np.where(before >= DONE, 1.0, before))
-        return reached
-
-    def margins(self, goal: Goal, end: State) -> Iterator[Margin]:
-        """Yield the margins of one world to what a goal asks of speed and time, of several bodies that of the worst."""
-        bodies = goal.bodies or (self.start.joints[goal.joint or ""].joint.body,)
-        what = goal.joint or (
-            bodies[0] if len(bodies) == 1 else "any body" if goal.any else "bodies"
-        )
-        if goal.rest:
-            speeds = [float(_unrest(goal, name, end)) for name in bodies]
-            yield Margin.at_most(
-                f"speed of {what}",
-                min(speeds) if goal.any else max(speeds),
-                1.0,
-                "resting speeds",
-            )
-        if goal.by_s is not None and self.trace is not None:
-            done, late = (
-                self.film.times[self.over_time(goal) >= DONE],
-                max(float(self.film.times[-1]), goal.by_s),
-            )
-            yield Margin.at_most(
-                f"time to fulfil {what}", float(done.min(initial=late)), goal.by_s, "s"
-            )
-
-    def over_time(self, goal: Goal) -> Array:
-        """Compute the progress of a goal at each instant of the trace, (..., T)."""
-        start = self.start.each(lambda array: array[..., None, :, :])
-        return progress(goal, start, self.film.states, self._hold)
-
-    @property
-    def film(self) -> Trace:
-        assert self.trace is not None
-        return self.trace
-
-    def _hold(self, name: str) -> Array:
-        """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
-        return np.maximum(self.film.held(name), self.film.contact(name, "robot") / 2)
-
-    def _named(self, which: str | int) -> Goal:
-        if isinstance(which, int) and 0 <= which < len(self.goals):
-            return self.goals[which]
-        for goal in self.goals:
-            if goal.name and goal.name == which:
-                return goal
-        names = ", ".join(
-            goal.name or str(number) for number, goal in enumerate(self.goals)
-        )
-        raise ValueError(
-            f"a goal comes after {which!r}, which is no goal; there are: {names}"
-        )
 
 
 def goals_margins(
     task: Aim, start: State, end: State, trace: Trace | None = None
 ) -> list[Margin]:
-    """Say how far one world stayed from the limits of a task's goals.
-
-    Of a goal's bodies the one with the least margin counts, or with ``any`` the one with the greatest; of goals one of
-    which is enough, that whose least margin is the greatest.
-    """
+    """Say how far one world stayed from the limits of a task's goals; of goals one of which is enough, the best's."""
+    evidence = Evidence(start, end, trace, task.goals)
     found = [
-        margin for goal in task.goals for margin in _guards(goal, start, end, trace)
+        margin for limit in limits(task.goals) for margin in limit.margins(evidence)
     ]
-    judge = _Judge(tuple(task.goals), start, trace)
-    every = (
-        [*_reached(goal, start, end), *judge.margins(goal, end)]
-        for goal in task.goals
-        if goal.moves
-    )
-    reached = [margins for margins in every if margins]
-    if not task.every and reached:
-        reached = [max(reached, key=lambda margins: min(m.margin for m in margins))]
-    return [*found, *(margin for margins in reached for margin in margins)]
-
-
-def _guards(
-    goal: Goal, start: State, end: State, trace: Trace | None
-) -> Iterator[Margin]:
-    """Yield the margins of what a goal wants left alone."""
-    for name in goal.keep:
-        yield Margin.at_most(
-            f"{name} moved",
-            float(_length(end.position(name) - start.position(name))),
-            KEPT_M,
-            "m",
-        )
-    for name in goal.untouched if trace is not None else ():
-        assert trace is not None
-        if not goal.max_force_n and (gap := trace.clearances.get(name)) is not None:
-            yield Margin.clearance(
-                name, 0.0 if trace.touched(name, "robot") else float(gap)
-            )
-        elif goal.max_force_n and trace.forces is not None:
-            yield Margin.at_most(
-                f"force on {name}",
-                float(trace.force_n(name, "robot")),
-                goal.max_force_n,
-                "N",
-            )
-
-
-def _reached(goal: Goal, start: State, end: State) -> list[Margin]:
-    """Return the margins of the end of what a goal moves: of each thing that is asked, that of one body."""
-    bodies = goal.bodies or (start.joints[goal.joint or ""].joint.body,)
-    each = [
-        [asked.margin(end) for asked in _asked(goal, n, name, start)]
-        for n, name in enumerate(bodies)
-    ]
-    known = [
-        [margin for margin in alike if margin is not None]
-        for alike in zip(*each, strict=True)
-    ]
-    one = max if goal.any else min
-    return [one(alike, key=lambda margin: margin.margin) for alike in known if alike]
-
-
-def progress(
-    goal: Goal, start: State, now: State, held: Callable[[str], Array] | None = None
-) -> Array:
-    """Compute how far a goal is fulfilled in states, 0..1, (...), whatever it asks of time and of contacts.
-
-    ``held`` says how far the robot holds a body; None: that does not count.
-    """
-    shape = now.positions.shape[:-2]
-    each = []
-    for number, name in enumerate(
-        goal.bodies or (now.joints[goal.joint or ""].joint.body,)
-    ):
-        left, before = np.zeros(shape), np.zeros(shape)
-        for asked in _asked(goal, number, name, start):
-            first = np.broadcast_to(asked.left(start), shape)
-            scale = np.maximum(first, asked.slip)
-            left, before = left + asked.left(now) / scale, before + first / scale
-        reached = np.clip(1 - left / np.where(before > 0, before, 1.0), 0.0, 1.0)
-        if goal.rest:
-            reached = reached / np.maximum(_unrest(goal, name, now), 1.0)
-        if goal.held and held is not None:
-            reached = reached * held(name)
-        each.append(reached)
-    found: Array = np.max(each, axis=0) if goal.any else np.mean(each, axis=0)
+    groups = [goal.margins(evidence) for goal in reaches(task.goals)]
+    groups = [group for group in groups if group]
+    if groups and not task.every:
+        groups = [max(groups, key=lambda group: min(margin.margin for margin in group))]
+    for group in groups:
+        found += group
     return found
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """One thing that is asked of a body: that a measure of a state is at most ``most``, in m, or rad.
+def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
+    """Describe goals and the reward that `goals_reward` makes of them, in lines."""
+    lines = [f"{number}. {goal.words()}" for number, goal in enumerate(goals)]
+    wanted = reaches(goals)
+    if wanted:
+        lines.append(
+            "The progress of a goal is max(0, 1 - d / d0). Here d is how far its bodies are from it at the end, beyond "
+            "the tolerance or limit, d0 the same at the start; of several bodies it is the mean, and any one is the "
+            "best."
+        )
+    counts = "the mean of the goals' progress, by weight"
+    if len(wanted) < 2:
+        counts = "the progress"
+    elif not every:
+        counts = "the progress of the best goal"
+    return [*lines, f"The reward is {counts}."]
 
-    ``slip`` is how much beyond counts as lost. A way that must be gone is measured as a negative one.
+
+def reaches(goals: Iterable[Goal]) -> list[Reach]:
+    """Return the goals that want something reached."""
+    return [goal for goal in goals if isinstance(goal, Reach)]
+
+
+def limits(goals: Iterable[Goal]) -> list[Limit]:
+    """Return the goals that forbid something."""
+    return [goal for goal in goals if isinstance(goal, Limit)]
+
+
+def needs_trace(goals: Iterable[Goal]) -> bool:
+    """Report whether the reward of goals needs to know what happened before the end, or what touched."""
+    return any(goal.needs_trace for goal in goals)
+
+
+def check_names(goal: Goal, scene: Scene) -> None:
+    """Refuse a goal that names what a scene lacks.
+
+    Raises:
+        UsageError: names what is possible.
     """
-
-    name: str
-    measure: Callable[[State], Array]
-    most: float
-    slip: float
-    unit: str
-
-    def left(self, state: State) -> Array:
-        return np.maximum(self.measure(state) - self.most, 0.0)
-
-    def margin(self, end: State) -> Margin | None:
-        """Return the margin of one world; None: nothing may be off, so that there is no room."""
-        value = float(self.measure(end))
-        if self.most < 0:
-            return Margin.at_least(self.name, -value, -self.most, self.unit, self.slip)
-        return (
-            Margin.at_most(self.name, value, self.most, self.unit)
-            if self.most > 0
-            else None
-        )
+    possible = {
+        "body that can move": [body.name for body in scene.free],
+        "body": [body.name for body in scene.bodies],
+        "joint": [joint.name for joint in scene.joints],
+    }
+    for part in goal.parts if isinstance(goal, Reach) else (goal,):
+        for field, what in _NAMES.items():
+            named = getattr(part, field, None) or ()
+            for name in (named,) if isinstance(named, str) else named:
+                if name not in possible[what]:
+                    raise choices(what, name, possible[what])
 
 
-def _asked(goal: Goal, number: int, name: str, start: State) -> Iterator[_Asked]:
-    """Yield each thing that is asked of the end of a body."""
-    place, node = goal.places[number] if goal.places else goal.place, goal.node
-    if goal.joint is not None:
-        joint, to = goal.joint, goal.to or 0.0
-        slip, unit = (
-            (SLIP_M, "m")
-            if start.joints[joint].joint.kind == "slider"
-            else (SLIP_RAD, "rad")
-        )
-        off = f"{joint} off its position"
-        yield _Asked(
-            off,
-            lambda state: np.abs(state.joint(joint).position - to),
-            goal.tolerance,
-            slip,
-            unit,
-        )
-    elif place is not None:
-        there = np.array([0.0 if wanted is None else wanted for wanted in place])
-        there = (
-            there
-            if goal.at is None
-            else start.position(goal.at) + rotate(start.quaternion(goal.at), there)
-        )
-        free = np.array([float(wanted is not None) for wanted in place])
-        off, near = f"{name} off its place", goal.tolerance
-        yield _Asked(
-            off,
-            lambda state: _length((state.position(name, node) - there) * free),
-            near,
-            SLIP_M,
-            "m",
-        )
-    elif goal.away is not None:
-        begin, way = start.position(name, node), f"way of {name}"
-        yield _Asked(
-            way,
-            lambda state: -_length(state.position(name, node) - begin),
-            -goal.away,
-            SLIP_M,
-            "m",
-        )
-    if high := goal.max_height_m:
-        yield _Asked(
-            f"height of {name}",
-            lambda state: state.extent(name)[..., 2],
-            high,
-            SLIP_SHARE * high,
-            "m",
-        )
-    if area := goal.min_area_m2:
-        yield _Asked(
-            f"area of {name}",
-            lambda state: -state.covered_area(name),
-            -area,
-            SLIP_SHARE * area,
-            "m^2",
-        )
-    if goal.axis is not None:
-        axis = np.divide(goal.axis, np.linalg.norm(goal.axis))
-        points = np.divide(goal.points, np.linalg.norm(goal.points))
-        points = (
-            points if goal.at is None else rotate(start.quaternion(goal.at), points)
-        )
-
-        def angle(state: State) -> Array:
-            along = (rotate(state.quaternion(name), axis) * points).sum(axis=-1)
-            between: Array = np.arccos(np.clip(along, -1.0, 1.0))
-            return between
-
-        yield _Asked(
-            f"angle of {name}",
-            angle,
-            float(np.radians(goal.tolerance_deg)),
-            SLIP_RAD,
-            "rad",
-        )
-
-
-def _unrest(goal: Goal, name: str, state: State) -> Array:
-    """Measure how many times as fast as what is at rest a body is, or a joint."""
-    if goal.joint is not None:
-        slider = state.joints[goal.joint].joint.kind == "slider"
-        return np.abs(state.joint(goal.joint).speed) / (
-            STILL_M_S if slider else STILL_RAD_S
-        )
-    moved = state.placement(name)
-    return np.maximum(
-        _length(moved.linear) / STILL_M_S, _length(moved.angular) / STILL_RAD_S
+def describe_place(place: Sequence[float | None]) -> str:
+    """Write a place, or another vector, in words."""
+    wanted = (
+        f"any {axis}" if coordinate is None else f"{coordinate:g}"
+        for axis, coordinate in zip("xyz", place, strict=True)
     )
+    return f"({', '.join(wanted)})"
 
 
-def _left_alone(goal: Goal, start: State, end: State, trace: Trace | None) -> Array:
-    """Compute the factor, 0..1, of what a goal wants left alone, (...)."""
-    factor: Array = np.ones(end.positions.shape[:-2])
-    for name in goal.keep:
-        moved = _length(end.position(name) - start.position(name))
-        factor = factor * np.clip((STRAYED_M - moved) / (STRAYED_M - KEPT_M), 0.0, 1.0)
-    for name in goal.untouched:
-        assert trace is not None
-        pressed = (
-            trace.force_n(name, "robot") > goal.max_force_n
-            if goal.max_force_n
-            else trace.touched(name, "robot")
-        )
-        factor = factor * ~pressed
-    return factor
+def _find_toucher(film: Trace, body: str) -> str:
+    """Name the part of the robot that touched a body first."""
+    touches = [
+        (int(flags.argmax()), part)
+        for (kind, part, other), flags in film.touching.items()
+        if kind != "body" and other == body and flags.any()
+    ]
+    return min(touches)[1] if touches else "the robot"
+
+
+def _in_frame(body: str | None) -> str:
+    return f" in the frame of {body}" if body is not None else ""
+
+
+def _within(tolerance: float) -> str:
+    return f" (within {tolerance:g})" if tolerance else ""
 
 
 def _length(vectors: Array) -> Array:

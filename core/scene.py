@@ -1,4 +1,4 @@
-"""Describe a task's scene and its goal.
+"""Describe a task's scene.
 
 Nothing here depends on a physics engine: a simulator reads a `Scene` and returns states (`core.values.states`).
 World frame: x forward from the arm's base, y left, z up; metres, kilograms, radians.
@@ -25,7 +25,6 @@ from core.geometry import (
     frozen_array,
 )
 from core.geometry import Color as Color
-from core.goals import Goal, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.values.margins import Margin
 from core.values.softs import MAX_NODES, MOST_YOUNG, Cloth, Elastic, Filling, Form, Rope
@@ -473,7 +472,6 @@ __all__ = [
     "Camera",
     "Color",
     "Geom",
-    "Goal",
     "Inertia",
     "Scene",
     "Soft",
@@ -491,9 +489,7 @@ __all__ += ["Cloth", "Elastic", "Filling", "Form", "Rope"]  # of core.values.sof
 __all__ += [
     "Margin",
     "Trace",
-    "goals_reward",
-    "needs_trace",
-]  # of core.values.margins, its traces, and core.goals
+]  # of core.values.margins, and its traces
 __all__ += [
     "Box",
     "Cylinder",

@@ -13,8 +13,8 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
-from core.goals import goals_margins, goals_shares
-from core.scene import Camera, Goal, Scene, State, Trace
+from core.goals import Goal, goals_margins, goals_shares
+from core.scene import Camera, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
 from core.values.messages import Picture
@@ -206,7 +206,7 @@ def margins_of(
 ) -> tuple[Margin, ...]:
     """Return a task's margins in one world, the least first.
 
-    Goals are a hint (`core.scene.Goal`): where the reward says success, what they call failed is no limit of the task.
+    Goals are a hint (`core.goals.Goal`): where the reward says success, what they call failed is no limit of the task.
     Where no goal has a limit, what the reward exceeds success by is the margin.
     """
     if type(task).margins is not Task.margins:
@@ -237,10 +237,5 @@ def shares_of(
     """Return how far each of a task's goals was fulfilled in one world, if all of them count."""
     try:
         return goals_shares(task, start, end, trace)
-    except (
-        AssertionError,
-        AttributeError,
-        KeyError,
-        ValueError,
-    ):  # goals are a hint, as for `margins_of`
+    except (AttributeError, KeyError, ValueError):  # goals are a hint, as above
         return ()

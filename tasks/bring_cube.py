@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.rewards import progress
 
@@ -30,7 +31,7 @@ class BringCube(Task):
         "A red cube lies on the table, beyond what the robot's gripper can reach. Bring the cube closer, onto the blue "
         "mark on the table, and leave it there."
     )
-    goals = (Goal(bodies=("cube",), place=(0.0, 0.0, SIDE / 2), at="mark"),)
+    goals = (Placed(bodies=("cube",), place=(0.0, 0.0, SIDE / 2), at="mark"),)
     variations = {
         "near": {**around("cube", START, 0.03, 0.3), **around("mark", TARGET, 0.03)},
         "wide": {

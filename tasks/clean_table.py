@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array, Pose
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Geom, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.rewards import length, progress
 
@@ -65,7 +66,9 @@ class CleanTable(Task):
         "random. Sweep them all away from the robot, into the green circle, without pushing any off the table or past "
         "the circle."
     )
-    goals = (Goal(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),)
+    goals = (
+        Placed(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),
+    )
     variations = {
         "near": around("circle", CIRCLE, 0.03),
         "wide": {

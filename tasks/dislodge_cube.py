@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array, Pose
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Geom, Goal, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Color, Geom, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.rewards import share
 
@@ -103,8 +104,8 @@ class DislodgeCube(Task):
         "flat starts clear of it."
     )
     goals = (
-        Goal(bodies=("cube",), place=(CUBE[0], BRANCH_Y - SIDE / 2, None), at="pipe"),
-        Goal(bodies=("cube",), place=(NEAR - SIDE / 2, CUBE[1], None), at="pipe"),
+        Placed(bodies=("cube",), place=(CUBE[0], BRANCH_Y - SIDE / 2, None), at="pipe"),
+        Placed(bodies=("cube",), place=(NEAR - SIDE / 2, CUBE[1], None), at="pipe"),
     )
     variations = {
         "near": around("pipe", (0.0, 0.0), 0.03, 0.05),

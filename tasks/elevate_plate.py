@@ -4,13 +4,13 @@ from functools import cache
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
@@ -99,7 +99,7 @@ class ElevatePlate(Task):
         "foot there is a narrow gap between the plate's underside and the table. Lift the plate straight up by 0.4 m, "
         "level, and hold it there."
     )
-    goals = (Goal(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
+    goals = (Placed(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
     variations = {
         "near": around("plate", START, 0.03),
         "wide": within("plate", x=(0.6, 0.8), y=(-0.25, 0.25), mass=(0.3, 0.7)),

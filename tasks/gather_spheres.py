@@ -1,12 +1,12 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Color,
-    Goal,
     Pose,
     Scene,
     Sphere,
@@ -99,7 +99,7 @@ class GatherSpheres(Task):
         "them there."
     )
     goals = (
-        Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),
+        Placed(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),
     )
     variations = {
         "near": around("container", CONTAINER, 0.03, 0.1),

@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor
+from core.scene import Body, Box, Camera, Pose, Scene, State, floor
 from core.values.layouts import around, within
 from tasks.assets import board, open_box
 from tasks.rewards import progress
@@ -76,7 +77,7 @@ class HighObject(Task):
         "open bin stands on the floor. Bring the cube into the bin. There is no table: the robot stands on the floor."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("cube",), place=(0.0, 0.0, BIN_CENTER[2]), tolerance=0.05, at="bin"
         ),
     )

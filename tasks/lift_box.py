@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Geom, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board, turned
 from tasks.rewards import progress
@@ -69,7 +70,7 @@ class LiftBox(Task):
         "m without tilting it, and hold it there."
     )
     goals = (
-        Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),
+        Placed(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),
     )
     variations = {
         "near": around("box", CENTER, 0.03, 0.3),

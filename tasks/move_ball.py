@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Camera, Goal, Scene, Sphere, State, floor, table
+from core.scene import Body, Camera, Scene, Sphere, State, floor, table
 from core.values.layouts import around, within
 from tasks.rewards import share, speed
 
@@ -34,7 +35,7 @@ class MoveBall(Task):
         "robot's right, and leave it there. The reward is measured when the motion is over, and the ball's speed, in "
         "m/s, is subtracted from it."
     )
-    goals = (Goal(bodies=("ball",), place=(0.0, 0.0, RADIUS), at="mark"),)
+    goals = (Placed(bodies=("ball",), place=(0.0, 0.0, RADIUS), at="mark"),)
     variations = {
         "near": {**around("ball", START, 0.03), **around("mark", TARGET, 0.03)},
         "wide": {

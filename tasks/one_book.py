@@ -1,8 +1,9 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Away, Kept
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Geom, Pose, Scene, State, floor, table
 from core.values.layouts import around, within
 from tasks.assets import board
 from tasks.rewards import moved, share
@@ -85,7 +86,7 @@ class OneBook(Task):
         "robot. Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other "
         "four where they are."
     )
-    goals = (Goal(bodies=("book_3",), away=PULLED_OUT, keep=OTHERS),)
+    goals = (Away(bodies=("book_3",), away=PULLED_OUT), Kept(OTHERS))
     variations = {
         "near": around("row", (CENTER_X, 0.0), 0.03, 0.3),
         "wide": {

@@ -5,6 +5,7 @@ import numpy as np
 import trimesh
 
 from core.geometry import Array, Pose
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -12,7 +13,6 @@ from core.scene import (
     Color,
     Cylinder,
     Geom,
-    Goal,
     Mesh,
     Scene,
     State,
@@ -138,7 +138,9 @@ class ScoreGoal(Task):
         "on the ice. Get it into the goal."
     )
     goals = (
-        Goal(bodies=("puck",), place=(0.0, 0.0, None), tolerance=DEPTH / 2, at="goal"),
+        Placed(
+            bodies=("puck",), place=(0.0, 0.0, None), tolerance=DEPTH / 2, at="goal"
+        ),
     )
     variations = {
         "near": {

@@ -4,13 +4,13 @@ from functools import cache
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     Sphere,
@@ -141,7 +141,7 @@ class SnatchCookie(Task):
         "farther. Take one cookie out of the jar and hold it higher than z = 0.3."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)),
             place=(None, None, OUT_Z + 0.02),
             any=True,

@@ -4,13 +4,13 @@ from functools import cache
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     Sphere,
@@ -191,7 +191,7 @@ class TurkeyLegs(Task):
         "the robot, with a gap between bar and pot. Five turkey legs, slippery, lie in it. To its left a chef's box, "
         "an open tray, is fixed to the table. Bring all legs into the box, but not the pot."
     )
-    goals = (Goal(bodies=LEGS, place=(0.0, 0.0, 0.03), tolerance=0.1, at="box"),)
+    goals = (Placed(bodies=LEGS, place=(0.0, 0.0, 0.03), tolerance=0.1, at="box"),)
     variations = {
         "near": {**around("pot", POT, 0.03, 0.1), **around("box", BOX, 0.02)},
         "wide": {

@@ -12,8 +12,9 @@ import numpy as np
 
 from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
+from core.goals import Away
 from core.interfaces import Outcome, RolloutSettings, Simulator, Task
-from core.scene import Body, Goal, Scene, State
+from core.scene import Body, Scene, State
 from tests import playing
 from tests.panda import PANDA
 
@@ -24,7 +25,7 @@ class Slide(Task):
     robot = PANDA
     name = "Slide"
     description = "A block."
-    goals = (Goal(("block",), away=0.1),)
+    goals = (Away(("block",), away=0.1),)
     home = Pose(np.array([0.5, 0.0, 0.4]))
 
     def scene(self, seed):

@@ -19,9 +19,10 @@ from PIL import Image
 from core.config.compose import load
 from core.errors import UsageError
 from core.geometry import Cylinder, Mesh, Sphere
+from core.goals import Reach
 from core.interfaces import Seen
 from core.plugins import Plugins, installed
-from core.scene import Body, Box, Camera, Geom, Goal, Joint, Pose, Scene, State
+from core.scene import Body, Box, Camera, Geom, Joint, Pose, Scene, State
 from docs import build
 from docs.diagrams import DRAWINGS
 from plugins.conformance.suites import examine
@@ -503,7 +504,20 @@ def test_the_scene_files_of_the_page_are_tasks(tmp_path):
 
 @pytest.mark.parametrize(
     "of",
-    [Body, Box, Camera, Cylinder, Geom, Goal, Joint, Mesh, Pose, Scene, Sphere, State],
+    [
+        Body,
+        Box,
+        Camera,
+        Cylinder,
+        Geom,
+        Reach,
+        Joint,
+        Mesh,
+        Pose,
+        Scene,
+        Sphere,
+        State,
+    ],
 )
 def test_the_tables_have_every_field_and_its_default(of):
     text = (ROOT / "docs/scene_types.md").read_text()

@@ -3,7 +3,7 @@
 The goal's bodies are classed by the first rule that applies:
 
 - solved: the reward is `Task.success_reward` or more.
-- forbidden: something happened that a goal forbids (`_forbidden`); the first of it.
+- forbidden: something happened that a goal forbids (`Limit.breaches`); the first of it.
 - placed: all are where the goal wants them, yet the reward is less.
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
   to its last, or at any time if it touches none.
@@ -13,45 +13,47 @@ The goal's bodies are classed by the first rule that applies:
   - tipped: its upward axis turned by more than `TIPPED_DEG` and stayed so, not in a fall.
 - never touched: the robot touched none of them, and none moved by more than `NUDGED_M`. Missed: all else.
 
-Dropped and tipped need at least half of the bodies that are not in place, or with `Goal.any` one.
+Dropped and tipped need at least half of the bodies that are not in place, or with `Reach.any` one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from core.errors import UsageError
 from core.geometry import Array, Sphere
-from core.goals import DONE, KEPT_M, progress
+from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
 from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
-from core.scene import Goal, Scene, State
+from core.scene import Scene, State
 from core.solids.contacts import Contacts, Flags, make_trace
 from core.values.observations import Class, Moved, Offset, Point
-from core.values.states import Trace
 
-MISSED_M, MISSED_RAD = 0.02, 0.1
+MISSED_M = 0.02
+MISSED_RAD = 0.1
 STUCK_RAD = 0.05  # reference solutions lag by less than 0.012
-UNYIELDING_M, UNYIELDING_S = (
-    0.005,
-    0.2,
-)  # what moves by no more than this in that time does not yield
-LIFTED_M, FALLEN_M = 0.02, 0.02
-TIPPED_DEG, FELL_M = 45.0, 0.05
+UNYIELDING_M = 0.005  # what moves by no more than this...
+UNYIELDING_S = 0.2  # ...in that time does not yield
+LIFTED_M = 0.02
+FALLEN_M = 0.02
+TIPPED_DEG = 45.0
+FELL_M = 0.05
 NUDGED_M = 0.005
-MARGINAL = 0.25  # of what a body to keep may move; a task's own limit may be lower than that of its goal
-PLACE_M, PLACE_RAD = (
-    0.02,
-    0.1,
-)  # the tolerance of a goal's place, if the goal names a smaller one
 
-INSTANTS, PATHS, MAX_CONTACTS, NAMED = 6, 2, 40, 3
+INSTANTS = 6
+PATHS = 2
+MAX_CONTACTS = 40
+NAMED = 3
 
-_STILL_M, _STILL_DEG = 0.001, 1.0
+_STILL_M = 0.001
+_STILL_DEG = 1.0
 
+Samples = npt.NDArray[np.intp]
 Span = tuple[float, float]  # from when to when
 Cause = tuple[float, Class, str]  # when, what, and to which body
 
@@ -67,209 +69,220 @@ def observe(
     """Observe a rollout that came to its end; ``contacts`` are those of its recording."""
     assert outcome.start is not None
     assert outcome.end is not None
-    start, end, taken = (
+    case = _Case(
+        task,
+        scene,
+        motion,
         scene.complete(outcome.start),
         scene.complete(outcome.end),
-        contacts.taken,
+        contacts,
     )
-    there = {body.name for body in scene.bodies}
-    goals = [
-        part
-        for goal in task.goals
-        if goal.at in (None, *there) and goal.joint in (None, *scene.placed_joints)
-        for part in goal.within(scene).spread()
-        if part.bodies and set(part.bodies) <= set(start.names)
-    ]  # a goal is a hint, and may be wrong
-    goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
-    off = np.abs(taken.arm - motion.trajectory.sample(taken.times)[0]).max(axis=1)
-    lags = np.where(
-        taken.times < 0, 0.0, off
-    )  # of a joint at each sample, radians; 0 before the motion begins
-    names = (
-        tuple(dict.fromkeys(name for goal in goals for name in goal.bodies))
-        or start.names
-    )
-    enough = all if task.every else any
-    wanted = {name: [goal for goal in goals if name in goal.bodies] for name in names}
-    left = tuple(
-        n
-        for n in names
-        if not (
-            wanted[n]
-            and enough(_in_place(g, n, start, end, contacts) for g in wanted[n])
-        )
-    )
-    result, what, at = _Case(
-        task, scene, motion, start, end, names, left, contacts, lags
-    ).judge(reward)
-    worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
-    shifts = {name: _moved(scene, start, end, name) for name in start.names}
-    moved = {
-        n: m
-        for n, m in shifts.items()
-        if n in names or _length(m.by) > _STILL_M or m.tilt_deg > _STILL_DEG
-    }
+    result, what, instant = case.classify(reward)
+    taken = contacts.taken
     found = sorted(contacts.all, key=lambda contact: contact.kind == "body")
+    moved = case.moved()
+
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
-    ways = {
-        name: float(np.ptp(taken.states.position(name), axis=0).max()) for name in moved
-    }
-    strayed = [name for name in moved if ways[name] > _STILL_M]
-    followed = sorted(
-        strayed, key=lambda name: (name not in left, name not in names, -ways[name])
-    )[:PATHS]
+    paths = dict[str, tuple[Point, ...]]()
+    for name in case.choose_paths(moved):
+        places = taken.states.position(name)[samples]
+        paths[name] = tuple(_point(place, 3) for place in places)
+
+    misses = motion.misses / (MISSED_M, MISSED_RAD)
+    worst = int(misses.max(axis=1).argmax())
+    miss_m, miss_rad = motion.misses[worst].tolist()
+    # An engine may measure no lag.
+    lag = float(np.nanmax([outcome.tracking_error_rad, case.lags.max()]))
+
     return Observation(
         result=result,
         what=what,
-        at_s=None if at is None else round(at, 2),
-        left=left,
+        at_s=None if instant is None else round(instant, 2),
+        left=case.left,
         moved=moved,
-        errors={
-            name: _offset(
-                goal if name in goal.bodies else wanted[name][0], end.position(name)
-            )
-            for name in names
-        }
-        if goal is not None
-        else {},
+        errors=case.errors(),
         contacts=tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
         touch_m=None if contacts.touch_m is None else round(contacts.touch_m, 4),
-        miss=(
-            worst + 1,
-            round(float(motion.misses[worst, 0]), 4),
-            round(float(motion.misses[worst, 1]), 4),
-        ),
-        lag_rad=round(
-            float(np.nanmax([outcome.tracking_error_rad, lags.max()])), 4
-        ),  # an engine may measure none
-        lag_s=round(float(taken.times[int(lags.argmax())]), 2),
-        arrivals=tuple(round(instant, 2) for instant in motion.arrivals.tolist()),
+        miss=(worst + 1, round(miss_m, 4), round(miss_rad, 4)),
+        lag_rad=round(lag, 4),
+        lag_s=round(float(taken.times[int(case.lags.argmax())]), 2),
+        arrivals=_rounded_times(motion.arrivals),
         felt=tuple(map(str, outcome.felt)),
-        instants=tuple(round(instant, 2) for instant in taken.times[samples].tolist()),
-        paths={
-            name: tuple(_point(p, 3) for p in taken.states.position(name)[samples])
-            for name in followed
-        },
+        instants=_rounded_times(taken.times[samples]),
+        paths=paths,
     )
 
 
-@dataclass(frozen=True, eq=False)
 class _Case:
-    """What a rollout is judged by; ``names`` are the goal's bodies, ``left`` those that are not in place."""
+    """What a rollout is classed by.
 
-    task: Task
-    scene: Scene
-    motion: Motion
-    start: State
-    end: State
-    names: Sequence[str]
-    left: Sequence[str]
-    contacts: Contacts
-    lags: Array
+    Attributes:
+        goals: the task's, without those that don't fit the scene: a goal is a hint, and may be wrong.
+        names: the bodies of the goals; all that can move, if there are none.
+        left: those of them that are not in place.
+        lags: of the joint that lags most at each sample, radians; 0 before the motion begins.
+    """
 
-    def judge(self, reward: float) -> tuple[Class, str, float | None]:
+    def __init__(
+        self,
+        task: Task,
+        scene: Scene,
+        motion: Motion,
+        start: State,
+        end: State,
+        contacts: Contacts,
+    ) -> None:
+        self.task = task
+        self.scene = scene
+        self.motion = motion
+        self.start = start
+        self.end = end
+        self.contacts = contacts
+        self.goals = [goal for goal in task.goals if _fits(goal, scene)]
+        self.reaches = reaches(self.goals)
+
+        bodies = [body for goal in self.reaches for body in goal.subjects(start)]
+        self.names = tuple(dict.fromkeys(bodies)) or start.names
+        self.left = tuple(name for name in self.names if not self._is_in_place(name))
+
+        taken = contacts.taken
+        planned, _ = motion.trajectory.sample(taken.times)
+        off = np.abs(taken.arm - planned).max(axis=1)
+        self.lags = np.where(taken.times < 0, 0.0, off)
+
+    def classify(self, reward: float) -> tuple[Class, str, float | None]:
         """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
-        names, contacts, taken = self.names, self.contacts, self.contacts.taken
         if reward >= self.task.success_reward:
             return "solved", "", None
-        if forbidden := list(
-            _forbidden(self.task, self.scene, contacts, self.start, self.end)
-        ):
-            instant, result, what = min(
-                forbidden, key=lambda cause: cause[0]
-            )  # of several at once the touch
-            return result, what, instant
-        if names and not self.left:
+        forbidden = min(self._breaches(), default=None, key=lambda breach: breach[0])
+        if forbidden is not None:
+            instant, what = forbidden
+            return "forbidden", what, instant
+        if self.names and not self.left:
             return "placed", "", None
-        touches = np.flatnonzero(
-            np.logical_or.reduce([contacts.with_robot(name) for name in names])
-        )
-        work = (
-            (float(taken.times[touches[0]]), float(taken.times[touches[-1]]))
-            if touches.size
-            else (0.0, np.inf)
-        )
-        causes = [
-            *_unreachable(self.motion, work),
-            *_stuck(self.scene, contacts, self.lags, work),
-        ]
-        fallen = [
-            cause
-            for name in self.left
-            if (cause := _fallen(self.scene, contacts, name, self.start)) is not None
-        ]
-        if len(fallen) >= (
-            1 if any(goal.any for goal in self.task.goals) else len(self.left) / 2
-        ):
-            causes += fallen
+
+        touched = [self.contacts.with_robot(name) for name in self.names]
+        touches = np.flatnonzero(np.logical_or.reduce(touched))
+        causes = self._causes(touches)
         if causes:
             instant, result, what = min(causes)
             return result, what, instant
-        shifts = [
-            _length(self.end.position(name) - self.start.position(name))
-            for name in names
+
+        start = self.start
+        ways = [
+            _length(self.end.position(name) - start.position(name))
+            for name in self.names
         ]
-        untouched = not touches.size and all(shift <= NUDGED_M for shift in shifts)
-        where = (
-            ", ".join(self.left[:NAMED])
-            if len(self.left) < len(names) and not untouched
-            else ""
+        if not touches.size and all(way <= NUDGED_M for way in ways):
+            return "never touched", "", None
+        some = len(self.left) < len(self.names)
+        return "missed", ", ".join(self.left[:NAMED]) if some else "", None
+
+    def moved(self) -> dict[str, Moved]:
+        """Describe how the bodies of the goals, and what else moved, ended."""
+        found = {}
+        for name in self.start.names:
+            begin = self.start.position(name)
+            end = self.end.position(name)
+            tilt = 0.0
+            if not _is_ball(self.scene, name):
+                tilt = float(
+                    _tilts(self.start.quaternion(name), self.end.quaternion(name))
+                )
+            moved = Moved(_point(end - begin), _point(end), round(tilt, 1))
+            shifted = _length(moved.by) > _STILL_M or moved.tilt_deg > _STILL_DEG
+            if shifted or name in self.names:
+                found[name] = moved
+        return found
+
+    def choose_paths(self, moved: Mapping[str, Moved]) -> list[str]:
+        """Choose the bodies whose ways are told: those that are not in place, the goal's others, what moved most."""
+        states = self.contacts.taken.states
+        ways = {
+            name: float(np.ptp(states.position(name), axis=0).max()) for name in moved
+        }
+        strayed = [name for name, way in ways.items() if way > _STILL_M]
+        strayed.sort(
+            key=lambda name: (
+                name not in self.left,
+                name not in self.names,
+                -ways[name],
+            )
         )
-        return ("never touched" if untouched else "missed"), where, None
+        return strayed[:PATHS]
 
+    def errors(self) -> dict[str, Offset]:
+        """Measure how far each body of the goals ended from its place; the goal that is nearest counts."""
+        nearest_first = sorted(self.reaches, key=self._measure_left)
+        found = dict[str, Offset]()
+        for goal in nearest_first:
+            for target in goal.targets(self.scene):
+                for name in target.bodies:
+                    wanted = target.place or (None, None, None)
+                    found.setdefault(name, _offset(wanted, self.end.position(name)))
+        return {name: found[name] for name in self.names if name in found}
 
-def _forbidden(
-    task: Task, scene: Scene, contacts: Contacts, start: State, end: State
-) -> Iterator[Cause]:
-    """Yield what the goals forbid and the rollout did, with the numbers."""
-    names = {body.name for body in scene.bodies}
-    goals = [goal for goal in task.goals if goal.untouched or goal.keep]
-    if not goals:
-        return
-    trace = make_trace(scene, [contacts])[0]
-    for goal in goals:
-        yield from _touched(
-            goal, [name for name in goal.untouched if name in names], contacts, trace
+    def _is_in_place(self, name: str) -> bool:
+        enough = all if self.task.every else any
+        return enough(
+            goal.is_in_place(name, self.start, self.end)
+            and not (goal.held and not self.contacts.held(name)[-1])
+            for goal in self.reaches
+            if name in goal.subjects(self.start)
         )
-    for name in (name for goal in goals for name in goal.keep if name in start.names):
-        way = float(np.linalg.norm(end.position(name) - start.position(name)))
-        if way > MARGINAL * KEPT_M:
-            ways = np.linalg.norm(
-                trace.states.position(name) - start.position(name), axis=-1
+
+    def _measure_left(self, goal: Reach) -> float:
+        """Measure how far a goal's bodies are from where it wants them, on average."""
+        return float(
+            np.mean(
+                [
+                    sum(
+                        float(measure.left(self.end))
+                        for measure in goal.all_measures(name, self.start)
+                    )
+                    for name in goal.subjects(self.start)
+                ]
             )
-            begun = float(trace.times[(ways > MARGINAL * KEPT_M).argmax()])
-            yield (
-                begun,
-                "forbidden",
-                f"{name} moved by {1000 * way:.0f} mm, and is to stay",
-            )
+        )
+
+    def _breaches(self) -> Iterator[tuple[float, str]]:
+        """Yield what the goals forbid and the rollout did."""
+        forbidding = limits(self.goals)
+        if forbidding:
+            trace = make_trace(self.scene, [self.contacts])[0]
+            evidence = Evidence(self.start, self.end, trace)
+            for limit in forbidding:
+                yield from limit.breaches(evidence)
+
+    def _causes(self, touches: Samples) -> list[Cause]:
+        """Find what may have gone wrong while the robot was at work."""
+        scene = self.scene
+        contacts = self.contacts
+        work = (0.0, np.inf)
+        if touches.size:
+            first, last = contacts.taken.times[touches[[0, -1]]].tolist()
+            work = (first, last)
+        causes = [
+            *_unreachable(self.motion, work),
+            *_stuck(scene, contacts, self.lags, work),
+        ]
+
+        fallen = [_fallen(scene, contacts, name, self.start) for name in self.left]
+        known = [cause for cause in fallen if cause is not None]
+        any_counts = any(goal.any for goal in self.reaches)
+        if len(known) >= (1 if any_counts else len(self.left) / 2):
+            causes += known
+        return causes
 
 
-def _touched(
-    goal: Goal, names: Iterable[str], contacts: Contacts, trace: Trace
-) -> Iterator[Cause]:
-    for name in names:
-        if goal.max_force_n > 0:
-            forces = (
-                trace.forces_n(name, "robot")
-                if trace.forces is not None
-                else np.zeros(len(trace.times))
-            )
-            if (over := forces > goal.max_force_n).any():
-                said = f"{name} pressed with {forces.max():.0f} N, {goal.max_force_n:g} N allowed"
-                yield float(trace.times[over.argmax()]), "forbidden", said
-        elif (flags := trace.contact(name, "robot")).any():
-            by = [c for c in contacts.all if c.kind != "body" and c.other == name]
-            first = (
-                min(by, key=lambda contact: contact.first_s).one if by else "the robot"
-            )
-            yield (
-                float(trace.times[flags.argmax()]),
-                "forbidden",
-                f"{first} touched {name}",
-            )
+def _fits(goal: Goal, scene: Scene) -> bool:
+    try:
+        check_names(goal, scene)
+    except UsageError:
+        return False
+    return True
 
 
 def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:
@@ -342,75 +355,26 @@ def _tilts(first: Array, quaternions: Array) -> Array:
     return np.degrees(np.arccos(np.clip(turned.as_matrix()[..., 2, 2], -1.0, 1.0)))
 
 
-def _moved(scene: Scene, start: State, end: State, name: str) -> Moved:
-    tilt = (
-        0.0
-        if _is_ball(scene, name)
-        else float(_tilts(start.quaternion(name), end.quaternion(name)))
-    )
-    return Moved(
-        _point(end.position(name) - start.position(name)),
-        _point(end.position(name)),
-        round(tilt, 1),
-    )
-
-
-def _offset(goal: Goal, position: Array) -> Offset:
-    """A place minus the goal's, metres; None where the goal leaves a coordinate free."""
-    wanted = goal.place or (None, None, None)
+def _offset(wanted: Offset, position: Array) -> Offset:
+    """Subtract from a place the wanted one, metres; None: a coordinate that is free."""
     x, y, z = (
-        None if w is None else round(float(p) - w, 4) + 0.0
-        for w, p in zip(wanted, position, strict=True)
+        None if coordinate is None else round(float(reached) - coordinate, 4) + 0.0
+        for coordinate, reached in zip(wanted, position, strict=True)
     )
     return x, y, z
 
 
-def _in_place(
-    goal: Goal, name: str, start: State, end: State, contacts: Contacts
-) -> bool:
-    turned = Goal(
-        (name,),
-        axis=goal.axis,
-        points=goal.points,
-        tolerance_deg=goal.tolerance_deg,
-        rest=goal.rest,
-        keep=(name,),
-    )
-    if progress(turned, start, end) < DONE or (
-        goal.held and not contacts.held(name)[-1]
-    ):
-        return False
-    if goal.joint is not None:
-        far = PLACE_M if end.joints[goal.joint].joint.kind == "slider" else PLACE_RAD
-        return _left(goal, start, end) <= max(goal.tolerance, far)
-    if goal.away is not None:
-        return _length(end.position(name) - start.position(name)) >= goal.away
-    return _apart(goal, end.position(name)) <= max(goal.tolerance, PLACE_M)
-
-
-def _left(goal: Goal, start: State, end: State) -> float:
-    """How far the goal's bodies are from where it wants them, on average, metres; or its joint, m or rad."""
-    if goal.joint is not None:
-        return float(np.abs(end.joint(goal.joint).position - (goal.to or 0.0)))
-    if goal.away is not None:
-        moved = [
-            _length(end.position(name) - start.position(name)) for name in goal.bodies
-        ]
-        return float(np.mean([max(goal.away - way, 0.0) for way in moved]))
-    return float(np.mean([_apart(goal, end.position(name)) for name in goal.bodies]))
-
-
-def _apart(goal: Goal, position: Array) -> float:
-    return _length([offset for offset in _offset(goal, position) if offset is not None])
-
-
-def _length(vector: Array | tuple[float, ...] | list[float]) -> float:
+def _length(vector: Array | Point) -> float:
     return float(np.linalg.norm(vector))
 
 
 def _point(position: Array, digits: int = 4) -> Point:
     x, y, z = (round(float(number), digits) + 0.0 for number in position)
     return x, y, z
+
+
+def _rounded_times(times: Array) -> tuple[float, ...]:
+    return tuple(round(time, 2) for time in times.tolist())
 
 
 def _rounded(contact: Contact) -> Contact:

@@ -7,9 +7,8 @@ Plugins import it from `core.scene`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -291,20 +290,6 @@ class PlacedJoint:
             - np.cross(angular, arm)
         )
         return Placement(parent.position + there - arm, quaternion, linear, angular)
-
-
-class _Posed(Protocol):
-    @property
-    def pose(self) -> Pose: ...
-
-
-class Layout(Protocol):
-    """A scene, or what has its bodies and joints."""
-
-    def __getitem__(self, name: str, /) -> _Posed: ...
-
-    @property
-    def placed_joints(self) -> Mapping[str, PlacedJoint]: ...
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:

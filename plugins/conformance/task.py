@@ -13,8 +13,9 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.start import SpawnRules
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.geometry import Array
+from core.goals import check_names, reaches
 from core.interfaces import Rollout, Task
 from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids
@@ -83,21 +84,13 @@ def check_goals_name_bodies_of_the_scene(task: Task) -> None:
         isinstance(task.goals, tuple),
         f"goals is a {type(task.goals).__name__}, not a tuple",
     )
-    there = {
-        None,
-        "",
-        *(body.name for body in scene.bodies),
-        *(joint.name for joint in scene.joints),
-    }
     for goal in task.goals:
-        unknown = {
-            *goal.bodies,
-            *goal.keep,
-            *goal.untouched,
-            goal.at,
-            goal.joint,
-        } - there
-        expect(not unknown, f"a goal names {unknown}; the scene has {there}")
+        try:
+            check_names(goal, scene)
+        except UsageError as error:
+            raise AssertionError(f"a goal names what is not there: {error}") from error
+    for reach in reaches(task.goals):
+        expect(reach.subjects(scene.state()), f"{reach} is about no body")
 
 
 def check_rewards_work_for_one_world_or_many(task: Task) -> None:

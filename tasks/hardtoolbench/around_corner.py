@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Pose, Scene, State, floor, table
 from core.values.joints import rotate
 from core.values.layouts import around, within
 from tasks.assets import board
@@ -76,7 +77,7 @@ class AroundCorner(Task):
         "mark's."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("cube",),
             at="mark",
             place=(0.0, 0.0, None),

@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -8,7 +9,6 @@ from core.scene import (
     Color,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
@@ -95,7 +95,7 @@ class HangRing(Task):
         "on peg_b, let go. Only a tool may touch the ring: neither hand, fingers nor arm."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("ring",),
             at="peg_b",
             place=(-HANGS, 0.0, -0.04),

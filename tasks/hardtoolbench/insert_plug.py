@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed, Turned
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -8,7 +9,6 @@ from core.scene import (
     Camera,
     Color,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
@@ -104,12 +104,12 @@ class InsertPlug(Task):
         "the axes of plug and socket. Put the stem at least 35 mm deep into the hole, upright."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("plug",),
             at="socket",
             place=(0.0, 0.0, -DEPTH),
             tolerance=SPARE,
-            axis=(0.0, 0.0, 1.0),
+            also=(Turned(axis=(0.0, 0.0, 1.0), at="socket"),),
         ),
     )
     variations = {

@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Turned
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -8,7 +9,6 @@ from core.scene import (
     Camera,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
@@ -87,7 +87,7 @@ class LeverStone(Task):
         "slide."
     )
     goals = (
-        Goal(
+        Turned(
             bodies=("stone",),
             axis=(0.0, 0.0, 1.0),
             points=(0.115, 0.0, 0.993),

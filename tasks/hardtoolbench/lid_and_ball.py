@@ -3,6 +3,7 @@ from functools import cache
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Away, Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -10,7 +11,6 @@ from core.scene import (
     Color,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     Sphere,
@@ -121,8 +121,8 @@ class LidAndBall(Task):
         "ball out and leave it in the clay bowl."
     )
     goals = (
-        Goal(bodies=("lid",), at="pot", away=ASIDE[1]),
-        Goal(
+        Away(bodies=("lid",), away=ASIDE[1]),
+        Placed(
             bodies=("ball",),
             at="bowl",
             place=(0.0, 0.0, None),

@@ -1,12 +1,12 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import JointAt, Kept
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Cylinder,
-    Goal,
     Joint,
     Latch,
     Margin,
@@ -134,13 +134,13 @@ class OpenLatch(Task):
         "least 0.9 rad. A glass stands where the door would be if it were opened much wider; leave it there."
     )
     goals = (
-        Goal(
+        JointAt(
             joint="hinge",
             to=OPEN + BEYOND,
             tolerance=BEYOND,
-            keep=("glass",),
             rest=True,
         ),
+        Kept(("glass",), kept_m=0.01),
     )
     variations = {
         "near": around("cabinet", (0.64, 0.0), 0.03, 0.15),

@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Kept, Placed, Untouched, goals_reward
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -8,13 +9,11 @@ from core.scene import (
     Color,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
     Trace,
     floor,
-    goals_reward,
     table,
 )
 from core.values.layouts import around, within
@@ -110,15 +109,15 @@ class PastGlasses(Task):
         "be upright and at rest. The robot and its tool must not touch any glass, and the tin must not push one."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("tin",),
             place=(0.0, 0.0, None),
             at="mark",
             tolerance=0.012,
             rest=True,
-            untouched=GLASSES,
         ),
-        Goal(keep=GLASSES),
+        Untouched(GLASSES),
+        Kept(GLASSES),
     )
     variations = {
         "near": around("cupboard", FRONT, 0.03, 0.15),

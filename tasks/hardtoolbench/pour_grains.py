@@ -3,13 +3,13 @@ from functools import cache
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Color,
     Geom,
-    Goal,
     Pose,
     Scene,
     Sphere,
@@ -151,7 +151,7 @@ class PourGrains(Task):
         "Nothing counts while the crucible touches the bowl."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True
         ),
     )

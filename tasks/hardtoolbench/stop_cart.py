@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed, Untouched
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -8,7 +9,6 @@ from core.scene import (
     Camera,
     Color,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
@@ -121,14 +121,14 @@ class StopCart(Task):
         "tray a glass lid leaves low room above the track, open toward the robot."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("cart",),
             place=(sum(TRAY) / 2, None, None),
             tolerance=0.07,
             at="track",
             rest=True,
         ),
-        Goal(untouched=("red_before", "red_behind")),
+        Untouched(("red_before", "red_behind")),
     )
     variations = {
         "near": around("track", PLACE, 0.03, 0.15),

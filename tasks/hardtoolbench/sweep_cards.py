@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Kept, Placed, Untouched
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -9,7 +10,6 @@ from core.scene import (
     Color,
     Cylinder,
     Geom,
-    Goal,
     Margin,
     Pose,
     Scene,
@@ -91,15 +91,16 @@ class SweepCards(Task):
         "on the board with more than 15 N."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=CARDS,
             place=(0.0, None, 0.02),
             tolerance=0.05,
             at="tray",
             by_s=BY_S,
-            untouched=("vase",),
         ),
-        Goal(untouched=("board",), max_force_n=PRESS_N, keep=("vase",)),
+        Untouched(("vase",)),
+        Kept(("vase",), kept_m=0.01),
+        Untouched(("board",), max_force_n=PRESS_N),
     )
     variations = {
         "near": around("board", PLACE, 0.03, 0.15),

@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed, Turned
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -8,7 +9,6 @@ from core.scene import (
     Camera,
     Cylinder,
     Geom,
-    Goal,
     Pose,
     Scene,
     State,
@@ -93,14 +93,19 @@ class TurnDisc(Task):
         "the mark: its axis within 15 degrees of straight down, its middle within 1.5 cm of the mark's."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("disc",),
             at="mark",
             place=(0.0, 0.0, None),
             tolerance=TOLERANCE,
-            axis=(0.0, 0.0, 1.0),
-            points=(0.0, 0.0, -1.0),
-            tolerance_deg=TILT,
+            also=(
+                Turned(
+                    axis=(0.0, 0.0, 1.0),
+                    points=(0.0, 0.0, -1.0),
+                    at="mark",
+                    tolerance_deg=TILT,
+                ),
+            ),
             rest=True,
         ),
     )

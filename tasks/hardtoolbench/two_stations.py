@@ -1,19 +1,18 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import JointAt, goals_reward
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Cylinder,
     Geom,
-    Goal,
     Joint,
     Pose,
     Scene,
     State,
     floor,
-    goals_reward,
     table,
 )
 from core.values.layouts import around, within
@@ -146,8 +145,8 @@ class TwoStations(Task):
         "must do both."
     )
     goals = (
-        Goal(joint="button", to=STOP, tolerance=STOP - PRESSED, name="pressed"),
-        Goal(joint="drawer", to=END, tolerance=END - PULLED, name="pulled"),
+        JointAt(joint="button", to=STOP, tolerance=STOP - PRESSED, name="pressed"),
+        JointAt(joint="drawer", to=END, tolerance=END - PULLED, name="pulled"),
     )
     every = True
     variations = {

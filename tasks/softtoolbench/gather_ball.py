@@ -1,13 +1,13 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed, Untouched
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Elastic,
     Filling,
-    Goal,
     Pose,
     Scene,
     Soft,
@@ -56,14 +56,14 @@ class GatherBall(Task):
         "than 2 N."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("ball",),
             at="mark",
             place=(0.0, 0.0, None),
             tolerance=NEAR,
             rest=True,
         ),
-        Goal(untouched=("ball",), max_force_n=SQUEEZE_N),
+        Untouched(("ball",), max_force_n=SQUEEZE_N),
     )
     variations = {
         "near": around("corner", (0.7, 0.0), 0.03, 0.15),

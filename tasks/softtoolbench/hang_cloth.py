@@ -1,6 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -9,7 +10,6 @@ from core.scene import (
     Cylinder,
     Elastic,
     Geom,
-    Goal,
     Pose,
     Scene,
     Soft,
@@ -73,7 +73,7 @@ class HangCloth(Task):
         "nor arm."
     )
     goals = (
-        Goal(
+        Placed(
             bodies=("cloth",),
             at="bar",
             place=(-BAR / 2, 0.0, -0.05),

@@ -1,13 +1,13 @@
 import numpy as np
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
     Elastic,
     Geom,
-    Goal,
     Pose,
     Rope,
     Scene,
@@ -78,7 +78,7 @@ class PullRope(Task):
         "other end of the rope behind the ring."
     )
     goals = (
-        Goal(bodies=("rope",), at="ring", place=(0.02, None, None), tolerance=0.05),
+        Placed(bodies=("rope",), at="ring", place=(0.02, None, None), tolerance=0.05),
     )
     variations = {
         "near": around("ring", (0.66, 0.0), 0.03, 0.15),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from core.design import Tool
 from core.designs.statics import flange_moment, mass_limit, moment_limit
+from core.goals import JointAt, Placed
 from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot
@@ -126,6 +127,7 @@ def tolerance(task: Task) -> float:
     lengths = [
         goal.tolerance
         for goal in task.goals
-        if goal.joint is None or kinds.get(goal.joint) == "slider"
+        if isinstance(goal, Placed)
+        or (isinstance(goal, JointAt) and kinds.get(goal.joint) == "slider")
     ]
     return min((length for length in lengths if length > 0), default=TOLERANCE_M)

@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from core.errors import UserError, choices
+from core.errors import UsageError, UserError, choices
 from core.geometry import Box, Mesh, Pose, Shape
+from core.goals import Reach, Turned, check_names, reaches
 from core.scene import Body, Filling, Geom, Scene, Soft, floor, table
 from core.values.joints import Placement
 from plugins.tasks.file.files import Files
+from plugins.tasks.file.goals import Flattened, Spread
 from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
 from plugins.tasks.file.spec import BodySpec, ImportSpec, SceneSpec, ShapeSpec, rgba
 from plugins.tasks.file.tree import Tree, Where
@@ -191,44 +193,36 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
     Raises:
         UserError: says which name.
     """
-    bodies = [body.name for body in scene.bodies]
-    free = [body.name for body in scene.free]
-    softs = {soft.name: len(soft.form.nodes) for soft in scene.softs}
-    for number, goal in enumerate(spec.goals):
-        named = [
-            (name, "body that can move", free) for name in (*goal.bodies, *goal.keep)
-        ]
-        named += [
-            (name, "body", bodies)
-            for name in (*goal.untouched, *([goal.at] if goal.at is not None else []))
-        ]
-        named += (
-            [(goal.joint, "joint", [joint.name for joint in scene.joints])]
-            if goal.joint is not None
-            else []
-        )
-        if isinstance(goal.after, str):
-            named += [
-                (goal.after, "goal", [other.name for other in spec.goals if other.name])
-            ]
-        elif goal.after is not None and not 0 <= goal.after < len(spec.goals):
-            raise tree.error(
-                ("goals", number, "after"),
-                f"goals have numbers from 0 to {len(spec.goals) - 1}",
-            )
-        for name, what, possible in named:
-            if name not in possible:
-                raise tree.error(("goals", number), str(choices(what, name, possible)))
-        asks = goal.node is not None or goal.max_height_m or goal.min_area_m2
+    names = set[str | int]()  # of goals that another may come after
+    for number, entry in enumerate(spec.goals):
+        for reach in reaches(entry):
+            names |= {number, reach.name or number}
+    for number, entry in enumerate(spec.goals):
+        try:
+            for goal in entry:
+                check_names(goal, scene)
+            for reach in reaches(entry):
+                if reach.after is not None and reach.after not in names:
+                    raise choices("goal", str(reach.after), map(str, names))
+                _check_softness(reach, scene)
+        except UsageError as error:
+            raise tree.error(("goals", number), str(error)) from None
+
+
+def _check_softness(goal: Reach, scene: Scene) -> None:
+    """Refuse what can't be asked of soft bodies, and what can be asked of them alone.
+
+    Raises:
+        UsageError: says which.
+    """
+    for part in goal.parts:
+        node = getattr(part, "node", None)
+        soft = node is not None or isinstance(part, Flattened | Spread)
         for name in goal.bodies:
-            nodes = softs.get(name, 0)
-            if asks and not 0 <= (goal.node or 0) < nodes:
+            body = scene[name]
+            nodes = len(body.form.nodes) if isinstance(body, Soft) else 0
+            if soft and not 0 <= (node or 0) < nodes:
                 what = "node (from 0), max_height_m and min_area_m2 are for soft bodies"
-                raise tree.error(
-                    ("goals", number), f"{what}; {name!r} has {nodes} nodes"
-                )
-            if nodes and goal.axis is not None:
-                raise tree.error(
-                    ("goals", number, "axis"),
-                    f"the soft body {name!r} has no axis; its nodes move",
-                )
+                raise UsageError(f"{what}; {name!r} has {nodes} nodes")
+            if nodes and isinstance(part, Turned):
+                raise UsageError(f"the soft body {name!r} has no axis; its nodes move")

@@ -28,9 +28,11 @@ from pydantic_core import ErrorDetails, core_schema
 
 from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
-from core.scene import Camera, Cloth, Color, Elastic, Goal, Joint, Rope
+from core.goals import Reach
+from core.scene import Camera, Cloth, Color, Elastic, Joint, Rope
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
+from plugins.tasks.file.goals import KINDS, Entry, read_entry
 from plugins.tasks.file.imports.bodies import (
     HEAVIEST,
     LIGHTEST,
@@ -88,25 +90,25 @@ Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
 
 
 Most = Annotated[float, Field(ge=0, le=1e4)]
+AboveZero = Annotated[float, Field(gt=0, le=1e4)]
 
-GOAL: dict[str, Any] = {
-    "place": Wanted | None,
+GOAL_TYPES: dict[str, Any] = {
+    "place": Wanted,
     "places": tuple[Wanted, ...],
-    "axis": Place | None,
+    "axis": Place,
     "points": Place,
+    "to": Rate,
+    "away": Most,
+    "by_s": AboveZero,
+    "weight": AboveZero,
+    "tolerance": Most,
+    "tolerance_deg": Most,
+    "max_force_n": Most,
+    "max_height_m": AboveZero,
+    "min_area_m2": AboveZero,
+    "kept_m": AboveZero,
 }
-GOAL |= {"to": Rate | None, "away": Most | None, "by_s": Most | None}
-GOAL |= dict.fromkeys(
-    (
-        "tolerance",
-        "tolerance_deg",
-        "max_force_n",
-        "max_height_m",
-        "min_area_m2",
-        "weight",
-    ),
-    Most,
-)
+"""The types of fields of goals, where they are not those of the class."""
 
 
 def _color(text: str) -> str:
@@ -143,6 +145,26 @@ def _made(of: type, **types: Any) -> GetPydanticSchema:
 
     def make(spec: BaseModel) -> Any:
         return of(**{name: getattr(spec, name) for name in entries})
+
+    return GetPydanticSchema(
+        lambda _source, handler: core_schema.no_info_after_validator_function(
+            make, handler(model)
+        )
+    )
+
+
+def _goal_entry() -> GetPydanticSchema:
+    """Read an entry of ``goals``: it has the fields of all kinds of goals, and those that are given say which it is."""
+    entries = dict[str, Any]()
+    for kind in (Reach, *KINDS.values()):
+        hints = get_type_hints(kind) | GOAL_TYPES
+        for field in fields(kind):  # type: ignore[arg-type]
+            entries[field.name] = (hints[field.name] | None, None)
+    del entries["also"]
+    model = create_model("Goal", __config__=STRICT, **entries)
+
+    def make(spec: BaseModel) -> Entry:
+        return read_entry(spec.model_dump(exclude_none=True))
 
     return GetPydanticSchema(
         lambda _source, handler: core_schema.no_info_after_validator_function(
@@ -323,7 +345,7 @@ class SceneSpec(_Spec):
         Field(max_length=MAX_BODIES),
     ] = ()
     goals: Annotated[
-        tuple[Annotated[Goal, _made(Goal, **GOAL)], ...],
+        tuple[Annotated[Entry, _goal_entry()], ...],
         Field(min_length=1, max_length=MAX_GOALS),
     ]
     every: bool = False

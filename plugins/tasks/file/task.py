@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from core import goals as core_goals
 from core.errors import UserError
 from core.geometry import Array, Pose
+from core.goals import describe_goals, goals_reward, needs_trace
 from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
-from plugins.tasks.file import building, doubts, files, photos, tree, words
+from plugins.tasks.file import building, doubts, files, goals, photos, tree
 from plugins.tasks.file import spec as schema
 
 VARYING = ("bodies", "imports", "marks", "joints")
@@ -44,7 +44,6 @@ class FileTask(Task):
         # Attributes of the object hide those of the class.
         same = (
             "name",
-            "goals",
             "camera",
             "success_reward",
             "every",
@@ -57,7 +56,9 @@ class FileTask(Task):
             for name in ("description", "in_words")
         }
         vars(self).update(
-            own, home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg))
+            own,
+            goals=goals.join_entries(spec.goals),
+            home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )
         self._photographs = spec.pictures
         super().__init__(variation)
@@ -170,14 +171,14 @@ class FileTask(Task):
 
     @property
     def reads_trace(self) -> bool:
-        return core_goals.needs_trace(self.goals)
+        return needs_trace(self.goals)
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Compute the reward that the goals stand for."""
-        return core_goals.goals_reward(self, start, end, trace)
+        return goals_reward(self, start, end, trace)
 
     def reward_in_words(self) -> list[str]:
-        return words.describe_goals(self.goals, self.every)
+        return describe_goals(self.goals, self.every)
 
     def source(self) -> str:
         return self._text

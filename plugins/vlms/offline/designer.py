@@ -12,6 +12,7 @@ import numpy as np
 
 from core.design import DesignError, Tool
 from core.designs.planning import look
+from core.goals import Placed, Reach, Target, limits, reaches
 from core.hooks import hookimpl
 from core.interfaces import (
     VLM,
@@ -22,7 +23,7 @@ from core.interfaces import (
     Request,
     Task,
 )
-from core.scene import Goal, Scene
+from core.scene import Scene
 from core.support.cli import say
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.plans import turn_of
@@ -76,16 +77,18 @@ def left_out(task: Task, seed: int) -> list[str]:
     """Name what a task's goals ask that its plans leave out."""
     scene = task.scene(seed)
     balls = {joint.name for joint in scene.joints if joint.kind == "ball"}
-    goals = [goal.within(scene) for goal in task.goals if goal.moves]
+    reached = reaches(task.goals)
+    goals = [target for goal in reached for target in goal.targets(scene)]
+    parts = [part for goal in reached for part in goal.parts]
     cases = {
         "a ball joint's position": any(goal.joint in balls for goal in goals),
         "a turn about the vertical": any(_turns_level(goal, scene) for goal in goals),
-        "a time limit": any(goal.by_s is not None for goal in goals),
+        "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
-        "a height, an area or a node": any(
-            g.max_height_m or g.min_area_m2 or g.node is not None for g in goals
+        "a height, an area or a node": any(_names_no_place(part) for part in parts),
+        "a limit of force": any(
+            getattr(limit, "max_force_n", 0) for limit in limits(task.goals)
         ),
-        "a limit of force": any(goal.max_force_n for goal in task.goals),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": task.every
         and len(goals) > 1
         and any(goal.joint or goal.axis for goal in goals),
@@ -94,7 +97,14 @@ def left_out(task: Task, seed: int) -> list[str]:
     return [name for name, holds in cases.items() if holds]
 
 
-def _turns_level(goal: Goal, scene: Scene) -> bool:
+def _names_no_place(goal: Reach) -> bool:
+    """Report whether a goal is of a kind that says no place to go, or one of a node."""
+    if isinstance(goal, Placed):
+        return goal.node is not None
+    return type(goal) is not Reach and type(goal).aim is Reach.aim
+
+
+def _turns_level(goal: Target, scene: Scene) -> bool:
     """Report whether a goal's axis must turn about the vertical."""
     if goal.axis is None or not goal.bodies:
         return False

@@ -201,10 +201,10 @@ def turn_of(analysis: SceneAnalysis, seen: Seen) -> Pose | None:
 
     None: they are not taken along its axes, or there is nothing to turn.
     """
-    goal, reference = analysis.groups[0][0]
+    goal = analysis.groups[0][0]
     solids = [analysis.solids[name] for name in goal.bodies]
     name = analysis.container(solids[:1] if goal.any else solids)
-    if name is None and len(solids) == 1 and reference in (None, goal.bodies[0]):
+    if name is None and len(solids) == 1 and goal.reference in (None, goal.bodies[0]):
         (name,) = goal.bodies
     yaw = 0.0 if name is None else -float(seen.poses[name].rpy[2])
     base = Pose(analysis.space.base)

@@ -13,8 +13,9 @@ from numpy.random import Generator
 from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Cylinder, Mesh, Pose, Shape
+from core.goals import Target, reaches
 from core.interfaces import Brief
-from core.scene import Body, Goal, Soft
+from core.scene import Body, Soft
 from plugins.vlms.offline.boxes import Boxes, axes_of, overlaps
 from plugins.vlms.offline.workspace import workspace_of
 
@@ -122,7 +123,7 @@ class Subgoal:
     solids: Sequence[Solid]
     shift: Array
     analysis: SceneAnalysis
-    goal: Goal | None = None
+    goal: Target | None = None
     reference: str | None = None
     alone: bool = False
 
@@ -260,7 +261,7 @@ class Subgoal:
 class SceneAnalysis:
     """Bodies with collision shapes by name, the goals, the end-effector's home, and the arm's workspace.
 
-    ``groups`` are the goals that must be reached together, in the world, each with what its place was given by.
+    ``groups`` are the goals that must be reached together, in the world.
     ``cache`` keeps what was found out about bodies.
     """
 
@@ -284,19 +285,17 @@ class SceneAnalysis:
                     replace(body, pose=turn @ body.pose) for body in scene.bodies
                 ),
             )
-        groups = dict[int, list[tuple[Goal, str | None]]]()
-        for number, goal in enumerate(task.goals):
-            parts = [
-                (part, goal.at) for part in goal.within(scene).spread() if part.bodies
-            ]
-            groups.setdefault(0 if task.every else number, []).extend(parts)
+        groups = dict[int, list[Target]]()
+        for number, goal in enumerate(reaches(task.goals)):
+            group = groups.setdefault(0 if task.every else number, [])
+            group += goal.targets(scene)
         self.groups = [group for group in groups.values() if group]
         if not self.groups:
             if not scene.free:
                 raise NothingToMove(
                     "the task has no goals and no body that can move; give it a Goal"
                 )
-            self.groups = [[(Goal((scene.free[0].name,), away=0.2), None)]]
+            self.groups = [[Target((scene.free[0].name,), away=0.2)]]
         self.solids = {
             body.name: Solid.of(body)
             for body in scene.bodies
@@ -309,8 +308,8 @@ class SceneAnalysis:
         self.cache: dict[Hashable, object] = {}
 
     @property
-    def goals(self) -> list[Goal]:
-        return [goal for group in self.groups for goal, _ in group]
+    def goals(self) -> list[Target]:
+        return [goal for group in self.groups for goal in group]
 
     def subgoals(self, rng: Generator, alone: bool = False) -> list[Subgoal]:
         """Draw subgoals for a group of goals at random, in order.
@@ -324,13 +323,11 @@ class SceneAnalysis:
             else self.groups[0]
         )
         found = []
-        for goal, reference in group:
-            found += self._subgoals(goal, reference, rng, alone)
+        for goal in group:
+            found += self._subgoals(goal, rng, alone)
         return found
 
-    def _subgoals(
-        self, goal: Goal, reference: str | None, rng: Generator, alone: bool
-    ) -> list[Subgoal]:
+    def _subgoals(self, goal: Target, rng: Generator, alone: bool) -> list[Subgoal]:
         solids = [self.solids[name] for name in goal.bodies]
         if goal.any and len(solids) > 1:
             solids = [self._choose_easiest(solids, rng)]
@@ -345,7 +342,7 @@ class SceneAnalysis:
             _draw_shift(Subgoal(lane, np.zeros(3), self), goal, rng) for lane in lanes
         ]
         return [
-            Subgoal(lane, shift, self, goal, reference, alone)
+            Subgoal(lane, shift, self, goal, goal.reference, alone)
             for lane, shift in zip(lanes, shifts, strict=True)
         ]
 
@@ -381,21 +378,21 @@ class SceneAnalysis:
         ).body.name
 
 
-def _draw_shift(subgoal: Subgoal, goal: Goal, rng: Generator) -> Array:
+def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
     if goal.place is not None:
         middle: Array = np.mean([solid.position for solid in subgoal.solids], axis=0)
         return wanted(middle, goal) - middle
     return LIFT_M * UP if goal.held else _draw_escape(subgoal, goal.away or 0.1, rng)
 
 
-def wanted(here: Array, goal: Goal) -> Array:
+def wanted(here: Array, goal: Target) -> Array:
     """The goal's place (3,); along an axis where it has none, it is here."""
     return np.array(
         [h if w is None else w for h, w in zip(here, goal.place or here, strict=True)]
     )
 
 
-def turn_between(goal: Goal, body: Body) -> tuple[Array, float]:
+def turn_between(goal: Target, body: Body) -> tuple[Array, float]:
     """The turn that brings a body's axis to where the goal wants it: about which axis (3,), and the angle.
 
     The axis is as long as the angle's sine.
@@ -407,7 +404,7 @@ def turn_between(goal: Goal, body: Body) -> tuple[Array, float]:
     return np.cross(now, there), float(np.arccos(np.clip(now @ there, -1.0, 1.0)))
 
 
-def _draw_lanes(solids: list[Solid], goal: Goal, rng: Generator) -> list[list[Solid]]:
+def _draw_lanes(solids: list[Solid], goal: Target, rng: Generator) -> list[list[Solid]]:
     """Groups of bodies, each moved at once: slices across the way to the goal."""
     if len(solids) == 1:
         return [solids]

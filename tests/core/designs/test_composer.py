@@ -26,6 +26,7 @@ from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose
+from core.goals import Away
 from core.interfaces import (
     Brief,
     Message,
@@ -39,7 +40,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import installed
-from core.scene import Body, Goal, Scene, State, floor, table
+from core.scene import Body, Scene, State, floor, table
 from core.trial import Evaluation, Score, Trial, Where, tried_once
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
@@ -54,7 +55,7 @@ PICTURE = Picture(b"\x89PNG")
 class PushCube(Task):
     name = "PushCube"
     description = "A small cube stands on the table. Push it {{ off }} the far edge."  # braces are text here, not Jinja
-    goals = (Goal(bodies=("cube",), away=0.5),)
+    goals = (Away(bodies=("cube",), away=0.5),)
     home = Pose(np.array([0.4, -0.2, 0.2]))
 
     def scene(self, seed: int) -> Scene:
@@ -122,7 +123,7 @@ def make_elite(strategy: int, reward: float, *, gripper: bool = False) -> Evalua
 ELITES = (make_elite(0, 0.87654321), make_elite(1, 0.6))
 
 
-GOALS = '    goals = (Goal(bodies=("cube",), away=0.5),)\n'  # left out of the source: the reward does not read them
+GOALS = '    goals = (Away(bodies=("cube",), away=0.5),)\n'  # left out of the source: the reward does not read them
 SOURCE = Path(__file__).read_text(encoding="utf-8").rstrip().replace(GOALS, "", 1)
 
 
@@ -196,7 +197,7 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
         "<dynamics",
         "<safety_controller",
         "def inertia(",
-        "class Goal",
+        "class Reach",
         "class Task(",
     ):
         assert noise not in text

@@ -11,9 +11,10 @@ import pytest
 from core.config.compose import load, part
 from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
+from core.goals import Away, JointAt, Placed, Turned, Untouched
 from core.interfaces import Observation, Outcome, Recording, RolloutSettings
 from core.plugins import installed
-from core.scene import Body, Box, Goal, Joint, Pose, Scene, State, table
+from core.scene import Body, Box, Joint, Pose, Scene, State, table
 from core.store.rows import load_trial, trial_row
 from core.trial import Evaluation, tried_once
 from tasks.bring_cube import BringCube
@@ -186,7 +187,7 @@ class Mistaken(BringCube):
     robot = PANDA
     """Its goal names a body that can't move, and one that is not there."""
 
-    goals = (Goal(("table", "dog"), away=0.1),)
+    goals = (Away(("table", "dog"), away=0.1),)
 
 
 def test_a_goal_of_other_bodies_leaves_all_free_ones():
@@ -203,7 +204,7 @@ class Bare(BringCube):
     """No body can move, and one is solid at most."""
 
     solid = True
-    goals = (Goal((), place=(0.0, 0.0, None)),)
+    goals = (Placed(("dog",), place=(0.0, 0.0, None)),)
 
     def scene(self, seed):
         mark = Body.mark("mark", (0.5, 0.2, 0.0), 0.05, (1.0, 0.0, 0.0, 1.0))
@@ -258,9 +259,9 @@ class Drawer(BringCube):
 
     robot = PANDA
     goals = (
-        Goal(joint="drawer", to=0.2, tolerance=0.01),
-        Goal(("cube",), axis=(0, 0, 1), points=(0, 1, 0)),
-        Goal(untouched=("case",)),
+        JointAt(joint="drawer", to=0.2, tolerance=0.01),
+        Turned(("cube",), axis=(0, 0, 1), points=(0, 1, 0)),
+        Untouched(("case",)),
     )
     every = True
 

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Candidate, Component, Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose, Sphere
+from core.goals import Placed
 from core.interfaces import (
     JointTrajectory,
     Outcome,
@@ -22,7 +23,7 @@ from core.interfaces import (
     Task,
 )
 from core.plugins import installed
-from core.scene import Body, Goal, Scene, State, table
+from core.scene import Body, Scene, State, table
 from core.solids.penetration import Explosion, findings
 from plugins.conformance.joints import hinge, hinged
 from tests.panda import ARM, PANDA
@@ -353,7 +354,7 @@ class Fenced(Task):
     robot = PANDA
     name = "Fenced"
     description = "A ball before a wall."
-    goals = (Goal(("ball",), place=(0.8, None, None)),)
+    goals = (Placed(("ball",), place=(0.8, None, None)),)
     home = Pose(np.array([0.3, 0.0, 0.75]))
 
     def scene(self, seed):

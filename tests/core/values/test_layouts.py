@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.errors import UsageError
-from core.scene import Goal
+from core.goals import Away, Target
 from core.values.layouts import Draw, around
 from tasks.dislodge_cube import DislodgeCube
 
@@ -40,9 +40,9 @@ def test_a_task_without_variations_takes_none_alone():
 def test_a_goal_in_the_frame_of_a_body():
     task = DislodgeCube("wide")
     scene = task.scene(3)
-    goal = task.goals[0].within(scene)
-    assert goal.at is None
+    (goal,) = task.goals[0].targets(scene)
+    assert goal.reference == "pipe"
     there = scene["pipe"].pose.apply([*task.goals[0].place[:2], 0.0])
     assert goal.place == (pytest.approx(there[0]), pytest.approx(there[1]), None)
-    apart = Goal(("cube",), away=0.1)
-    assert apart.within(scene) is apart
+    apart = Away(("cube",), away=0.1)
+    assert apart.targets(scene) == (Target(("cube",), away=0.1),)

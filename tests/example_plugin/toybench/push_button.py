@@ -7,8 +7,9 @@ import numpy as np
 import trimesh
 
 from core.geometry import Array
+from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Mesh, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Mesh, Scene, State, floor, table
 
 START = (0.9, 0.0, 0.0)
 TRAVEL = 0.1
@@ -28,7 +29,9 @@ class PushButton(Task):
         "against the grey stop."
     )
     goals = (
-        Goal(bodies=("button",), place=(START[0] + TRAVEL, 0.0, None), tolerance=0.02),
+        Placed(
+            bodies=("button",), place=(START[0] + TRAVEL, 0.0, None), tolerance=0.02
+        ),
     )
     camera = Camera(position=(1.45, -1.1, 0.9), target=(0.6, 0.0, 0.2))
 

@@ -12,6 +12,7 @@ import plugins.conformance
 from core.design import Component, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Pose
+from core.goals import Placed, Reach, Untouched, goals_reward
 from core.hooks import Command, hookimpl
 from core.interfaces import (
     VLM,
@@ -25,7 +26,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import KINDS, Offer, PluginPart, installed
-from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, table
+from core.scene import Body, Box, Scene, Sphere, floor, table
 from plugins.conformance import command as conformance
 from plugins.conformance.suites import SUITES, examine, subject
 from plugins.conformance.worlds import GREY
@@ -92,7 +93,7 @@ class RollsHome(Task):
 
     name = "RollsHome"
     description = "A ball stands on a ramp, and is wanted at its foot, half a metre nearer to the robot."
-    goals = (Goal(bodies=("ball",), place=(0.6, None, None)),)
+    goals = (Placed(bodies=("ball",), place=(0.6, None, None)),)
 
     def scene(self, seed):
         ramp = Body.of(
@@ -120,7 +121,10 @@ class Grasp(Task):
     description = (
         "A cube on a table must be held at the end, and the table not be touched."
     )
-    goals = (Goal(bodies=("cube",), held=True, rest=True), Goal(untouched=("table",)))
+    goals = (
+        Reach(bodies=("cube",), held=True, rest=True),
+        Untouched(untouched=("table",)),
+    )
     every = True
 
     def scene(self, seed):

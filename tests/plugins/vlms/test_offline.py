@@ -13,10 +13,11 @@ from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.geometry import Box, Cylinder
+from core.goals import JointAt, Placed, Turned
 from core.interfaces import Brief, Material, Request, RolloutSettings, Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Goal, Joint, Scene, floor, table
+from core.scene import Body, Joint, Scene, floor, table
 from core.solids.self_collision import find_self_collision
 from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
@@ -47,7 +48,7 @@ URDF = installed().create("tool", "urdf")
 class CubeTask(Task):
     name = "Fetch"
     description = "A cube has to come nearer."
-    goals: ClassVar = (Goal(("cube",), place=(0.6, 0.1, 0.035)),)
+    goals: ClassVar = (Placed(("cube",), place=(0.6, 0.1, 0.035)),)
 
     def scene(self, seed):
         return Scene(
@@ -76,7 +77,7 @@ class CubeTask(Task):
 class RenamedCubeTask(CubeTask):
     name = "Other"
     description = "Quite another story."
-    goals: ClassVar = (Goal(("solid",), place=(0.6, 0.1, 0.035)),)
+    goals: ClassVar = (Placed(("solid",), place=(0.6, 0.1, 0.035)),)
 
     def scene(self, seed):
         ground, desk, cube = super().scene(seed).bodies
@@ -330,10 +331,10 @@ def test_what_no_plan_is_made_for_is_named():
         for name in ("can", "tin")
     )
     door = Joint("door", "hinge", "tin", axis=(0, 0, 1))
-    turned = Goal(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
+    turned = Turned(("can",), axis=(1, 0, 0), points=(0, 1, 0), by_s=2.0)
 
     class Two(CubeTask):
-        goals = (Goal(joint="door", to=1.0), turned)
+        goals = (JointAt(joint="door", to=1.0), turned)
         every = True
 
         def scene(self, seed):

@@ -12,14 +12,19 @@ import trimesh
 from core.design import Candidate, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
+from core.goals import (
+    JointAt,
+    Kept,
+    Placed,
+    Untouched,
+    describe_goals,
+)
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
-from core.scene import Goal
 from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
-from plugins.tasks.file.words import describe_goals
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.source import helpers, task_source
 from tests.engines import every_simulator, simulator
@@ -243,8 +248,8 @@ def test_files_are_read_once(tmp_path):
 
 def test_goals_are_described_in_plain_words():
     goals = (
-        Goal(joint="drawer", to=0.2, by_s=3, name="open"),
-        Goal(
+        JointAt(joint="drawer", to=0.2, by_s=3, name="open"),
+        Placed(
             ("cube", "other"),
             place=(0.7, None, 0),
             at="mark",
@@ -252,9 +257,10 @@ def test_goals_are_described_in_plain_words():
             after="open",
             rest=True,
         ),
-        Goal(untouched=("leaf",), max_force_n=5, keep=("other",)),
+        Untouched(("leaf",), max_force_n=5),
+        Kept(("other",)),
     )
-    first, second, third, formula, count = describe_goals(goals, every=True)
+    first, second, third, fourth, formula, count = describe_goals(goals, every=True)
     assert (
         first
         == "0. open: joint drawer must get to 0.2 m or rad; by 3 s after the motion begins"
@@ -264,5 +270,9 @@ def test_goals_are_described_in_plain_words():
         in second
     )
     assert "must not press harder than 5 N on leaf" in third
+    assert (
+        fourth
+        == "3. leave other in place: less is earned beyond 0.02 m, nothing from 0.1 m on"
+    )
     assert "1 - d / d0" in formula
     assert "mean" in count

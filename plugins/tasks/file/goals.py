@@ -1,0 +1,174 @@
+"""Read the goals of a scene file: the kinds that an entry of ``goals`` stands for, and those that only files have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, replace
+from typing import Any
+
+from core.goals import (
+    Away,
+    Coordinates,
+    Goal,
+    JointAt,
+    Kept,
+    Measure,
+    Placed,
+    Reach,
+    Target,
+    Turned,
+    Untouched,
+    describe_place,
+)
+from core.scene import Scene
+from core.values.states import State
+
+SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places(Reach):
+    """Bodies that must end at ``places``, one for each; the rest is as for `Placed`.
+
+    Raises:
+        ValueError: there are not as many places as bodies.
+    """
+
+    places: tuple[Coordinates, ...]
+    at: str | None = None
+    tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.places) != len(self.bodies):
+            raise ValueError(
+                f"a goal's places need one for each of its {len(self.bodies)} bodies"
+            )
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        return self._placed(body).measures(body, start)
+
+    def asks(self) -> str:
+        places = ", ".join(describe_place(place) for place in self.places)
+        frame = self.at or "the world"
+        return f"must get to {places} in the frame of {frame}, one each, within {self.tolerance:g}"
+
+    def targets(self, scene: Scene) -> tuple[Target, ...]:
+        """Return one for each body."""
+        found = list[Target]()
+        for body, place in zip(self.bodies, self.places, strict=True):
+            alone = replace(self, bodies=(body,), places=(place,))
+            found += Reach.targets(alone, scene)
+        return tuple(found)
+
+    def aim(self, target: Target, scene: Scene) -> Target:
+        return self._placed(target.bodies[0]).aim(target, scene)
+
+    def _placed(self, body: str) -> Placed:
+        place = self.places[self.bodies.index(body)]
+        return Placed(place=place, at=self.at, tolerance=self.tolerance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flattened(Reach):
+    """Soft bodies that must end at most ``max_height_m`` high, from their lowest node to their highest."""
+
+    max_height_m: float
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        def height(state: State) -> Any:
+            return state.extent(body)[..., 2]
+
+        slip = SLIP_SHARE * self.max_height_m
+        return [Measure(f"height of {body}", height, self.max_height_m, slip, "m")]
+
+    def asks(self) -> str:
+        return f"must be at most {self.max_height_m:g} m high, from its lowest node to its highest"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread(Reach):
+    """Soft bodies each of which must cover at least ``min_area_m2`` at the end, as seen from above."""
+
+    min_area_m2: float
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        def area(state: State) -> Any:
+            return state.covered_area(body)
+
+        least = self.min_area_m2
+        name = f"area of {body}"
+        return [Measure(name, area, least, SLIP_SHARE * least, "m^2", at_least=True)]
+
+    def asks(self) -> str:
+        return f"must cover at least {self.min_area_m2:g} m^2 as seen from above"
+
+
+WAYS: Mapping[str, type[Goal]] = {
+    "place": Placed,
+    "places": Places,
+    "away": Away,
+    "joint": JointAt,
+}
+"""Kinds that say how far there is to go, of which an entry has at most one."""
+
+KINDS: Mapping[str, type[Goal]] = {
+    **WAYS,
+    "max_height_m": Flattened,
+    "min_area_m2": Spread,
+    "axis": Turned,
+    "keep": Kept,
+    "untouched": Untouched,
+}
+"""The kinds of goals, by the key that an entry of a file has them by."""
+
+Entry = tuple[Goal, ...]
+
+
+def read_entry(given: Mapping[str, Any]) -> Entry:
+    """Make the goals that an entry stands for: one to reach, if it has one, and limits.
+
+    Raises:
+        ValueError: there is nothing to reach, two ways to go, a key that is missing, or one that says nothing.
+    """
+    kinds = {key: kind for key, kind in KINDS.items() if key in given}
+    if not kinds and {"rest", "held"} & given.keys():
+        kinds = {"bodies": Reach}
+    if not kinds or len(WAYS.keys() & kinds.keys()) > 1:
+        raise ValueError(
+            "a goal needs either place or away (the distance from the start), or places, or joint and to, not two of "
+            f"these; or one of rest, held, {', '.join(key for key in KINDS if key not in WAYS)}"
+        )
+    goals = [_make(key, kind, given) for key, kind in kinds.items()]
+    known = {field.name for kind in kinds.values() for field in fields(kind)}  # type: ignore[arg-type]
+    idle = sorted(given.keys() - known)
+    if idle:
+        raise ValueError(f"{idle[0]} says nothing in a goal with {', '.join(kinds)}")
+
+    reached = [goal for goal in goals if isinstance(goal, Reach)]
+    limits = [goal for goal in goals if not isinstance(goal, Reach)]
+    if not reached:
+        return tuple(limits)
+    first, *others = reached
+    if bool(first.bodies) == isinstance(first, JointAt):
+        raise ValueError("a goal needs either bodies, the names of these, or a joint")
+    return (replace(first, also=tuple(others)), *limits)
+
+
+def _make(key: str, kind: type[Goal], given: Mapping[str, Any]) -> Goal:
+    """Make a goal of what its kind takes."""
+    taken = [field for field in fields(kind) if field.init]  # type: ignore[arg-type]
+    for field in taken:
+        if field.default is MISSING and field.name not in given:
+            raise ValueError(f"a goal with {key} needs {field.name} too")
+    return kind(**{f.name: given[f.name] for f in taken if f.name in given})
+
+
+def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
+    """Put the goals of all entries in a row, and let ``after`` count these."""
+    firsts = [sum(map(len, entries[:number])) for number in range(len(entries))]
+    goals = list[Goal]()
+    for goal in (goal for entry in entries for goal in entry):
+        if isinstance(goal, Reach) and isinstance(goal.after, int):
+            goal = replace(goal, after=firsts[goal.after])
+        goals.append(goal)
+    return tuple(goals)

@@ -1,0 +1,121 @@
+"""What an entry of a scene file's goals stands for, and the kinds of goals that only files have."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from core.geometry import Box, Pose
+from core.goals import (
+    Away,
+    Kept,
+    Placed,
+    Reach,
+    Turned,
+    Untouched,
+    goals_margins,
+    goals_reward,
+)
+from core.scene import Body, Elastic, Filling, Scene, Soft, State
+from plugins.tasks.file.goals import Flattened, Places, Spread, join_entries, read_entry
+
+RED = (1, 0, 0, 1)
+
+
+def reward(goal, end, start):
+    task = SimpleNamespace(goals=(goal,), every=False)
+    return np.round(goals_reward(task, start, end), 9)
+
+
+def test_an_entry_of_a_file_is_one_goal_to_reach_and_its_limits():
+    place = {"place": (0.5, None, None), "tolerance": 0.01, "rest": True}
+    reached, kept = read_entry(
+        {"bodies": ("cup",), **place, "axis": (0, 0, 1), "keep": ("jug",)}
+    )
+    assert reached == Placed(
+        ("cup",), **place, also=(Turned(("cup",), axis=(0, 0, 1), rest=True),)
+    )
+    assert kept == Kept(("jug",))
+    assert read_entry({"bodies": ("cup",), "held": True}) == (
+        Reach(("cup",), held=True),
+    )
+
+
+def test_after_counts_the_entries_of_a_file():
+    entries = [
+        (Kept(("jug",)), Untouched(("jug",))),
+        (Away(("cup",), away=0.1),),
+        (Away(("pot",), away=0.1, after=1), Kept(("cup",))),
+    ]
+    assert join_entries(entries)[3].after == 2
+
+
+def test_soft_bodies_get_a_node_to_a_place_flat_and_wide():
+    form = Filling(Box((0.1, 0.1, 0.04)))
+    slab = Soft.make(
+        "slab",
+        form,
+        Elastic(400, 5e3),
+        Pose(np.array([0.5, 0, 0.02])),
+        color=RED,
+    )
+    start = Scene((slab,)).state()
+
+    def pressed(x, z):
+        return replace(start, soft={"slab": start.nodes("slab") * [x, 1, z]})
+
+    flat = Flattened(("slab",), max_height_m=0.02)
+    wide = Spread(("slab",), min_area_m2=0.02)
+    assert (
+        reward(flat, pressed(1, 0.5), start) == reward(wide, pressed(2, 1), start) == 1
+    )
+    assert (
+        reward(flat, pressed(1, 0.75), start)
+        == reward(wide, pressed(1.5, 1), start)
+        == 0.5
+    )
+    many = State.stack([start, pressed(1, 0.75), pressed(2, 0.5)])
+    both = replace(flat, also=(wide,))
+    np.testing.assert_allclose(
+        reward(both, many, State.stack([start] * 3)), [0, 0.25, 1], atol=1e-8
+    )
+    height, area = goals_margins(
+        SimpleNamespace(goals=(both,), every=False), start, pressed(2.1, 0.4)
+    )
+    assert (area.name, area.limit, height.name, round(height.margin, 6)) == (
+        "area of slab",
+        0.02,
+        "height of slab",
+        0.2,
+    )
+    corner = Placed(("slab",), node=0, place=(0.9, None, None))
+    np.testing.assert_allclose(reward(corner, pressed(1.5, 1), start), 0.5)
+
+
+def test_places_are_in_the_frame_of_a_mark_and_one_for_each_body():
+    cube, other = (
+        Body.of(name, Box((0.1, 0.1, 0.1)), (x, -0.3, 0.05), mass=1.0, color=RED)
+        for name, x in (("cube", 0.5), ("other", 0.7))
+    )
+    scene = Scene((cube, other, Body.mark("mark", (0.5, 0.1, 0), 0.05, RED)))
+    goal = Places(
+        ("cube", "other"),
+        places=((0, 0, 0.05), (0, 0.2, 0.05)),
+        at="mark",
+        tolerance=0.001,
+    )
+    start = scene.state()
+    there = np.array([(0.5, 0.1, 0.05), (0.5, 0.3, 0.05)])
+    assert reward(goal, replace(start, positions=there), start) == 1
+    assert reward(goal, replace(start, positions=there[::-1]), start) < 0.6
+
+    one, two = goal.targets(scene)
+    assert (one.bodies, one.place) == (("cube",), (0.5, 0.1, 0.05))
+    assert two.place == pytest.approx((0.5, 0.3, 0.05))
+    assert two.reference == "mark"
+    assert goal.words() == (
+        "cube, other must get to (0, 0, 0.05), (0, 0.2, 0.05) in the frame of mark, one each, within 0.001"
+    )
+    with pytest.raises(ValueError, match="one for each of its 1 bodies"):
+        replace(goal, bodies=("cube",))
