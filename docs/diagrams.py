@@ -17,7 +17,7 @@ FONT = "system-ui, 'DejaVu Sans', sans-serif"
 # `tests/test_architecture.py` checks every module.
 FLOORS = {
     "ground": ("errors", "support", "geometry"),
-    "values": ("values", "goals", "scene", "design", "task", "trial"),
+    "values": ("values", "scene", "goals", "design", "task", "trial"),
     "interfaces and events": ("interfaces", "events", "hooks"),
     "plugins and config": ("plugins", "config"),
     "robot and solids": ("robot", "solids", "designs"),
