@@ -1,19 +1,81 @@
-"""Play a job in one world: settle, move, hold. Shared by all engines that step one world at a time."""
+"""Play a job: settle, move, hold. All engines share the schedule; those that step one world share `play` too."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
+from core.interfaces import Outcome, Recording, Rollout, World
 from core.scene import State
 from core.values.jobs import FEEL_S, FeelingWorld
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
+
+Film = tuple[Array, Array, State]  # arm, fingers and states of a `Recording`
+
+
+class Schedule:
+    """When an engine with a time step does what while it plays a job. The motion begins at 0, seconds.
+
+    Attributes:
+        settle: how many steps let the world settle.
+        times: (S,) when steps begin; ``ends`` (S,) when they end.
+        every: the steps between two samples of a recording; 0 without one.
+        samples: (T,) how many steps are done at each sample, the last of them all.
+        looks: (L,) the steps after which the arm's lag is measured.
+        tick: the steps between two readings of guards.
+    """
+
+    def __init__(self, job: Rollout, time_step: float) -> None:
+        self.job = job
+        self.time_step = time_step
+        self.settle = round(job.settle_s / time_step)
+        moving = int(np.ceil(job.trajectory.duration / time_step))
+        count = self.settle + moving + round(job.hold_s / time_step)
+        self.times = np.arange(-self.settle, count - self.settle) * time_step
+        self.ends = self.times + time_step
+        self.every = 0
+        self.samples = np.empty(0, dtype=int)
+        if job.record_hz > 0:
+            self.every = max(1, round(1 / (job.record_hz * time_step)))
+            self.samples = np.append(np.arange(0, count, self.every), count)
+        first = -(-self.settle // LAG_EVERY) * LAG_EVERY
+        self.looks = np.arange(first, count, LAG_EVERY)
+        self.tick = max(1, round(FEEL_S / time_step))
+
+    def targets(self) -> tuple[Array, Array, Array, Array]:
+        """Sample the targets at the end of each step, and the speeds that lead there.
+
+        Returns arm (S, 7), fingers (S,), arm speeds (S, 7) and finger speeds (S,).
+        """
+        arm, fingers = self.job.trajectory.sample(np.append(self.times, self.ends[-1:]))
+        speeds = np.diff(arm, axis=0) / self.time_step
+        return arm[1:], fingers[1:], speeds, np.diff(fingers) / self.time_step
+
+    def measure_lag(self, arm: Array) -> float:
+        """Measure the largest lag of a joint, radians, by the arm's joints (L, J) after the ``looks``."""
+        wanted, _ = self.job.trajectory.sample(self.ends[self.looks])
+        return float(np.abs(wanted - np.reshape(arm, wanted.shape)).max(initial=0.0))
+
+    def conclude(
+        self, start: State | None, end: State, lag: float, film: Film | None = None
+    ) -> Outcome:
+        """Make the outcome of what was played; ``film`` is what was seen at the samples, if the job is recorded."""
+        values = end.positions, end.quaternions, end.linear_velocities
+        if not all(np.isfinite(array).all() for array in values):
+            error = "the simulation blew up: a body's state is not finite"
+            return Outcome(None, None, error=error)
+        recording = None
+        if film is not None:
+            instants = np.append(self.times, self.ends[-1])[self.samples]
+            recording = Recording(instants, *film)
+        guards = self.job.guards
+        felt = guards.felt if guards else ()
+        return Outcome(start, end, lag, recording=recording, felt=felt)
 
 
 @runtime_checkable
@@ -34,9 +96,32 @@ class BulkWorld(World, Protocol):
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
         ...
 
-    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+    def read(self, notes: Sequence[Any]) -> Film:
         """Decode T snapshots: arm (T, J), fingers with the tool's joints (T, F + K), the free bodies' states."""
         ...
+
+
+class _StepByStep:
+    """Gives a `World` what a `BulkWorld` has."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def orders(self, *targets: Array) -> Sequence[Any]:
+        arm, fingers, speeds, finger_speeds = targets
+        return list(
+            zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
+        )
+
+    def obey(self, order: Any) -> None:
+        self._world.step(*order)
+
+    def note(self) -> Any:
+        return *self._world.joints(), self._world.state()
+
+    def read(self, notes: Sequence[Any]) -> Film:
+        arms, fingers, states = zip(*notes, strict=True)
+        return np.array(arms), np.array(fingers), State.stack(states)
 
 
 @runtime_checkable
@@ -47,96 +132,6 @@ class Launching(World, Protocol):
         """Give bodies their velocities, begin the time of drives, and let the tool's joints go."""
 
 
-def play(world: World, job: Rollout) -> Outcome:
-    """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
-    job, guards, dt = begun(job), job.guards, world.time_step
-    trajectory = job.trajectory
-    if not (
-        np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()
-    ):
-        return Outcome(None, None, error="the trajectory's targets are not finite")
-    settle, times = schedule(job, dt)
-    every, tick = record_every(job, dt), feel_every(dt)
-    arm, *others = targets(trajectory, times, dt)
-    orders = _orders(world, arm, others)
-
-    instants, notes = [], []
-    note = (
-        world.note
-        if isinstance(world, BulkWorld)
-        else lambda: (*world.joints(), world.state())
-    )
-    step = (
-        world.obey if isinstance(world, BulkWorld) else lambda order: world.step(*order)
-    )
-    start = begin_motion(world) if settle == 0 else None
-    reached: list[Array] = []
-    k = -1
-    while (order := next(orders, None)) is not None:
-        k += 1
-        if every and k % every == 0:
-            instants.append(float(times[k]))
-            notes.append(note())
-        step(order)
-        if k == settle - 1:
-            start = begin_motion(world)
-        if k >= settle and k % LAG_EVERY == 0:
-            reached.append(world.joints()[0])
-        if (
-            guards is not None
-            and (k + 1 - settle) % tick == 0
-            and times[k] + dt >= guards.since
-        ):
-            changed = guards.feel(
-                float(times[k] + dt),
-                world.joints()[0],
-                *cast(FeelingWorld, world).pushes(),
-            )
-            if changed is not None:
-                _, times = schedule(replace(job, trajectory=changed), dt)
-                arm, *others = targets(changed, times, dt)
-                orders = _orders(world, arm, others, k + 1)
-    if every:
-        instants.append(float(times[-1] + dt))
-        notes.append(note())
-    end = world.state()
-    wanted = arm[-(-settle // LAG_EVERY) * LAG_EVERY :: LAG_EVERY]
-    lag = float(np.abs(np.array(reached) - wanted).max()) if reached else 0.0
-    if not all(
-        np.isfinite(x).all()
-        for x in (end.positions, end.quaternions, end.linear_velocities)
-    ):
-        return Outcome(
-            None, None, error="the simulation blew up: a body's state is not finite"
-        )
-    recording = Recording(np.array(instants), *_read(world, notes)) if notes else None
-    return Outcome(
-        start, end, lag, recording=recording, felt=guards.felt if guards else ()
-    )
-
-
-def begun(job: Rollout) -> Rollout:
-    """Let a job's guards begin anew."""
-    return replace(job, trajectory=job.guards.begin()) if job.guards else job
-
-
-def feel_every(dt: float) -> int:
-    """Count the steps between two readings of guards."""
-    return max(1, round(FEEL_S / dt))
-
-
-def _orders(
-    world: World, arm: Array, others: Sequence[Array], begin: int = 0
-) -> Iterator[Any]:
-    """What is asked of each step, from step ``begin`` on."""
-    fingers, speeds, finger_speeds = (array[begin:] for array in others)
-    if isinstance(world, BulkWorld):
-        return iter(world.orders(arm[begin:], fingers, speeds, finger_speeds))
-    return zip(
-        arm[begin:], fingers.tolist(), speeds, finger_speeds.tolist(), strict=True
-    )
-
-
 def begin_motion(world: World) -> State:
     """Begin the motion, and return the state there."""
     if isinstance(world, Launching):
@@ -144,31 +139,49 @@ def begin_motion(world: World) -> State:
     return world.state()
 
 
-def schedule(job: Rollout, dt: float) -> tuple[int, Array]:
-    """Count the settling steps, and list the times (S,) at which steps begin; the motion begins at 0."""
-    settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
-    moving = int(np.ceil(job.trajectory.duration / dt))
-    return settle, np.arange(-settle, moving + hold, dtype=np.float64) * dt
+def begin_guards(job: Rollout) -> Rollout:
+    """Let a job's guards begin anew."""
+    return replace(job, trajectory=job.guards.begin()) if job.guards else job
 
 
-def record_every(job: Rollout, dt: float) -> int:
-    """Count the steps between two samples of a recording; 0 without one."""
-    return max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
+def play(world: World, job: Rollout) -> Outcome:
+    """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
+    job = begin_guards(job)
+    trajectory = job.trajectory
+    if not (
+        np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()
+    ):
+        return Outcome(None, None, error="the trajectory's targets are not finite")
 
+    bulk = world if isinstance(world, BulkWorld) else _StepByStep(world)
+    schedule = Schedule(job, world.time_step)
+    orders = bulk.orders(*schedule.targets())
+    start = begin_motion(world) if schedule.settle == 0 else None
+    notes: list[Any] = []
+    reached: list[Array] = []
+    done = 0  # steps
+    while done < len(orders):
+        if schedule.every and done % schedule.every == 0:
+            notes.append(bulk.note())
+        bulk.obey(orders[done])
+        now = float(schedule.ends[done])
+        if done >= schedule.settle and done % LAG_EVERY == 0:
+            reached.append(world.joints()[0])
+        done += 1
+        if done == schedule.settle:
+            start = begin_motion(world)
 
-def targets(
-    trajectory: JointTrajectory, times: Array, dt: float
-) -> tuple[Array, Array, Array, Array]:
-    """Sample the targets at the end of each step, and the speeds that lead there.
+        due = (done - schedule.settle) % schedule.tick == 0
+        if job.guards is None or not due or now < job.guards.since:
+            continue
+        pushes = cast(FeelingWorld, world).pushes()
+        changed = job.guards.feel(now, world.joints()[0], *pushes)
+        if changed is not None:
+            schedule = Schedule(replace(job, trajectory=changed), world.time_step)
+            orders = bulk.orders(*schedule.targets())
 
-    Steps begin at ``times`` (S,). Returns arm (S, 7), fingers (S,), arm speeds (S, 7) and finger speeds (S,).
-    """
-    arm, fingers = trajectory.sample(np.append(times, times[-1:] + dt))
-    return arm[1:], fingers[1:], np.diff(arm, axis=0) / dt, np.diff(fingers) / dt
-
-
-def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-    if isinstance(world, BulkWorld):
-        return world.read(notes)
-    arms, fingers, states = zip(*notes, strict=True)
-    return np.array(arms), np.array(fingers), State.stack(states)
+    film = None
+    if schedule.every:
+        film = bulk.read([*notes, bulk.note()])
+    lag = schedule.measure_lag(np.array(reached))
+    return schedule.conclude(start, world.state(), lag, film)

@@ -8,17 +8,10 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Guards, JointTrajectory, Outcome, Recording, Robot, Rollout
+from core.interfaces import Guards, JointTrajectory, Outcome, Robot, Rollout
 from core.robot.description import assembled, joint_name
 from core.scene import Inertia, Scene, Soft, State
-from core.simulation.playback import (
-    LAG_EVERY,
-    begun,
-    feel_every,
-    record_every,
-    schedule,
-    targets,
-)
+from core.simulation.playback import Schedule, begin_guards
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
@@ -214,61 +207,44 @@ class World:
 
     def play(self, job: Rollout) -> Outcome:
         """Play a rollout as `core.simulation.playback.play` does, with all controls given at once."""
-        job = begun(job)
-        dt = self._model.opt.timestep
-        trajectory = job.trajectory
-        if not (
-            np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()
-        ):
-            return Outcome(None, None, error="the trajectory's targets are not finite")
-        settle, times = schedule(job, dt)
-        every = record_every(job, dt)
-        meter = Meter(self._scene, self._model) if every and job.forces else None
+        schedule = Schedule(begin_guards(job), self._model.opt.timestep)
+        meter = None
+        if schedule.every and job.forces:
+            meter = Meter(self._scene, self._model)
         try:
-            job, times, (qpos, qvel) = self._run(job, settle, times, meter)
+            schedule, (qpos, qvel) = self._run(schedule, meter)
         except (mujoco.FatalError, FloatingPointError) as error:
             return Outcome(None, None, error=f"MuJoCo: {error}")
-        looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
-        lag = np.abs(
-            self._joints.read(qpos[looks + 1])[0]
-            - job.trajectory.sample(times[looks] + dt)[0]
-        ).max(initial=0.0)
-        recording = None
-        if every:
-            at = np.append(np.arange(0, len(times), every), len(times))
-            instants = np.append(times, times[-1] + dt)[at]
-            recording = Recording(
-                instants,
-                *self._joints.read(qpos[at]),
-                self._moving.state(qpos[at], qvel[at]),
-            )
-            recording = meter.measured(recording, at) if meter else recording
-        start, end = (
-            self._moving.state(qpos[step], qvel[step]) for step in (settle, -1)
-        )
-        return Outcome(
-            start,
-            end,
-            float(lag),
-            recording=recording,
-            felt=job.guards.felt if job.guards else (),
-        )
+
+        lag = schedule.measure_lag(self._joints.read(qpos[schedule.looks + 1])[0])
+        start = self._moving.state(qpos[schedule.settle], qvel[schedule.settle])
+        end = self._moving.state(qpos[-1], qvel[-1])
+        if not schedule.every:
+            return schedule.conclude(start, end, lag)
+
+        samples = schedule.samples
+        states = self._moving.state(qpos[samples], qvel[samples])
+        film = (*self._joints.read(qpos[samples]), states)
+        outcome = schedule.conclude(start, end, lag, film)
+        if meter is None or outcome.recording is None:
+            return outcome
+        return replace(outcome, recording=meter.measured(outcome.recording, samples))
 
     def _run(
-        self, job: Rollout, settle: int, times: Array, meter: Meter | None
-    ) -> tuple[Rollout, Array, tuple[Array, Array]]:
+        self, schedule: Schedule, meter: Meter | None
+    ) -> tuple[Schedule, tuple[Array, Array]]:
         """Step the world: joint positions (S + 1, Q) and speeds (S + 1, V) before each step, and after the last.
 
-        A guards may change the trajectory and with it the times: the job and the times as they were played come back.
-        Steps begin at ``times`` (S,). In the first ``settle`` of them the joints are held where the motion begins.
-        ``meter`` measures the forces in each step.
+        Guards may change the trajectory and with it the schedule: it comes back as it was played. While the world
+        settles, the joints are held where the motion begins. ``meter`` measures the forces in each step.
 
         Raises:
             mujoco.FatalError: MuJoCo refuses to go on.
             FloatingPointError: the world diverged.
         """
-        trajectory = job.trajectory
-        controls = self._controls(trajectory, times)
+        trajectory = schedule.job.trajectory
+        settle = schedule.settle
+        controls = self._controls(schedule)
         joints = np.append(
             trajectory.arm[0], [trajectory.fingers[0]] * self._joints.grip
         )
@@ -283,34 +259,24 @@ class World:
             states = states.copy()
             self._moving.launch(*self._split(states[-1]))
         self._joints.hold(self._model, held=False)
-        if job.guards is not None:
-            return self._felt(job, job.guards, settle, times, states, meter)
-        return (
-            job,
-            times,
-            self._split(self._steps(self._data, states, controls[settle:], meter)),
-        )
+        if schedule.job.guards is not None:
+            return self._felt(schedule, schedule.job.guards, states, meter)
+        played = self._steps(self._data, states, controls[settle:], meter)
+        return schedule, self._split(played)
 
     def _felt(
-        self,
-        job: Rollout,
-        guards: Guards,
-        settle: int,
-        times: Array,
-        states: Array,
-        meter: Meter | None,
-    ) -> tuple[Rollout, Array, tuple[Array, Array]]:
+        self, schedule: Schedule, guards: Guards, states: Array, meter: Meter | None
+    ) -> tuple[Schedule, tuple[Array, Array]]:
         """Do the steps after the settling as `_run` does, some readings at once; where a guard ends, go back to it."""
         data = self._data
-        dt = self._model.opt.timestep
         kept = mujoco.MjData(self._model)
-        controls = self._controls(job.trajectory, times)
-        tick = feel_every(dt)
-        done = settle
+        controls = self._controls(schedule)
+        tick = schedule.tick
+        done = schedule.settle
         found = [states]
-        while done < len(times):
+        while done < len(controls):
             last = found[-1][-1:]
-            quiet = int(np.searchsorted(times[done:] + dt, guards.since))
+            quiet = int(np.searchsorted(schedule.ends[done:], guards.since))
             due = (quiet // tick + 1) * tick  # the steps up to the next reading
             orders = controls[done : done + due + (0 if meter else _READINGS * tick)]
             mujoco.mj_copyData(kept, self._model, data)
@@ -318,7 +284,8 @@ class World:
             with self._feeler.on():
                 played = self._steps(data, last, orders, meter, sensed)[1:]
             for end in range(due, len(played) + 1, tick):
-                if (now := float(times[done + end - 1] + dt)) < guards.since:
+                now = float(schedule.ends[done + end - 1])
+                if now < guards.since:
                     continue
                 arm, _ = self._joints.read(self._split(played[end - 1 : end])[0])
                 changed = guards.feel(
@@ -329,13 +296,13 @@ class World:
                 if end < len(played):
                     mujoco.mj_copyData(data, self._model, kept)
                     played = self._steps(data, last, orders[:end], None)[1:]
-                job = replace(job, trajectory=changed)
-                _, times = schedule(job, dt)
-                controls = self._controls(changed, times)
+                job = replace(schedule.job, trajectory=changed)
+                schedule = Schedule(job, schedule.time_step)
+                controls = self._controls(schedule)
                 break
             found.append(played)
             done += len(played)
-        return job, times, self._split(np.concatenate(found))
+        return schedule, self._split(np.concatenate(found))
 
     def _split(self, states: Array) -> tuple[Array, Array]:
         """Split states (..., X) into positions (..., Q) and speeds (..., V)."""
@@ -425,16 +392,15 @@ class World:
             if sensed is not None:
                 sensed[number] = data.sensordata
 
-    def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
+    def _controls(self, schedule: Schedule) -> Array:
         """Make the controls (S, 2 J): each joint's target position and speed, and then each drive's."""
-        dt = self._model.opt.timestep
-        arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
-        aims = self._moving.aim(np.append(times, times[-1:] + dt))
+        times = schedule.times
+        arm, fingers, speeds, finger_speeds = schedule.targets()
+        aims = self._moving.aim(np.append(times, schedule.ends[-1:]))
         drives = aims[1:]
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
-            arm, fingers = trajectory.sample(
-                times
-            )  # servos compare them with where joints are when the step begins
+            # Servos compare them with where joints are when the step begins.
+            arm, fingers = schedule.job.trajectory.sample(times)
             drives = aims[:-1]
         count = self._joints.arm
         own = len(self._joints.driven)
@@ -444,7 +410,7 @@ class World:
         controls[:, count:own, 0] = fingers[:, None]
         controls[:, count:own, 1] = finger_speeds[:, None]
         controls[:, own:, 0] = drives
-        controls[:, own:, 1] = np.diff(aims, axis=0) / dt
+        controls[:, own:, 1] = np.diff(aims, axis=0) / schedule.time_step
         return controls.reshape(len(times), -1)
 
     def stepped(self, start: JointTrajectory) -> Stepped:

@@ -6,7 +6,7 @@ import pytest
 from core.design import Tool
 from core.interfaces import JointTrajectory, Rollout
 from core.scene import State
-from core.simulation.playback import play, record_every, schedule, targets
+from core.simulation.playback import Schedule, play
 
 DT = 0.01
 
@@ -45,8 +45,9 @@ def job(**settings):
 
 
 def test_it_settles_moves_and_holds():
-    settle, times = schedule(job(), DT)
-    assert settle == 10
+    schedule = Schedule(job(), DT)
+    times = schedule.times
+    assert schedule.settle == 10
     np.testing.assert_allclose(times[[0, 10, -1]], [-0.1, 0.0, 0.69])
     world = Exact()
     outcome = play(world, job())
@@ -58,8 +59,7 @@ def test_it_settles_moves_and_holds():
 
 
 def test_targets_are_those_at_the_end_of_a_step_with_the_speeds_that_lead_there():
-    _, times = schedule(job(), DT)
-    arm, fingers, speeds, finger_speeds = targets(job().trajectory, times, DT)
+    arm, fingers, speeds, finger_speeds = Schedule(job(), DT).targets()
     moving, still = slice(10, 60), np.r_[0:10, 60:80]
     np.testing.assert_allclose(arm[moving, 0], 0.01 * np.arange(1, 51))
     np.testing.assert_allclose(speeds[moving], 1.0)
@@ -74,8 +74,8 @@ def test_the_largest_lag_is_reported():
 
 def test_a_recording_has_its_rate_and_both_ends():
     outcome = play(Exact(), job(record_hz=25))
-    assert record_every(job(record_hz=25), DT) == 4
-    assert record_every(job(), DT) == 0
+    assert Schedule(job(record_hz=25), DT).every == 4
+    assert Schedule(job(), DT).every == 0
     times = outcome.recording.times
     assert (times[0], times[-1]) == (pytest.approx(-0.1), pytest.approx(0.7))
     np.testing.assert_allclose(np.diff(times), 0.04)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from core.errors import UsageError, UserError
-from core.interfaces import Outcome, Recording, Rollout, Task
+from core.interfaces import Outcome, Rollout, Task
 from core.scene import Scene
-from core.simulation.playback import record_every, schedule
+from core.simulation.playback import Schedule
 from plugins.simulators.mujoco.batched.models import (
     ModelFigures,
     Played,
@@ -80,26 +80,17 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 "sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco"
             )
         for i, job in enumerate(jobs):
-            if not (
-                np.isfinite(job.trajectory.arm).all()
-                and np.isfinite(job.trajectory.fingers).all()
-            ):
-                outcomes[i] = Outcome(
-                    None, None, error="the trajectory's targets are not finite"
-                )
-                continue
             mine[i] = self._of(task, job)
             groups.setdefault(mine[i].shared, []).append(i)
         for members in groups.values():
-            members.sort(
-                key=lambda i: self._steps(jobs[i])
-            )  # so that neighbours end together
+            # So that neighbours end together.
+            members.sort(key=lambda i: len(self._schedule(jobs[i]).times))
             for i, played in self._played(task, members, mine, jobs):
                 outcomes[i] = self._outcome(jobs[i], mine[i], played)
         return [outcomes[i] for i in range(len(jobs))]
 
-    def _steps(self, job: Rollout) -> int:
-        return len(schedule(job, self._rates[0])[1])
+    def _schedule(self, job: Rollout) -> Schedule:
+        return Schedule(job, self._rates[0])
 
     def _of(self, task: Task, job: Rollout) -> ModelFigures:
         scene = job.scene_in(task)
@@ -154,11 +145,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def _batch(self, task: Task, jobs: Sequence[Rollout], of: ModelFigures) -> Worlds:
         """Make worlds for the first of the jobs. Sizes are rounded up to powers of two, so that few are made."""
-        frames = [
-            self._steps(job) // every + 1
-            for job in jobs
-            if (every := record_every(job, self._rates[0]))
-        ]
+        frames = [len(self._schedule(job).samples) for job in jobs]
         size = Size(
             min(_up(len(jobs)), self.worlds),
             _up(max(frames, default=1)),
@@ -189,18 +176,16 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 None,
                 error="MuJoCo Warp: the simulation blew up: a state is not finite, or huge",
             )
-        recording = None
-        dt = self._rates[0]
-        if every := record_every(job, dt):
-            times = schedule(job, dt)[1]
-            numbers = np.concatenate([played.film, played.end[None]]).astype(np.float64)
-            instants = np.append(times[::every], times[-1] + dt)
-            recording = Recording(instants, *of.joints.read(numbers), of.state(numbers))
-        start, end = (
-            of.state(numbers.astype(np.float64))
-            for numbers in (played.start, played.end)
+        start, end, film = (
+            numbers.astype(np.float64)
+            for numbers in (played.start, played.end, played.film)
         )
-        return Outcome(start, end, played.lag, recording=recording)
+        schedule = self._schedule(job)
+        seen = None
+        if schedule.every:
+            numbers = np.concatenate([film, end[None]])
+            seen = (*of.joints.read(numbers), of.state(numbers))
+        return schedule.conclude(of.state(start), of.state(end), played.lag, seen)
 
 
 def _up(count: int) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from core.designs.statics import MAX_JOINTS
 from core.geometry import Array
 from core.interfaces import Rollout
-from core.simulation.playback import LAG_EVERY, record_every, schedule
+from core.simulation.playback import LAG_EVERY, Schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import (
     advance,
@@ -160,8 +160,8 @@ class Worlds:
             targets[i, :known, : self._arm] = trajectory.arm
             targets[i, :known, self._arm :] = trajectory.fingers[:, None]
             first[i, mine[i].joints.driven] = targets[i, 0]
-            settle, begins = schedule(job, self._dt)
-            schedules.append((settle, len(begins), record_every(job, self._dt)))
+            schedule = Schedule(job, self._dt)
+            schedules.append((schedule.settle, len(schedule.times), schedule.every))
             instants.append(known)
         settle, last, every = np.array(schedules).T
         _assign(self._settle, settle)
