@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -20,8 +21,12 @@ from core.interfaces import (
 from core.simulation.pictures import filmed
 from core.support.text import clean
 
-FRAMES, APART_S = 6, 0.15  # of a strip
-STIRRED_M, LIFTED_M = 0.003, 0.02
+FRAMES = 6
+APART_S = 0.15  # between two frames, at least
+STIRRED_M = 0.003
+LIFTED_M = 0.02
+
+Moment = tuple[float, str]  # seconds, and what happens then
 
 
 def draw_strip(
@@ -45,80 +50,72 @@ def draw_strip(
     frames = []
     for instant, what in moments(recording, seen):
         frame = Pillow.fromarray(draw(int(np.abs(recording.times - instant).argmin())))
+        text = f"{instant:.1f} s: {what}" if what else f"{instant:.1f} s"
         pen = ImageDraw.Draw(frame)
         pen.rectangle([(0, 0), (320, 17)], fill=(255, 255, 255))
-        pen.text(
-            (4, 2),
-            clean(f"{instant:.1f} s{what and f': {what}'}", 60),
-            fill=(30, 30, 30),
-            font_size=12,
-        )
+        pen.text((4, 2), clean(text, 60), fill=(30, 30, 30), font_size=12)
         frames.append(np.asarray(frame))
     return np.vstack([np.hstack(frames[:3]), np.hstack(frames[3:])])
 
 
-def moments(
-    recording: Recording, seen: Observation | None = None
-) -> list[tuple[float, str]]:
+def moments(recording: Recording, seen: Observation | None = None) -> list[Moment]:
     """Choose `FRAMES` instants of a recording to show, seconds, each with what happens then, in the order of time.
 
     The first are the start and the end, then what ``seen`` names: the first touches, and when it went wrong; else the
     first motion of a body. Then come the highest points of bodies that are lifted, and the fastest motions. Instants
     less than `APART_S` apart count as one. At last, the longest gaps are halved.
     """
-    times, states = recording.times, recording.states
-    end = float(times[-1])
-    happened = [(0.0, "start"), (end, "end")]
+    happened = [(0.0, "start"), (float(recording.times[-1]), "end")]
     if seen is not None:
-        touches: dict[str, tuple[float, str]] = {}  # the first of each body
-        for c in sorted(
-            (c for c in seen.contacts if c.kind != "body"),
-            key=lambda contact: contact.first_s,
-        ):
-            touches.setdefault(c.other, (c.first_s, f"{c.one} touches {c.other}"))
-        first, *others = touches.values() or [(0.0, "")]
-        happened.append(first)
-        happened += (
-            [(seen.at_s, f"{seen.result}: {seen.what}" if seen.what else seen.result)]
-            if seen.at_s
-            else []
-        )
-        happened += others
-    moving = times >= 0
-    if moving.any() and len(states.names):
-        shifts = (
-            np.linalg.norm(states.positions - states.positions[moving][0], axis=-1)
-            * moving[:, None]
-        )
-        for name, shift in sorted(
-            zip(states.names, shifts.T, strict=True), key=lambda item: -item[1].max()
-        )[:2]:
-            height = (
-                states.position(name)[:, 2] - states.position(name)[moving][0, 2]
-            ) * moving
-            speed = np.abs(np.gradient(shift, times))
-            if shift.max() > STIRRED_M:
-                happened.append(
-                    (float(times[np.argmax(shift > STIRRED_M)]), f"{name} moves")
-                )
-                happened += (
-                    [(float(times[height.argmax()]), f"{name} is highest")]
-                    if height.max() > LIFTED_M
-                    else []
-                )
-                happened.append((float(times[speed.argmax()]), f"{name} is fastest"))
-    chosen: list[tuple[float, str]] = []
-    for instant, what in happened:
-        if len(chosen) < FRAMES and all(
-            abs(instant - other) >= APART_S for other, _ in chosen
-        ):
-            chosen.append((instant, what))
+        happened += _list_observed(seen)
+    happened += _list_motions(recording)
+
+    chosen: list[Moment] = []
+    for moment in happened:
+        new = all(abs(moment[0] - other) >= APART_S for other, _ in chosen)
+        if new and len(chosen) < FRAMES:
+            chosen.append(moment)
     while len(chosen) < FRAMES:
         chosen.sort()
-        before, after = max(
-            pairwise(chosen),
-            key=lambda pair: pair[1][0] - pair[0][0],
-            default=(chosen[0], chosen[-1]),
-        )
+        gaps = list(pairwise(chosen)) or [(chosen[0], chosen[0])]
+        before, after = max(gaps, key=lambda gap: gap[1][0] - gap[0][0])
         chosen.append(((before[0] + after[0]) / 2, ""))
     return sorted(chosen)
+
+
+def _list_observed(seen: Observation) -> list[Moment]:
+    """List the first touch, when it went wrong, and the first touches of other bodies."""
+    touches: dict[str, Moment] = {}  # the first of each body
+    for contact in sorted(seen.contacts, key=lambda contact: contact.first_s):
+        if contact.kind != "body":
+            text = f"{contact.one} touches {contact.other}"
+            touches.setdefault(contact.other, (contact.first_s, text))
+    observed = list(touches.values())
+    if seen.at_s:
+        text = f"{seen.result}: {seen.what}" if seen.what else seen.result
+        observed.insert(1, (seen.at_s, text))
+    return observed
+
+
+def _list_motions(recording: Recording) -> Iterator[Moment]:
+    """Yield when the two bodies that get farthest begin to move, are highest, and are fastest."""
+    states = recording.states
+    times = recording.times
+    moving = times >= 0
+    if not moving.any():
+        return
+    paths = states.positions - states.positions[moving][0]
+    paths[~moving] = 0.0
+    shifts = np.linalg.norm(paths, axis=-1)
+    farthest = np.argsort(-shifts.max(axis=0), kind="stable")
+    for body in farthest[:2].tolist():
+        name = states.names[body]
+        shift = shifts[:, body]
+        height = paths[:, body, 2]
+        if shift.max() <= STIRRED_M:
+            continue
+        yield float(times[np.argmax(shift > STIRRED_M)]), f"{name} moves"
+        if height.max() > LIFTED_M:
+            yield float(times[height.argmax()]), f"{name} is highest"
+        speed = np.abs(np.gradient(shift, times))
+        yield float(times[speed.argmax()]), f"{name} is fastest"

@@ -15,8 +15,9 @@ from scipy.ndimage import binary_erosion
 from core.geometry import Array, Pose
 from core.interfaces import Image, Picture, Task
 from core.scene import Body, Camera
-from core.simulation.pictures import describe_camera, nearness, png
+from core.simulation.pictures import describe_camera, png
 from plugins.vlms.told.bodies import bounds
+from plugins.vlms.told.nearness import nearness
 
 SIZE = 1000, 750  # pixels
 _ROOM_M = 0.06  # around what a parallel camera shows; it stands half of that before it, and cuts off what is behind it

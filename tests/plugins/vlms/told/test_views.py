@@ -12,8 +12,8 @@ from core.design import Tool
 from core.geometry import Box, Pose, Sphere
 from core.plugins import installed
 from core.scene import Body, Camera, Geom
-from core.simulation.pictures import nearness
 from plugins.vlms.told.bodies import bounds
+from plugins.vlms.told.nearness import nearness
 from plugins.vlms.told.views import SIZE, _parallel, _shown, _size, calibrated_pictures
 from tests.engines import simulator
 
