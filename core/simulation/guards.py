@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class PlannedGuards:
         motion: as it is planned now; after a rollout, as it was played.
         felt: how its guards ended so far.
         problem: why the rest could not be planned; the motion ended there.
+        since: when the way to the next guard begins, seconds; infinity: there is none.
     """
 
     def __init__(
@@ -60,14 +62,12 @@ class PlannedGuards:
         settings: RolloutSettings,
         scene: Scene | None = None,
     ) -> None:
-        self._plan, self._task, self._seed, self._settings, self._scene = (
-            plan,
-            task,
-            seed,
-            settings,
-            scene,
-        )
-        self._planned, self._arm = (waypoints, motion), arm_of(task.robot)
+        self._resolve = partial(resolve, plan, task, seed, settings, scene)
+        self._task = task
+        self._seed = seed
+        self._settings = settings
+        self._planned = waypoints, motion
+        self._arm = arm_of(task.robot)
         self.begin()
 
     def begin(self) -> JointTrajectory:
@@ -76,79 +76,72 @@ class PlannedGuards:
         self.felt: tuple[Felt, ...] = ()
         self.problem: str | None = None
         self._poses: tuple[Pose | None, ...] = ()
-        self._sensed: list[Array] = []
         self._random = np.random.default_rng([self._seed, _NOISE])
-        self._next()
+        self._find_next(0)
         return self.motion.trajectory
 
-    def _next(self) -> None:
-        """Find the next guard: its waypoint, and the time of its way."""
-        after = self.felt[-1].waypoint if self.felt else 0
-        guards = self._waypoints.guards[: len(self.motion.arrivals)]
-        self._at = next(
-            (k for k, guard in enumerate(guards) if guard is not None and k >= after),
-            None,
-        )
-        self._sensed = []
-        self.since, self._until = math.inf, math.inf
-        if self._at is not None:
-            arrivals, tempo = self.motion.arrivals, self._waypoints.tempo
-            waits = np.zeros(len(guards)) if tempo is None else tempo.waits
-            self.since = (
-                float(arrivals[self._at - 1] + waits[self._at - 1]) if self._at else 0.0
-            )
-            self._until = float(arrivals[self._at] + waits[self._at])
+    def _find_next(self, after: int) -> None:
+        """Find the next guard among the planned waypoints from ``after`` on, and the time of its way."""
+        arrivals = self.motion.arrivals
+        guards = self._waypoints.guards[: len(arrivals)]
+        self._sensed: list[Array] = []
+        self.since = math.inf
+        self._until = math.inf
+        guarded = [k for k in range(after, len(guards)) if guards[k] is not None]
+        self._number = guarded[0] if guarded else None
+        if self._number is None:
+            return
+        leaves = arrivals
+        if self._waypoints.tempo is not None:
+            leaves = arrivals + self._waypoints.tempo.waits[: len(arrivals)]
+        self.since = float(leaves[self._number - 1]) if self._number else 0.0
+        self._until = float(leaves[self._number])
 
     def feel(
         self, time: float, arm: Array, points: Array, forces: Array
     ) -> JointTrajectory | None:
         """See `core.interfaces.Guards`."""
-        if self._at is None:
+        if self._number is None:
             return None
-        guard = self._waypoints.guards[self._at]
+        guard = self._waypoints.guards[self._number]
         assert guard is not None
-        self._sensed.append(self._estimate(arm, points, forces))
-        force = (
-            np.sort(self._sensed[-_MEDIAN:], axis=0)[len(self._sensed[-_MEDIAN:]) // 2]
-            - self._sensed[0]
-        )
-        fired = self._fires(guard, time, arm, force)
+        self._sensed.append(self._estimate_force(arm, points, forces))
+        recent = self._sensed[-_MEDIAN:]
+        force = np.sort(recent, axis=0)[len(recent) // 2] - self._sensed[0]
+        fired = self._has_fired(guard, time, arm, force)
         if not fired and time < self._until:
-            return self._extended(time, guard)
-        self.felt += (
-            Felt(
-                self._at + 1,
-                time,
-                guard.until if fired else "",
-                float(np.linalg.norm(force)),
-            ),
-        )
+            soon = time >= self._until - 2 * FEEL_S
+            return self._extend(guard) if soon else None
+
+        what = guard.until if fired else ""
+        newtons = float(np.linalg.norm(force))
+        self.felt += (Felt(self._number + 1, time, what, newtons),)
         self._poses += (self._arm.forward(arm) if fired else None,)
-        if fired or guard.otherwise == "end":
-            return self._go_on(time, arm if fired else None, self._at)
-        extended = self._extended(
-            time, guard
-        )  # only where the way was too short for a reading before its end
-        self._next()
+        if fired:
+            return self._stop(time, self._number, arm)
+        if guard.otherwise == "end":
+            return self._stop(time, self._number)
+        # Only where the way was too short for a reading before its end.
+        extended = self._extend(guard)
+        self._find_next(self._number + 1)
         return extended
 
-    def _estimate(self, arm: Array, points: Array, forces: Array) -> Array:
+    def _estimate_force(self, arm: Array, points: Array, forces: Array) -> Array:
         """Estimate the force at the flange (3,) from the joints' torques."""
         jacobian = self._arm.jacobian(arm)
         torques = self._settings.feel.noise * self._random.standard_normal(len(arm))
         if len(forces):
             turning = (points - self._arm.positions(arm[None])).T @ forces
-            moment = [
-                turning[i, j] - turning[j, i] for i, j in ((1, 2), (2, 0), (0, 1))
-            ]  # the sum of cross products
+            around = turning - turning.T  # the sum of cross products
+            moment = [around[1, 2], around[2, 0], around[0, 1]]
             torques += jacobian.T @ np.concatenate([forces.sum(axis=0), moment])
         square = jacobian @ jacobian.T
-        square.flat[::7] += _DAMPING * np.trace(square)
-        return np.asarray(
-            np.linalg.solve(square, jacobian @ torques)[:3], dtype=np.float64
-        )
+        square += _DAMPING * np.trace(square) * np.eye(len(square))
+        wrench: Array = np.linalg.solve(square, jacobian @ torques)
+        return wrench[:3]
 
-    def _fires(self, guard: Guard, time: float, arm: Array, force: Array) -> bool:
+    def _has_fired(self, guard: Guard, time: float, arm: Array, force: Array) -> bool:
+        """Report whether a guard fires: by the force at the flange (3,), or by how far the arm lags."""
         if guard.until == "touch":
             return float(np.linalg.norm(force)) > self._settings.feel.threshold
         targets, _ = self.motion.trajectory.sample(np.array([time - FEEL_S, time]))
@@ -158,68 +151,64 @@ class PlannedGuards:
         way = float(np.linalg.norm(now - before))
         return way > _STILL_M and float(force @ (before - now)) / way > guard.newtons
 
-    def _go_on(self, time: float, arm: Array | None, at: int) -> JointTrajectory:
-        """Stop at joints ``arm``, on the way to waypoint ``at`` (from 0), and plan the rest; None: end the motion."""
-        begun, tempo, count = self.motion, self._waypoints.tempo, at + 1
-        stop = _stopped(begun.trajectory, time, arm, self._arm, self._settings.speed)
-        if arm is not None and tempo is not None and tempo.waits[at] > 0:
-            times = np.array([0.0, tempo.waits[at]])
-            stop = _then(
-                stop, JointTrajectory(times, stop.arm[[-1, -1]], stop.fingers[[-1, -1]])
-            )
-        arrivals = np.append(begun.arrivals[:at], stop.duration)
-        self.motion = self._joined(
-            stop, arrivals, self._rest(stop, count) if arm is not None else None
-        )
-        self._next()
+    def _stop(
+        self, time: float, number: int, arm: Array | None = None
+    ) -> JointTrajectory:
+        """Stop at joints ``arm`` on the way to waypoint ``number``, from 0, and plan the rest; None: end the motion."""
+        before = self.motion
+        speed = self._settings.speed
+        stop = _bring_to_rest(before.trajectory, time, arm, self._arm, speed)
+        tempo = self._waypoints.tempo
+        if arm is not None and tempo is not None and tempo.waits[number] > 0:
+            ends = [-1, -1]
+            times = np.array([0.0, tempo.waits[number]])
+            wait = JointTrajectory(times, stop.arm[ends], stop.fingers[ends])
+            stop = _join(stop, wait)
+        arrivals = np.append(before.arrivals[:number], stop.duration)
+        rest = None if arm is None else self._plan_rest(stop, number + 1)
+        self.motion = self._join_motions(stop, arrivals, rest)
+        self._find_next(number + 1)
         return self.motion.trajectory
 
-    def _extended(self, time: float, guard: Guard) -> JointTrajectory | None:
+    def _extend(self, guard: Guard) -> JointTrajectory | None:
         """Plan on from the guard's waypoint just before it is reached, if the motion ends there and the plan does not.
 
         None: the motion stays.
         """
         motion = self.motion
-        count, ends = len(motion.arrivals), guard.otherwise == "end"
-        if (
-            time < self._until - 2 * FEEL_S
-            or self._at != count - 1
-            or ends
-            or self.problem
-        ):
+        count = len(motion.arrivals)
+        last = self._number == count - 1
+        if not last or guard.otherwise == "end" or self.problem:
             return None
-        rest = self._rest(motion.trajectory, count)
+        rest = self._plan_rest(motion.trajectory, count)
         if rest is None:
             return None
-        self.motion = self._joined(motion.trajectory, motion.arrivals, rest)
+        self.motion = self._join_motions(motion.trajectory, motion.arrivals, rest)
         return self.motion.trajectory
 
-    def _joined(
+    def _join_motions(
         self, first: JointTrajectory, arrivals: Array, rest: Motion | None
     ) -> Motion:
         """Join the motion until now, with its waypoints' ``arrivals`` (K,), and the rest of it."""
-        count, distance = len(arrivals), _way(first, self._arm)
-        misses, slowed = self.motion.misses[:count], self.motion.slowed[:count]
+        count = len(arrivals)
+        trajectory = first
+        places = self._arm.positions(first.arm)
+        distance = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        misses = self.motion.misses[:count]
+        slowed = self.motion.slowed[:count]
         if rest is not None:
+            trajectory = _join(first, rest.trajectory)
+            distance += rest.distance_m
             arrivals = np.append(arrivals, first.duration + rest.arrivals)
-            first, distance = _then(first, rest.trajectory), distance + rest.distance_m
-            misses, slowed = (
-                np.vstack([misses, rest.misses]),
-                np.append(slowed, rest.slowed),
-            )
-        plan, worst = self._waypoints.poses[: len(arrivals)], misses.max(axis=0)
+            misses = np.vstack([misses, rest.misses])
+            slowed = np.append(slowed, rest.slowed)
+        metres, radians = misses.max(axis=0).tolist()
+        plan = self._waypoints.poses[: len(arrivals)]
         return Motion(
-            first,
-            distance,
-            float(worst[0]),
-            float(worst[1]),
-            arrivals,
-            misses,
-            plan,
-            slowed,
+            trajectory, distance, metres, radians, arrivals, misses, plan, slowed
         )
 
-    def _rest(self, stop: JointTrajectory, count: int) -> Motion | None:
+    def _plan_rest(self, stop: JointTrajectory, count: int) -> Motion | None:
         """Plan what comes after the first ``count`` waypoints until the next guard, from where the arm stopped.
 
         None: nothing comes, or there is a ``problem``, which is kept.
@@ -227,50 +216,43 @@ class PlannedGuards:
         if count == len(self._waypoints):
             return None
         try:
-            return self._planned_on(stop, count)
+            return self._plan_on(stop, count)
         except DesignError as error:
             self.problem = f"after the guard of waypoint {count}: {error}"
             return None
 
-    def _planned_on(self, stop: JointTrajectory, count: int) -> Motion:
-        """See `_rest`.
+    def _plan_on(self, stop: JointTrajectory, count: int) -> Motion:
+        """See `_plan_rest`.
 
         Raises:
             DesignError: it means nothing, or takes too long.
         """
-        waypoints = resolve(
-            self._plan, self._task, self._seed, self._settings, self._scene, self._poses
-        )
-        self._waypoints = waypoints
-        guards = waypoints.guards
-        own = slice(
-            count,
-            next(
-                (k for k in range(count, len(guards)) if guards[k]), len(waypoints) - 1
-            )
-            + 1,
-        )
-        tempo = waypoints.tempo
-        if tempo is not None:
-            tempo = replace(
-                tempo, **{name: array[own] for name, array in vars(tempo).items()}
-            )
+        self._waypoints = self._resolve(self._poses)
+        rest = self._choose_rest(count)
         opening = self._arm.robot.opening_m
         grip = 1 - float(stop.fingers[-1]) / opening if opening else 0.0
-        rest = Waypoints(waypoints.poses[own], tempo)
-        motion = plan_task_motion(
-            rest, self._task, self._settings, Begin(stop.arm[-1], grip)
-        )
-        took, most = (
-            stop.duration + motion.trajectory.duration,
-            self._settings.max_motion_s,
-        )
+        begin = Begin(stop.arm[-1], grip)
+        motion = plan_task_motion(rest, self._task, self._settings, begin)
+        took = stop.duration + motion.trajectory.duration
+        most = self._settings.max_motion_s
         if took > most:
             raise DesignError(f"the motion takes {took:.0f} s, more than {most:.0f} s")
         return motion
 
+    def _choose_rest(self, count: int) -> Waypoints:
+        """Choose the waypoints after the first ``count``, up to the next one with a guard."""
+        waypoints = self._waypoints
+        guarded = [k for k, guard in enumerate(waypoints.guards) if guard is not None]
+        last = min((k for k in guarded if k >= count), default=len(waypoints) - 1)
+        rest = slice(count, last + 1)
+        tempo = waypoints.tempo
+        if tempo is not None:
+            parts = {name: array[rest] for name, array in vars(tempo).items()}
+            tempo = replace(tempo, **parts)
+        return Waypoints(waypoints.poses[rest], tempo)
 
-def _stopped(
+
+def _bring_to_rest(
     trajectory: JointTrajectory, time: float, end: Array | None, arm: Arm, speed: float
 ) -> JointTrajectory:
     """Cut a trajectory at ``time``, and come to rest at joints (J,) that are near, or where the targets are.
@@ -278,46 +260,40 @@ def _stopped(
     Each joint's course is the cubic between the two; it takes as long as the acceleration limits ask for.
     """
     targets, fingers = trajectory.sample(np.array([time - FEEL_S, time]))
-    begin, velocity = targets[1], (targets[1] - targets[0]) / FEEL_S
-    way, limits, lasts = (
-        (begin if end is None else end) - begin,
-        speed * arm.acceleration_limits,
-        FEEL_S,
-    )
-    while (
-        np.abs([6 * way / lasts - 4 * velocity, 2 * velocity - 6 * way / lasts])
-        > limits * lasts
-    ).any():
+    begin = targets[1]
+    velocity = (targets[1] - targets[0]) / FEEL_S
+    way = np.zeros_like(begin) if end is None else end - begin
+    limits = speed * arm.acceleration_limits
+    lasts = FEEL_S
+    while True:
+        at_first = 6 * way / lasts - 4 * velocity
+        at_last = 2 * velocity - 6 * way / lasts
+        if not (np.abs([at_first, at_last]) > limits * lasts).any():
+            break
         lasts *= _LONGER
-    since = np.linspace(0.0, 1.0, max(1, math.ceil(lasts / FEEL_S)) + 1)[1:, None]
-    course = (
-        begin
-        + lasts * velocity * since * (1 - since) ** 2
-        + way * since**2 * (3 - 2 * since)
-    )
+
+    count = max(1, math.ceil(lasts / FEEL_S))
+    shares = np.linspace(0.0, 1.0, count + 1)[1:, None]
+    course = begin + lasts * velocity * shares * (1 - shares) ** 2
+    course = course + way * shares**2 * (3 - 2 * shares)
     before = trajectory.times < time
+    times = [trajectory.times[before], [time], time + lasts * shares[:, 0]]
+    joints = [
+        trajectory.arm[before],
+        targets[1:],
+        np.clip(course, arm.lower, arm.upper),
+    ]
+    closed = [trajectory.fingers[before], np.full(1 + count, fingers[1])]
     return JointTrajectory(
-        np.concatenate([trajectory.times[before], [time], time + lasts * since[:, 0]]),
-        np.vstack(
-            [trajectory.arm[before], targets[1:], np.clip(course, arm.lower, arm.upper)]
-        ),
-        np.concatenate(
-            [trajectory.fingers[before], np.full(1 + len(since), fingers[1])]
-        ),
+        np.concatenate(times), np.vstack(joints), np.concatenate(closed)
     )
 
 
-def _then(one: JointTrajectory, other: JointTrajectory) -> JointTrajectory:
+def _join(first: JointTrajectory, second: JointTrajectory) -> JointTrajectory:
     """Join two trajectories; the second begins where the first ends."""
-    times = one.duration + other.times[1:]
+    times = first.duration + second.times[1:]
     return JointTrajectory(
-        np.append(one.times, times),
-        np.vstack([one.arm, other.arm[1:]]),
-        np.append(one.fingers, other.fingers[1:]),
+        np.append(first.times, times),
+        np.vstack([first.arm, second.arm[1:]]),
+        np.append(first.fingers, second.fingers[1:]),
     )
-
-
-def _way(trajectory: JointTrajectory, arm: Arm) -> float:
-    """The length of the mount's way, metres."""
-    places = arm.positions(trajectory.arm)
-    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
