@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 RAISED = (Exception, SystemExit)
 """What to catch around the code of a plugin. `sys.exit` raises no Exception, and must not end a run without a word."""
@@ -59,6 +59,18 @@ def check_positive(where: str, **numbers: float) -> None:
     for name, number in numbers.items():
         if not (math.isfinite(number) and number > 0):
             raise UsageError(f"{where}{name} must be greater than 0, got {number}")
+
+
+def refuse(where: str, problems: Mapping[str, object]) -> None:
+    """Raise a ValueError for the first of some problems that is there.
+
+    Args:
+        where: what has them, such as ``joint 'lid': ``.
+        problems: by their messages, whether each is there.
+    """
+    for problem, found in problems.items():
+        if found:
+            raise ValueError(f"{where}{problem}")
 
 
 def choices(

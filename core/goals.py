@@ -21,7 +21,8 @@ from core.geometry import Array, Pose, Vector
 from core.scene import Scene
 from core.values.joints import Placement, rotate
 from core.values.margins import Margin
-from core.values.states import State, Trace
+from core.values.states import State
+from core.values.traces import Trace
 
 Coordinates = tuple[float | None, float | None, float | None]
 """A place, m; a coordinate that is None is free."""

@@ -13,9 +13,11 @@ from typing import TypedDict
 
 import numpy as np
 
+from core.errors import refuse
 from core.geometry import (
     Array,
     Box,
+    Color,
     Cylinder,
     Mesh,
     Pose,
@@ -24,12 +26,42 @@ from core.geometry import (
     Vector,
     frozen_array,
 )
-from core.geometry import Color as Color
-from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
+from core.values.joints import Drive, Joint, Latch, PlacedJoint
 from core.values.margins import Margin
-from core.values.softs import MAX_NODES, MOST_YOUNG, Cloth, Elastic, Filling, Form, Rope
-from core.values.states import State, Trace
+from core.values.softs import MAX_NODES, Cloth, Elastic, Filling, Form, Rope
+from core.values.states import State
 from core.values.tools import Tool
+from core.values.traces import Trace
+
+# A task needs one import: shapes, joints, soft bodies, states and margins are offered here too.
+__all__ = [
+    "Body",
+    "Box",
+    "Camera",
+    "Cloth",
+    "Color",
+    "Cylinder",
+    "Drive",
+    "Elastic",
+    "Filling",
+    "Form",
+    "Geom",
+    "Inertia",
+    "Joint",
+    "Latch",
+    "Margin",
+    "Mesh",
+    "Pose",
+    "Rope",
+    "Scene",
+    "Soft",
+    "Sphere",
+    "State",
+    "Trace",
+    "View",
+    "floor",
+    "table",
+]
 
 
 @dataclass(frozen=True)
@@ -71,28 +103,25 @@ class Body:
     friction: float = 0.5
     rolling_friction: float = 0.0
     restitution: float = 0.0
-    velocity: Vector = (
-        0.0,
-        0.0,
-        0.0,
-    )  # of its origin when the robot's motion begins, m/s; until then it rests
-    spin: Vector = (0.0, 0.0, 0.0)  # likewise, rad/s along the world's axes
+    # Of its origin when the robot's motion begins, m/s and rad/s along the world's axes; until then it rests.
+    velocity: Vector = (0.0, 0.0, 0.0)
+    spin: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass >= 0):
-            raise ValueError(
-                f"body {self.name!r}: the mass must be 0 (fixed) or positive, got {self.mass}"
-            )
-        if self.mass > 0 and not self.collisions and not isinstance(self, Soft):
-            raise ValueError(
-                f"body {self.name!r}: a body that can move needs collision parts"
-            )
-        if not np.isfinite([*self.velocity, *self.spin]).all() or (
-            self.fixed and self.launched
-        ):
-            raise ValueError(
-                f"body {self.name!r}: a velocity needs finite numbers, and a mass above 0"
-            )
+        rigid = not isinstance(self, Soft)
+        speeds = [*self.velocity, *self.spin]
+        problems = {
+            f"the mass must be 0 (fixed) or positive, got {self.mass}": not (
+                np.isfinite(self.mass) and self.mass >= 0
+            ),
+            "a body that can move needs collision parts": (
+                self.mass > 0 and rigid and not self.collisions
+            ),
+            "a velocity needs finite numbers, and a mass above 0": (
+                not np.isfinite(speeds).all() or (self.fixed and self.launched)
+            ),
+        }
+        refuse(f"body {self.name!r}: ", problems)
 
     @classmethod
     def of(
@@ -109,15 +138,8 @@ class Body:
     ) -> Body:
         """Make a body of one shape, visual and collision shape alike."""
         part = (Geom(shape, color=color),)
-        return cls(
-            name,
-            Pose.xyz_rpy(position, rpy),
-            mass,
-            part,
-            part,
-            friction,
-            rolling_friction,
-        )
+        pose = Pose.xyz_rpy(position, rpy)
+        return cls(name, pose, mass, part, part, friction, rolling_friction)
 
     @classmethod
     def mark(cls, name: str, position: Vector, radius: float, color: Color) -> Body:
@@ -139,23 +161,27 @@ class Body:
         meshes = []
         for part in self.collisions:
             mesh = part.shape.to_trimesh()
-            mesh = mesh.convex_hull if isinstance(part.shape, Mesh) else mesh
+            if isinstance(part.shape, Mesh):
+                mesh = mesh.convex_hull
             meshes.append(mesh.apply_transform(part.pose.matrix))
+
         density = self.mass / sum(mesh.volume for mesh in meshes)
-        center = (
-            sum(mesh.volume * mesh.center_mass for mesh in meshes) * density / self.mass
-        )
+        first_moment = sum(mesh.volume * mesh.center_mass for mesh in meshes)
+        center = first_moment * density / self.mass
         tensor = np.zeros((3, 3))
         for mesh in meshes:
             arm = mesh.center_mass - center
             shift = np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm)
             tensor += density * (mesh.moment_inertia + mesh.volume * shift)
-        if np.abs(tensor - np.diag(np.diag(tensor))).max() < 1e-9 * np.trace(tensor):
-            return Inertia(self.mass, Pose(center), frozen_array(np.diag(tensor)))
+
+        moments = np.diag(tensor)
+        if np.abs(tensor - np.diag(moments)).max() < 1e-9 * np.trace(tensor):
+            return Inertia(self.mass, Pose(center), frozen_array(moments))
         moments, axes = np.linalg.eigh(tensor)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = axes, center
+        matrix[:3, :3] = axes
+        matrix[:3, 3] = center
         return Inertia(self.mass, Pose.from_matrix(matrix), frozen_array(moments))
 
 
@@ -177,19 +203,21 @@ class Soft(Body):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        where = f"soft body {self.name!r}"
-        if self.fixed or self.launched:
-            raise ValueError(
-                f"{where}: it can't be fixed or have a velocity; pin nodes to hold it"
-            )
-        if self.elastic.young > (most := MOST_YOUNG[self.form.kind]):
-            raise ValueError(
-                f"{where}: the Young's modulus of a {self.form.kind} can be {most:g} Pa at most"
-            )
-        if not set(self.pinned) < set(range(len(self.form.nodes))):
-            raise ValueError(
-                f"{where}: pinned nodes have numbers from 0 to {len(self.form.nodes) - 1}, and not all"
-            )
+        kind = self.form.kind
+        most = self.form.most_young
+        count = len(self.form.nodes)
+        problems = {
+            "it can't be fixed or have a velocity; pin nodes to hold it": (
+                self.fixed or self.launched
+            ),
+            f"the Young's modulus of a {kind} can be {most:g} Pa at most": (
+                self.elastic.young > most
+            ),
+            f"pinned nodes have numbers from 0 to {count - 1}, and not all": not (
+                set(self.pinned) < set(range(count))
+            ),
+        }
+        refuse(f"soft body {self.name!r}: ", problems)
 
     @classmethod
     def make(
@@ -204,29 +232,32 @@ class Soft(Body):
     ) -> Soft:
         """Make one that weighs what its material does."""
         drawn = (Geom(form.surface(form.nodes), color=color),)
-        mass, pins = elastic.density * form.volume, tuple(pinned)
         return cls(
             name,
             pose,
-            mass,
+            elastic.density * form.volume,
             drawn,
-            (),
-            elastic.friction,
+            collisions=(),
+            friction=elastic.friction,
             form=form,
             elastic=elastic,
-            pinned=pins,
+            pinned=tuple(pinned),
         )
 
     def in_words(self) -> str:
         """Say how stiff it is, and whether it is held."""
-        return self.elastic.in_words() + (
-            f"; held at {len(self.pinned)} of its nodes" if self.pinned else ""
-        )
+        held = f"; held at {len(self.pinned)} of its nodes" if self.pinned else ""
+        return self.elastic.in_words() + held
 
     @property
     def placed(self) -> Array:
         """The nodes (N, 3) in the world at spawn."""
         return self.pose.apply(self.form.nodes)
+
+    @property
+    def center(self) -> Array:
+        """The centre of mass (3,) in the world at spawn."""
+        return self.form.weights @ self.placed
 
 
 @dataclass(frozen=True)
@@ -243,56 +274,55 @@ class Scene:
     joints: tuple[Joint, ...] = ()
 
     def __post_init__(self) -> None:
-        for what, names in (
-            ("bodies", [b.name for b in self.bodies]),
-            ("joints", [j.name for j in self.joints]),
-        ):
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise ValueError(
-                    f"two {what} in the scene have the same name: {', '.join(twice)}"
-                )
-        if (nodes := sum(len(soft.form.nodes) for soft in self.softs)) > MAX_NODES:
+        self._check_names("bodies", [body.name for body in self.bodies])
+        self._check_names("joints", [joint.name for joint in self.joints])
+        nodes = sum(len(soft.form.nodes) for soft in self.softs)
+        if nodes > MAX_NODES:
             raise ValueError(
                 f"the soft bodies of a scene can have {MAX_NODES} nodes in all, not {nodes}; take fewer"
             )
         self._check_joints()
+        self._check_circles()
+
+    def _check_names(self, what: str, names: list[str]) -> None:
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            raise ValueError(
+                f"two {what} in the scene have the same name: {', '.join(repeated)}"
+            )
 
     def _check_joints(self) -> None:
-        bodies, parents = (
-            {body.name: body for body in self.bodies},
-            dict[str, str | None](),
-        )
+        bodies = {body.name: body for body in self.bodies}
+        hanging = set[str]()
         for joint in self.joints:
             where = f"joint {joint.name!r}"
-            for name in (joint.body, joint.parent):
-                if name is not None and name not in bodies:
+            ends = [name for name in (joint.body, joint.parent) if name is not None]
+            for name in ends:
+                if name not in bodies:
                     raise ValueError(
                         f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}"
                     )
-            if any(
-                isinstance(bodies[name], Soft)
-                for name in (joint.body, joint.parent)
-                if name
-            ):
-                raise ValueError(
-                    f"{where}: a joint can't hold a soft body; pin nodes of it"
-                )
-            if bodies[joint.body].fixed:
-                raise ValueError(
-                    f"{where}: its body {joint.body!r} is fixed; give it a mass"
-                )
-            if bodies[joint.body].launched:
-                raise ValueError(
-                    f"{where}: its body {joint.body!r} can't start with a velocity; use a drive"
-                )
-            if joint.body in parents:
-                raise ValueError(
-                    f"{where}: its body {joint.body!r} hangs from another joint already"
-                )
-            parents[joint.body] = joint.parent
+            body = bodies[joint.body]
+            problems = {
+                "a joint can't hold a soft body; pin nodes of it": any(
+                    isinstance(bodies[name], Soft) for name in ends
+                ),
+                f"its body {body.name!r} is fixed; give it a mass": body.fixed,
+                f"its body {body.name!r} can't start with a velocity; use a drive": (
+                    body.launched
+                ),
+                f"its body {body.name!r} hangs from another joint already": (
+                    body.name in hanging
+                ),
+            }
+            refuse(f"{where}: ", problems)
+            hanging.add(body.name)
+
+    def _check_circles(self) -> None:
+        parents = {joint.body: joint.parent for joint in self.joints}
         for name in parents:
-            above, seen = parents[name], {name}
+            above = parents[name]
+            seen = {name}
             while above in parents and above not in seen:
                 seen.add(above)
                 above = parents[above]
@@ -305,9 +335,8 @@ class Scene:
         for body in self.bodies:
             if body.name == name:
                 return body
-        raise KeyError(
-            f"no body {name!r} in the scene; there are: {', '.join(body.name for body in self.bodies)}"
-        )
+        known = ", ".join(body.name for body in self.bodies)
+        raise KeyError(f"no body {name!r} in the scene; there are: {known}")
 
     @property
     def free(self) -> tuple[Body, ...]:
@@ -321,43 +350,39 @@ class Scene:
 
     def state(self) -> State:
         """The state of the free bodies at their initial poses, at rest."""
-        free = self.free
         poses = [
-            Pose(body.form.weights @ body.placed)
-            if isinstance(body, Soft)
-            else body.pose
-            for body in free
+            Pose(body.center) if isinstance(body, Soft) else body.pose
+            for body in self.free
         ]
-        return State(
-            tuple(body.name for body in free),
-            np.array([pose.position for pose in poses]).reshape(len(free), 3),
-            np.array([pose.quaternion for pose in poses]).reshape(len(free), 4),
-            np.zeros((len(free), 3)),
-            np.zeros((len(free), 3)),
-            places=self.places,
-            joints=self.placed_joints,
+        count = len(poses)
+        state = State(
+            tuple(body.name for body in self.free),
+            np.array([pose.position for pose in poses]).reshape(count, 3),
+            np.array([pose.quaternion for pose in poses]).reshape(count, 4),
+            np.zeros((count, 3)),
+            np.zeros((count, 3)),
             soft={body.name: body.placed for body in self.softs},
         )
+        return self.complete(state)
 
     @cached_property
     def placed_joints(self) -> dict[str, PlacedJoint]:
         """The joints in this layout, by name."""
-        poses = {body.name: body.pose for body in self.bodies}
+        poses = {None: Pose()} | {body.name: body.pose for body in self.bodies}
         return {
-            j.name: PlacedJoint.of(
-                j, poses[j.body], poses[j.parent] if j.parent else Pose()
-            )
-            for j in self.joints
+            joint.name: PlacedJoint.of(joint, poses[joint.body], poses[joint.parent])
+            for joint in self.joints
         }
 
     @cached_property
     def ordered_joints(self) -> tuple[PlacedJoint, ...]:
         """The joints in an order in which a parent's own joint comes first."""
-        waiting, done = list(self.placed_joints.values()), list[PlacedJoint]()
+        waiting = list(self.placed_joints.values())
+        done = list[PlacedJoint]()
         while waiting:
-            left = {placed.joint.body for placed in waiting}
-            done += [placed for placed in waiting if placed.joint.parent not in left]
-            waiting = [placed for placed in waiting if placed.joint.parent in left]
+            bodies = {placed.joint.body for placed in waiting}
+            done += [placed for placed in waiting if placed.joint.parent not in bodies]
+            waiting = [placed for placed in waiting if placed.joint.parent in bodies]
         return tuple(done)
 
     @cached_property
@@ -397,11 +422,9 @@ class Camera:
         """The directions to the right, up and forward in the picture, as rows (3, 3)."""
         forward = np.subtract(self.target, self.position)
         forward = forward / np.linalg.norm(forward)
-        upright = (
-            [0.0, 0.0, 1.0]
-            if np.hypot(forward[0], forward[1]) > 1e-6
-            else [0.0, 1.0, 0.0]
-        )
+        upright = [0.0, 0.0, 1.0]
+        if np.hypot(forward[0], forward[1]) <= 1e-6:
+            upright = [0.0, 1.0, 0.0]
         right = np.cross(forward, upright)
         right = right / np.linalg.norm(right)
         return np.stack([right, np.cross(right, forward), forward])
@@ -413,10 +436,8 @@ class Camera:
             scale = height / 2 / np.tan(np.radians(self.fov_deg) / 2) / seen[..., 2:]
         else:
             scale = np.asarray(height / self.height_m)
-        pixels: Array = np.array([width / 2, height / 2]) + scale * seen[..., :2] * [
-            1.0,
-            -1.0,
-        ]
+        middle = np.array([width / 2, height / 2])
+        pixels: Array = middle + scale * seen[..., :2] * [1.0, -1.0]
         return pixels
 
 
@@ -465,35 +486,3 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
         (0.86, 0.87, 0.88, 1.0),
     )
     return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
-
-
-__all__ = [
-    "Body",
-    "Camera",
-    "Color",
-    "Geom",
-    "Inertia",
-    "Scene",
-    "Soft",
-    "State",
-    "floor",
-    "table",
-]
-__all__ += [
-    "Drive",
-    "Joint",
-    "JointState",
-    "Latch",
-]  # of core.values.joints; State of core.values.states
-__all__ += ["Cloth", "Elastic", "Filling", "Form", "Rope"]  # of core.values.softs
-__all__ += [
-    "Margin",
-    "Trace",
-]  # of core.values.margins, and its traces
-__all__ += [
-    "Box",
-    "Cylinder",
-    "Mesh",
-    "Pose",
-    "Sphere",
-]  # of core.geometry, so that a task needs one import

@@ -20,7 +20,7 @@ from core.solids.penetration import Finding
 from core.solids.record_rate import sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
 from core.trial import Condition, Trial, Where
-from core.values.states import TRACE_HZ
+from core.values.traces import TRACE_HZ
 
 # Layouts and engines share what is made of one plan. A task of a third party may not be hashable.
 _motion = lru_cache(maxsize=64)(plan_task_motion)

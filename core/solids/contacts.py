@@ -23,7 +23,7 @@ from core.solids.bodies import ROBOT
 from core.solids.near_pairs import Flags, may_meet, neighbours
 from core.solids.record_rate import coarse_samples, subset
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
-from core.values.states import TRACE_HZ
+from core.values.traces import TRACE_HZ
 
 TOUCH_M = 0.0005  # the largest gap of a contact
 HULL_M = 0.001  # so much more for each hull: PyBullet's margin

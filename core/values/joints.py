@@ -12,12 +12,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from core.errors import refuse
 from core.geometry import Array, Pose, Vector, frozen_array
 
 MAX_FORCE = 1e4  # N or N m, of any spring, latch or drive in a scene
 MAX_POSITION = 1e3  # m or rad
-
-_INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -63,28 +62,28 @@ class Drive:
     repeats: bool = False
 
     def __post_init__(self) -> None:
-        if not self.times or self.times[0] != 0 or not all(np.diff(self.times) > 0):
-            raise ValueError(
-                f"a drive's times must begin at 0 and rise, got {self.times}"
-            )
-        if (
-            len(self.positions) != len(self.times)
-            or not (np.abs([*self.times, *self.positions]) <= MAX_POSITION).all()
-        ):
-            needed = f"a number for each of its {len(self.times)} times, up to {MAX_POSITION:g}"
-            raise ValueError(f"a drive needs {needed}, got {self.positions}")
-        if not 0 < self.force <= MAX_FORCE:
-            raise ValueError(
-                f"a drive's force must be above 0 and at most {MAX_FORCE:g}, got {self.force}"
-            )
-        if self.repeats and len(self.times) < 2:
-            raise ValueError("a drive that repeats needs two times or more")
+        count = len(self.times)
+        numbers = np.abs([*self.times, *self.positions])
+        problems = {
+            f"a drive's times must begin at 0 and rise, got {self.times}": not (
+                count and self.times[0] == 0 and (np.diff(self.times) > 0).all()
+            ),
+            f"a drive needs a number for each of its {count} times, up to {MAX_POSITION:g}, got {self.positions}": (
+                len(self.positions) != count or not (numbers <= MAX_POSITION).all()
+            ),
+            f"a drive's force must be above 0 and at most {MAX_FORCE:g}, got {self.force}": (
+                not 0 < self.force <= MAX_FORCE
+            ),
+            "a drive that repeats needs two times or more": self.repeats and count < 2,
+        }
+        refuse("", problems)
 
     def sample(self, times: Array) -> Array:
         """Return the positions at instants, in the shape of ``times``."""
-        at = np.maximum(times, 0.0)
-        at = np.mod(at, self.times[-1]) if self.repeats else at
-        return np.interp(at, self.times, self.positions)
+        times = np.maximum(times, 0.0)
+        if self.repeats:
+            times = np.mod(times, self.times[-1])
+        return np.interp(times, self.times, self.positions)
 
 
 @dataclass(frozen=True)
@@ -127,56 +126,48 @@ class Joint:
     drive: Drive | None = None
 
     def __post_init__(self) -> None:
-        where = f"joint {self.name!r}"
-        if self.kind not in ("hinge", "slider", "ball"):
-            raise ValueError(
-                f"{where}: kind must be hinge, slider or ball, got {self.kind!r}"
-            )
         length = float(np.linalg.norm(self.axis))
-        if not (1e-6 < length < np.inf and np.isfinite(self.origin).all()):
-            raise ValueError(
-                f"{where}: its axis needs a length and its origin three numbers"
-            )
-        object.__setattr__(
-            self, "axis", tuple(float(value) / length for value in self.axis)
-        )
-        if not (self.lower <= self.start <= self.upper and self.lower < self.upper):
-            raise ValueError(
-                f"{where}: it starts at {self.start:g}, outside of its range {self.lower:g}..{self.upper:g}"
-            )
-        if math.isfinite(self.lower) != math.isfinite(self.upper):
-            raise ValueError(f"{where}: give both ends of its range, or neither")
-        if self.limited and max(-self.lower, self.upper) > MAX_POSITION:
-            raise ValueError(
-                f"{where}: its range {self.lower:g}..{self.upper:g} must be within {MAX_POSITION:g} of 0"
-            )
-        if (
-            self.kind == "hinge"
-            and self.limited
-            and self.upper - self.lower >= 2 * math.pi
-        ):
-            raise ValueError(
-                f"{where}: its range must be less than a whole turn, or leave it out"
-            )
+        least = self.lower
+        most = self.upper
+        span = f"{least:g}..{most:g}"
+        ball = self.kind == "ball"
+        turns = self.kind == "hinge" and self.limited
+        fixed_start = self.limited or self.start or self.rest
+        problems = {
+            f"kind must be hinge, slider or ball, got {self.kind!r}": self.kind
+            not in ("hinge", "slider", "ball"),
+            "its axis needs a length and its origin three numbers": not (
+                1e-6 < length < np.inf and np.isfinite(self.origin).all()
+            ),
+            f"it starts at {self.start:g}, outside of its range {span}": not (
+                least <= self.start <= most and least < most
+            ),
+            "give both ends of its range, or neither": (
+                math.isfinite(least) != math.isfinite(most)
+            ),
+            f"its range {span} must be within {MAX_POSITION:g} of 0": (
+                self.limited and max(-least, most) > MAX_POSITION
+            ),
+            "its range must be less than a whole turn, or leave it out": (
+                turns and most - least >= 2 * math.pi
+            ),
+            f"rest and start must be numbers up to {MAX_POSITION:g}": not (
+                abs(self.rest) <= MAX_POSITION and abs(self.start) <= MAX_POSITION
+            ),
+            "a ball has no range, start, rest, latches or drive": bool(
+                ball and (fixed_start or self.latches or self.drive)
+            ),
+            "a joint with a drive has no latches, spring or friction": bool(
+                self.drive and (self.latches or self.stiffness or self.friction)
+            ),
+        }
         for name in ("damping", "friction", "stiffness"):
-            if not 0 <= getattr(self, name) <= MAX_FORCE:
-                raise ValueError(
-                    f"{where}: {name} must be from 0 to {MAX_FORCE:g}, got {getattr(self, name)}"
-                )
-        if not (abs(self.rest) <= MAX_POSITION and abs(self.start) <= MAX_POSITION):
-            raise ValueError(
-                f"{where}: rest and start must be numbers up to {MAX_POSITION:g}"
-            )
-        if self.kind == "ball" and (
-            self.limited or self.start or self.rest or self.latches or self.drive
-        ):
-            raise ValueError(
-                f"{where}: a ball has no range, start, rest, latches or drive"
-            )
-        if self.drive is not None and (self.latches or self.stiffness or self.friction):
-            raise ValueError(
-                f"{where}: a joint with a drive has no latches, spring or friction"
-            )
+            value = getattr(self, name)
+            problem = f"{name} must be from 0 to {MAX_FORCE:g}, got {value}"
+            problems[problem] = not 0 <= value <= MAX_FORCE
+        refuse(f"joint {self.name!r}: ", problems)
+        unit = tuple(float(value) / length for value in self.axis)
+        object.__setattr__(self, "axis", unit)
 
     @property
     def limited(self) -> bool:
@@ -218,45 +209,40 @@ class PlacedJoint:
     @classmethod
     def of(cls, joint: Joint, body: Pose, parent: Pose) -> PlacedJoint:
         inside = parent.inverse() @ body
-        origin, axis = inside.apply(joint.origin), inside.rotation.apply(joint.axis)
-        return cls(joint, frozen_array(origin), frozen_array(axis), inside.quaternion)
+        origin = frozen_array(inside.apply(joint.origin))
+        axis = frozen_array(inside.rotation.apply(joint.axis))
+        return cls(joint, origin, axis, inside.quaternion)
 
     def read(self, body: Placement, parent: Placement) -> JointState:
         """Compute position and speed from where the two bodies are, and how they move."""
         joint = self.joint
-        spin = body.angular - parent.angular
+        axis = rotate(parent.quaternion, self.axis)
         if joint.kind == "slider":
             arm = rotate(body.quaternion, np.asarray(joint.origin))
             there = body.position + arm - parent.position
-            inside = rotate(parent.quaternion * _INVERSE, there)
+            inside = rotate_back(parent.quaternion, there)
             moved = (
                 body.linear
                 + np.cross(body.angular, arm)
                 - parent.linear
                 - np.cross(parent.angular, there)
             )
-            axis = rotate(parent.quaternion, self.axis)
-            return JointState(
-                joint.start + (inside - self.origin) @ self.axis,
-                (moved * axis).sum(axis=-1),
-            )
-        turned = multiply(
-            multiply(parent.quaternion * _INVERSE, body.quaternion),
-            self.turn * _INVERSE,
-        )
+            position = joint.start + (inside - self.origin) @ self.axis
+            return JointState(position, (moved * axis).sum(axis=-1))
+
+        spin = body.angular - parent.angular
+        now = multiply(inverse(parent.quaternion), body.quaternion)
+        turned = multiply(now, inverse(self.turn))
+        real = turned[..., 0]
+        imaginary = turned[..., 1:]
         if joint.kind == "ball":
-            angle = 2 * np.arctan2(
-                np.linalg.norm(turned[..., 1:], axis=-1), np.abs(turned[..., 0])
-            )
+            angle = 2 * np.arctan2(np.linalg.norm(imaginary, axis=-1), np.abs(real))
             return JointState(angle, np.linalg.norm(spin, axis=-1))
+
+        angle = joint.start + 2 * np.arctan2(imaginary @ self.axis, real)
         middle = (joint.lower + joint.upper) / 2 if joint.limited else 0.0
-        angle = joint.start + 2 * np.arctan2(
-            turned[..., 1:] @ self.axis, turned[..., 0]
-        )
         angle = middle + np.mod(angle - middle + np.pi, 2 * np.pi) - np.pi
-        return JointState(
-            angle, (spin * rotate(parent.quaternion, self.axis)).sum(axis=-1)
-        )
+        return JointState(angle, (spin * axis).sum(axis=-1))
 
     def carry(self, value: Array, speed: Array, parent: Placement) -> Placement:
         """Compute where the body is, and how it moves, for the joint's value and speed, each (...).
@@ -265,20 +251,22 @@ class PlacedJoint:
         velocity (..., 3) in the parent's frame.
         """
         joint = self.joint
-        inside, turn, spin = self.origin, self.turn, np.zeros(3)
+        inside = self.origin
+        turn = self.turn
+        spin = np.zeros(3)
         glide = np.zeros(3)
         if joint.kind == "slider":
             inside = self.origin + np.multiply.outer(value - joint.start, self.axis)
             glide = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
         elif joint.kind == "hinge":
             half = (value - joint.start)[..., None] / 2
-            turn = multiply(
-                np.concatenate([np.cos(half), np.sin(half) * self.axis], axis=-1),
-                self.turn,
-            )
+            turned = np.concatenate([np.cos(half), np.sin(half) * self.axis], axis=-1)
+            turn = multiply(turned, self.turn)
             spin = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
         else:
-            turn, spin = multiply(value, self.turn), rotate(parent.quaternion, speed)
+            turn = multiply(value, self.turn)
+            spin = rotate(parent.quaternion, speed)
+
         quaternion = multiply(parent.quaternion, turn)
         there = rotate(parent.quaternion, inside)
         angular = parent.angular + spin
@@ -298,8 +286,19 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     return vector + 2 * np.cross(axis, w * vector + np.cross(axis, vector))
 
 
-def multiply(one: Array, other: Array) -> Array:
-    """Multiply quaternions (..., 4): first ``other``, then ``one``."""
-    (w, a), (v, b) = np.split(one, [1], axis=-1), np.split(other, [1], axis=-1)
+def rotate_back(quaternion: Array, vector: Array) -> Array:
+    """Rotate vectors (..., 3) by the inverses of unit quaternions (..., 4)."""
+    return rotate(inverse(quaternion), vector)
+
+
+def inverse(quaternion: Array) -> Array:
+    """Invert unit quaternions (..., 4)."""
+    return quaternion * [1.0, -1.0, -1.0, -1.0]
+
+
+def multiply(after: Array, first: Array) -> Array:
+    """Multiply quaternions (..., 4): they turn by ``first``, then by ``after``."""
+    w, a = np.split(after, [1], axis=-1)
+    v, b = np.split(first, [1], axis=-1)
     real = w * v - (a * b).sum(axis=-1, keepdims=True)
     return np.concatenate([real, w * b + v * a + np.cross(a, b)], axis=-1)

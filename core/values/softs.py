@@ -12,16 +12,12 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from core.errors import refuse
 from core.geometry import Array, Mesh, Shape, Vector, frozen_array
 
 Elements = npt.NDArray[np.int64]
 
 MAX_NODES = 150  # the time of a step grows with them
-MOST_YOUNG = {
-    "rope": 1e8,
-    "cloth": 3e7,
-    "solid": 3e5,
-}  # Pa; above, an engine's step does not converge
 SKIN_M = 0.002  # the thickness of a solid's skin, which collides; others are at least as thick
 _CORNERS = 8  # of a rope's cross-section, as it is drawn
 _STIFF = (
@@ -54,26 +50,24 @@ class Elastic:
     friction: float = 0.5
 
     def __post_init__(self) -> None:
-        limits = {
+        ranges = {
             "density": (1, 1e4),
-            "young": (1e3, max(MOST_YOUNG.values())),
+            "young": (1e3, 1e8),
             "poisson": (0, 0.45),
-        }
-        for name, (low, high) in {
-            **limits,
             "damping": (0, 1),
             "friction": (0, 10),
-        }.items():
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(
-                    f"{name} must be from {low:g} to {high:g}, got {getattr(self, name)}"
-                )
+        }
+        for name, (low, high) in ranges.items():
+            value = getattr(self, name)
+            problem = f"{name} must be from {low:g} to {high:g}, got {value}"
+            refuse("", {problem: not low <= value <= high})
 
     def in_words(self) -> str:
         """Say how stiff it is."""
-        return next(
-            (words for most, words in _STIFF if self.young < most), "stiff, as plastic"
-        )
+        for most, words in _STIFF:
+            if self.young < most:
+                return words
+        return "stiff, as plastic"
 
 
 @dataclass(frozen=True)
@@ -85,6 +79,7 @@ class _Divided:
     """
 
     kind: ClassVar[str]
+    most_young: ClassVar[float]  # Pa; above, an engine's step does not converge
     nodes: Array = field(init=False, repr=False, compare=False)
     elements: Elements = field(init=False, repr=False, compare=False)
     thickness: float = field(default=SKIN_M, kw_only=True)
@@ -92,21 +87,21 @@ class _Divided:
     def _divide(
         self, counts: Sequence[int], place: Callable[[Sequence[int]], Array]
     ) -> None:
-        if min(counts) < 2 or math.prod(counts) > MAX_NODES:
-            raise ValueError(
-                f"a {self.kind} needs 2 nodes or more along each axis, and at most {MAX_NODES} in all"
-            )
-        if not self.thickness >= SKIN_M:
-            raise ValueError(
-                f"a {self.kind} must be {SKIN_M} m thick or more; use a lighter, softer material instead"
-            )
+        where = f"a {self.kind} "
+        few = min(counts) >= 2 and math.prod(counts) <= MAX_NODES
+        problems = {
+            f"needs 2 nodes or more along each axis, and at most {MAX_NODES} in all": not few,
+            f"must be {SKIN_M} m thick or more; use a lighter, softer material instead": not (
+                self.thickness >= SKIN_M
+            ),
+        }
+        refuse(where, problems)
         nodes = frozen_array(place(counts))
+        elements = facing(nodes, simplices(counts))
+        flat = not sizes(nodes, elements).min() > 1e-12
+        refuse(where, {"needs a size: two of its nodes are in one place": flat})
         object.__setattr__(self, "nodes", nodes)
-        object.__setattr__(self, "elements", facing(nodes, simplices(counts)))
-        if not sizes(nodes, self.elements).min() > 1e-12:
-            raise ValueError(
-                f"a {self.kind} needs a size: two of its nodes are in one place"
-            )
+        object.__setattr__(self, "elements", elements)
 
     @property
     def section(self) -> float:
@@ -120,21 +115,21 @@ class _Divided:
     @cached_property
     def weights(self) -> Array:
         """The share (N,) of the mass that each node has."""
-        found, size = np.zeros(len(self.nodes)), sizes(self.nodes, self.elements)
-        np.add.at(
-            found, self.elements, (size / size.sum() / self.elements.shape[1])[:, None]
-        )
+        size = sizes(self.nodes, self.elements)
+        of_corner = size / size.sum() / self.elements.shape[1]
+        found = np.zeros(len(self.nodes))
+        np.add.at(found, self.elements, of_corner[:, None])
         return found
 
     def surface(self, nodes: Array) -> Mesh:
         """Make the surface that is drawn with nodes (N, 3) at these places: the faces of a solid."""
-        faces = self.elements[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(
-            -1, 3
-        )
+        corners = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]
+        faces = self.elements[:, corners].reshape(-1, 3)
         _, first, count = np.unique(
             np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
         )
-        return Mesh(nodes, faces[first[count == 1]])
+        outer = first[count == 1]
+        return Mesh(nodes, faces[outer])
 
 
 @dataclass(frozen=True)
@@ -142,6 +137,7 @@ class Rope(_Divided):
     """A rope along straight pieces between points, m. It bends as a rod of this thickness, and does not stretch."""
 
     kind = "rope"
+    most_young = 1e8
     path: tuple[Vector, ...]
     count: int = 20
 
@@ -150,16 +146,10 @@ class Rope(_Divided):
 
     def _along(self, counts: Sequence[int]) -> Array:
         points = np.array(self.path, dtype=np.float64).reshape(-1, 3)
-        ways = np.append(
-            0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))
-        )
-        return np.stack(
-            [
-                np.interp(np.linspace(0, ways[-1], counts[0]), ways, axis)
-                for axis in points.T
-            ],
-            axis=1,
-        )
+        pieces = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        ways = np.append(0.0, np.cumsum(pieces))
+        evenly = np.linspace(0, ways[-1], counts[0])
+        return np.stack([np.interp(evenly, ways, axis) for axis in points.T], axis=1)
 
     @property
     def section(self) -> float:
@@ -167,34 +157,25 @@ class Rope(_Divided):
 
     def surface(self, nodes: Array) -> Mesh:
         """Make a tube with closed ends."""
-        along = np.gradient(nodes, axis=0)
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-        aside = np.eye(3)[
-            np.abs(along).max(axis=0).argmin()
-        ]  # the axis that the rope follows least
-        across = np.cross(along, aside)
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+        along = _unit(np.gradient(nodes, axis=0))
+        # Across the rope, away from the axis that it follows least.
+        aside = np.eye(3)[np.abs(along).max(axis=0).argmin()]
+        across = _unit(np.cross(along, aside))
         angles = np.arange(_CORNERS)[:, None] * 2 * np.pi / _CORNERS
-        wheel = (
-            np.cos(angles) * across[:, None]
-            + np.sin(angles) * np.cross(along, across)[:, None]
-        )
-        wide = (
-            np.concatenate([[0.0], np.ones(len(nodes)), [0.0]])[:, None, None]
-            * self.thickness
-            / 2
-        )
+        up = np.cross(along, across)[:, None]
+        rings = np.cos(angles) * across[:, None] + np.sin(angles) * up
+
+        # The ends are rings of no width.
+        widths = np.pad(np.ones(len(nodes)), 1) * self.thickness / 2
         order = [0, *range(len(nodes)), -1]
-        at = np.arange(_CORNERS * (len(nodes) + 1)).reshape(-1, _CORNERS)
-        beside = np.roll(at, -1, axis=1)
-        faces = np.stack(
-            [at, beside, beside + _CORNERS, at, beside + _CORNERS, at + _CORNERS],
-            axis=-1,
-        )
-        return Mesh(
-            (nodes[order, None] + wide * wheel[order]).reshape(-1, 3),
-            faces.reshape(-1, 3),
-        )
+        points = nodes[order, None] + widths[:, None, None] * rings[order]
+
+        here = np.arange(_CORNERS * (len(nodes) + 1)).reshape(-1, _CORNERS)
+        beside = np.roll(here, -1, axis=1)
+        above = here + _CORNERS
+        corners = [here, beside, beside + _CORNERS, here, beside + _CORNERS, above]
+        faces = np.stack(corners, axis=-1).reshape(-1, 3)
+        return Mesh(points.reshape(-1, 3), faces)
 
 
 @dataclass(frozen=True)
@@ -202,14 +183,16 @@ class Cloth(_Divided):
     """A flat sheet with sides along x and y, m, around the middle of its frame."""
 
     kind = "cloth"
+    most_young = 3e7
     size: tuple[float, float]
     counts: tuple[int, int] = (9, 9)
 
     def __post_init__(self) -> None:
-        self._divide(
-            self.counts,
-            lambda counts: lattice(counts) * [self.size[0] / 2, self.size[1] / 2, 0.0],
-        )
+        self._divide(self.counts, self._flat)
+
+    def _flat(self, counts: Sequence[int]) -> Array:
+        long, wide = self.size
+        return lattice(counts) * [long / 2, wide / 2, 0.0]
 
     @property
     def section(self) -> float:
@@ -217,14 +200,11 @@ class Cloth(_Divided):
 
     def surface(self, nodes: Array) -> Mesh:
         """Make both sides."""
-        outward, corners = np.zeros_like(nodes), nodes[self.elements]
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        np.add.at(outward, self.elements, crossed[:, None])
-        outward *= (
-            self.thickness
-            / 2
-            / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
-        )
+        first, second, third = np.moveaxis(nodes[self.elements], 1, 0)
+        normals = np.cross(second - first, third - first)
+        outward = np.zeros_like(nodes)
+        np.add.at(outward, self.elements, normals[:, None])
+        outward = _unit(outward) * self.thickness / 2
         below = self.elements[:, ::-1] + len(nodes)
         return Mesh(
             np.concatenate([nodes + outward, nodes - outward]),
@@ -237,6 +217,7 @@ class Filling(_Divided):
     """A soft solid that fills the convex hull of a shape."""
 
     kind = "solid"
+    most_young = 3e5
     shape: Shape
     counts: tuple[int, int, int] = (3, 3, 3)
 
@@ -245,30 +226,32 @@ class Filling(_Divided):
 
     def _within(self, counts: Sequence[int]) -> Array:
         """Place nodes evenly, the outer ones on the surface."""
-        hull, unit = self.shape.to_trimesh().convex_hull, lattice(counts)
-        middle, ways = hull.bounds.mean(axis=0), unit * np.ptp(hull.bounds, axis=0) / 2
+        hull = self.shape.to_trimesh().convex_hull
+        unit = lattice(counts)
+        middle = hull.bounds.mean(axis=0)
+        ways = unit * np.ptp(hull.bounds, axis=0) / 2
         out = np.abs(unit).max(axis=1, keepdims=True)  # 1: on the surface
-        toward = ways / np.where(out > 0, out, 1.0) @ hull.face_normals.T
+        away = out > 0
+
+        # How far the surface is along each way, by the faces of the hull.
+        toward = ways / np.where(away, out, 1.0) @ hull.face_normals.T
         far = ((hull.triangles[:, 0] - middle) * hull.face_normals).sum(axis=1)
-        reach = np.divide(
-            far, toward, out=np.full_like(toward, np.inf), where=toward > 1e-9
-        ).min(axis=1, keepdims=True)
-        nodes: Array = middle + ways * np.where(out > 0, reach, 0.0)
+        never = np.full_like(toward, np.inf)
+        reach = np.divide(far, toward, out=never, where=toward > 1e-9)
+        nearest = reach.min(axis=1, keepdims=True)
+        nodes: Array = middle + ways * np.where(away, nearest, 0.0)
         return nodes
 
 
 Form = Rope | Cloth | Filling
 
 
-def _three(counts: Sequence[int]) -> tuple[int, ...]:
-    return (*counts, 1, 1)[:3]
-
-
 def lattice(counts: Sequence[int]) -> Array:
     """Place nodes (N, 3) evenly in the cube from -1 to 1, or in a square or line of it."""
+    ends = [1 if count > 1 else 0 for count in _three(counts)]
     axes = [
-        np.linspace(-1, 1, count) if count > 1 else np.zeros(1)
-        for count in _three(counts)
+        np.linspace(-end, end, count)
+        for end, count in zip(ends, _three(counts), strict=True)
     ]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
@@ -277,22 +260,21 @@ def simplices(counts: Sequence[int]) -> Elements:
     """Divide the cells of a `lattice` into segments, triangles or tetrahedra (E, D + 1)."""
     counts = _three(counts)
     numbers = np.arange(math.prod(counts)).reshape(counts)
-    cells = np.stack(
-        np.meshgrid(*(np.arange(max(n - 1, 1)) for n in counts), indexing="ij"), axis=-1
-    ).reshape(-1, 3)
-    mirrored, found = (
-        cells % 2,
-        [],
-    )  # every second cell, so that both sides of a body are alike
+    cells = np.argwhere(np.ones([max(count - 1, 1) for count in counts]))
+    mirrored = cells % 2  # every second cell, so that both sides of a body are alike
+    found = []
     for axes in permutations([axis for axis, count in enumerate(counts) if count > 1]):
         corner = cells + mirrored
         element = [numbers[tuple(corner.T)]]
         for axis in axes:
-            corner = corner.copy()
             corner[:, axis] += 1 - 2 * mirrored[:, axis]
             element.append(numbers[tuple(corner.T)])
         found.append(np.stack(element, axis=-1))
     return np.concatenate(found)
+
+
+def _three(counts: Sequence[int]) -> tuple[int, ...]:
+    return (*counts, 1, 1)[:3]
 
 
 def sizes(nodes: Array, elements: Elements) -> Array:
@@ -305,12 +287,18 @@ def sizes(nodes: Array, elements: Elements) -> Array:
 
 def facing(nodes: Array, elements: Elements) -> Elements:
     """Order the nodes of triangles so that they face up, and of tetrahedra so that their volumes are positive."""
-    edges, corners = nodes[elements[:, 1:]] - nodes[elements[:, :1]], elements.shape[1]
+    edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
+    corners = elements.shape[1]
     if corners == 2:
         return elements
-    signs = (
-        np.linalg.det(edges)
-        if corners == 4
-        else np.cross(edges[:, 0], edges[:, 1])[:, 2]
-    )
-    return np.where((signs < 0)[:, None], elements[:, [0, 2, 1, 3][:corners]], elements)
+    signs = np.cross(edges[:, 0], edges[:, 1])[:, 2]
+    if corners == 4:
+        signs = np.linalg.det(edges)
+    turned = elements[:, [0, 2, 1, 3][:corners]]
+    return np.where((signs < 0)[:, None], turned, elements)
+
+
+def _unit(vectors: Array) -> Array:
+    """Give vectors (N, 3) the length 1; those without one stay as they are."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.maximum(lengths, 1e-12)

@@ -30,7 +30,7 @@ from core.solids.contacts import find_contacts, make_trace
 from core.support.text import shorten
 from core.task import reward_of
 from core.values.layouts import NONE
-from core.values.states import TRACE_HZ
+from core.values.traces import TRACE_HZ
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float64]
