@@ -84,9 +84,16 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure of a state that is to be at most ``limit``, or at least; all its numbers are in ``unit``.
+    """A figure of a state that is to end at most at a limit, or at least.
 
-    What is ``slip`` beyond the limit counts as lost. Up to ``near`` observations call it good, if the limit is lower.
+    Attributes:
+        name: what it is, for its margin, such as ``height of cup``.
+        value: computes it from the states of one world or of many, (...).
+        limit: where it is to end; a place without a tolerance has the limit 0.
+        slip: how far beyond the limit counts as lost, where the figure is right at the start.
+        unit: of all its numbers: m, rad, ...
+        at_least: whether it must not end below the limit; else not above it.
+        near: up to here observations call it good, where the limit is lower.
     """
 
     name: str
@@ -100,8 +107,9 @@ class Measure:
     def left(self, state: State) -> Array:
         """Compute how far a state is beyond the limit, (...)."""
         value = self.value(state)
-        beyond = self.limit - value if self.at_least else value - self.limit
-        return np.maximum(beyond, 0.0)
+        if self.at_least:
+            return np.maximum(self.limit - value, 0.0)
+        return np.maximum(value - self.limit, 0.0)
 
     def margin(self, end: State) -> Margin | None:
         """Return the margin of one world; None: nothing may be off, so that there is no room."""
@@ -270,9 +278,9 @@ class Reach(Goal):
             if self.held and hold is not None:
                 reached = reached * hold(body)
             shares.append(reached)
-        best_or_mean = np.max if self.any else np.mean
-        found: Array = best_or_mean(shares, axis=0)
-        return found
+        if self.any:
+            return np.asarray(np.max(shares, axis=0))
+        return np.asarray(np.mean(shares, axis=0))
 
     def progress_over_time(self, evidence: Evidence) -> Array:
         """Compute its progress at each instant of the trace, (..., T)."""
@@ -284,9 +292,10 @@ class Reach(Goal):
             evidence.start, evidence.end, lambda body: evidence.hold(body)[..., -1]
         )
         if self.by_s is not None or self.ever:
-            latest = np.inf if self.by_s is None else self.by_s
-            in_time = evidence.film.times <= latest
-            best = self.progress_over_time(evidence)[..., in_time].max(axis=-1)
+            progress = self.progress_over_time(evidence)
+            if self.by_s is not None:
+                progress = progress[..., evidence.film.times <= self.by_s]
+            best = progress.max(axis=-1)
             reached = best if self.ever else np.minimum(best, reached)
         if self.after is not None:
             reached = np.minimum(reached, self._share_before(self.after, evidence))
@@ -369,8 +378,8 @@ class Reach(Goal):
         }
         asked = [part.asks() for part in self.parts]
         asked += [words for words, said in when.items() if said]
-        label = f"{self.name}: " if self.name else ""
-        return f"{label}{self.subject} {'; '.join(filter(None, asked))}"
+        described = f"{self.subject} {'; '.join(filter(None, asked))}"
+        return f"{self.name}: {described}" if self.name else described
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -404,16 +413,18 @@ class Placed(Reach):
         return [Measure(name, distance, self.tolerance, SLIP_M, "m", near=NEAR_M)]
 
     def asks(self) -> str:
-        node = "" if self.node is None else f"(node {self.node} of its nodes, from 0) "
-        place = describe_place(self.place)
-        return f"{node}must get to {place}{_in_frame(self.at)}{_within(self.tolerance)}"
+        place = describe_place(self.place) + _in_frame(self.at)
+        asked = f"must get to {place}{_within(self.tolerance)}"
+        if self.node is not None:
+            return f"(node {self.node} of its nodes, from 0) {asked}"
+        return asked
 
     def aim(self, target: Target, scene: Scene) -> Target:
         place = self.place
         if self.at is not None:
             moved = scene[self.at].pose.apply([wanted or 0.0 for wanted in place])
             x, y, z = (
-                None if wanted is None else float(coordinate)
+                wanted if wanted is None else float(coordinate)
                 for wanted, coordinate in zip(place, moved, strict=True)
             )
             place = (x, y, z)
@@ -761,10 +772,12 @@ def check_names(goal: Goal, scene: Scene) -> None:
         "body": [body.name for body in scene.bodies],
         "joint": [joint.name for joint in scene.joints],
     }
-    for part in goal.parts if isinstance(goal, Reach) else (goal,):
+    for part in getattr(goal, "parts", [goal]):
         for field, what in _NAMES.items():
-            named = getattr(part, field, None) or ()
-            for name in (named,) if isinstance(named, str) else named:
+            names = getattr(part, field, None) or ()
+            if isinstance(names, str):
+                names = (names,)
+            for name in names:
                 if name not in possible[what]:
                     raise choices(what, name, possible[what])
 
@@ -785,7 +798,8 @@ def _find_toucher(film: Trace, body: str) -> str:
         for (kind, part, other), flags in film.touching.items()
         if kind != "body" and other == body and flags.any()
     ]
-    return min(touches)[1] if touches else "the robot"
+    _, first = min(touches, default=(0, "the robot"))
+    return first
 
 
 def _in_frame(body: str | None) -> str:

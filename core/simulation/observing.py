@@ -23,7 +23,6 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError
 from core.geometry import Array, Sphere
@@ -32,6 +31,7 @@ from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Scene, State
 from core.solids.contacts import Contacts, Flags, make_trace
+from core.values.joints import rotate, rotate_back
 from core.values.observations import Class, Moved, Offset, Point
 
 MISSED_M = 0.02
@@ -170,12 +170,7 @@ class _Case:
             instant, result, what = min(causes)
             return result, what, instant
 
-        start = self.start
-        ways = [
-            _length(self.end.position(name) - start.position(name))
-            for name in self.names
-        ]
-        if not touches.size and all(way <= NUDGED_M for way in ways):
+        if not touches.size and all(self._moved(n) <= NUDGED_M for n in self.names):
             return "never touched", "", None
         some = len(self.left) < len(self.names)
         return "missed", ", ".join(self.left[:NAMED]) if some else "", None
@@ -188,13 +183,11 @@ class _Case:
             end = self.end.position(name)
             tilt = 0.0
             if not _is_ball(self.scene, name):
-                tilt = float(
-                    _tilts(self.start.quaternion(name), self.end.quaternion(name))
-                )
-            moved = Moved(_point(end - begin), _point(end), round(tilt, 1))
-            shifted = _length(moved.by) > _STILL_M or moved.tilt_deg > _STILL_DEG
+                turned = self.end.quaternion(name)
+                tilt = round(float(_tilts(self.start.quaternion(name), turned)), 1)
+            shifted = self._moved(name) > _STILL_M or tilt > _STILL_DEG
             if shifted or name in self.names:
-                found[name] = moved
+                found[name] = Moved(_point(end - begin), _point(end), tilt)
         return found
 
     def choose_paths(self, moved: Mapping[str, Moved]) -> list[str]:
@@ -204,13 +197,8 @@ class _Case:
             name: float(np.ptp(states.position(name), axis=0).max()) for name in moved
         }
         strayed = [name for name, way in ways.items() if way > _STILL_M]
-        strayed.sort(
-            key=lambda name: (
-                name not in self.left,
-                name not in self.names,
-                -ways[name],
-            )
-        )
+        strayed.sort(key=lambda name: -ways[name])
+        strayed.sort(key=lambda name: (name not in self.left, name not in self.names))
         return strayed[:PATHS]
 
     def errors(self) -> dict[str, Offset]:
@@ -224,6 +212,9 @@ class _Case:
                     found.setdefault(name, _offset(wanted, self.end.position(name)))
         return {name: found[name] for name in self.names if name in found}
 
+    def _moved(self, name: str) -> float:
+        return _length(self.end.position(name) - self.start.position(name))
+
     def _is_in_place(self, name: str) -> bool:
         enough = all if self.task.every else any
         return enough(
@@ -235,17 +226,12 @@ class _Case:
 
     def _measure_left(self, goal: Reach) -> float:
         """Measure how far a goal's bodies are from where it wants them, on average."""
-        return float(
-            np.mean(
-                [
-                    sum(
-                        float(measure.left(self.end))
-                        for measure in goal.all_measures(name, self.start)
-                    )
-                    for name in goal.subjects(self.start)
-                ]
-            )
-        )
+        left = 0.0
+        bodies = goal.subjects(self.start)
+        for name in bodies:
+            for measure in goal.all_measures(name, self.start):
+                left += float(measure.left(self.end))
+        return left / len(bodies)
 
     def _breaches(self) -> Iterator[tuple[float, str]]:
         """Yield what the goals forbid and the rollout did."""
@@ -286,51 +272,55 @@ def _fits(goal: Goal, scene: Scene) -> bool:
 
 
 def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:
+    """Find the first waypoint that the arm misses the way to."""
     begins = np.append(0.0, motion.arrivals[:-1])
     at_work = (motion.arrivals >= work[0]) & (begins <= work[1])
-    for i in np.flatnonzero(
-        at_work & (motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
-    )[:1].tolist():
-        yield float(begins[i]), "unreachable", f"waypoint {i + 1}"
+    missed = (motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
+    if (at_work & missed).any():
+        first = int((at_work & missed).argmax())
+        yield float(begins[first]), "unreachable", f"waypoint {first + 1}"
 
 
 def _stuck(
     scene: Scene, contacts: Contacts, lags: Array, work: Span
 ) -> Iterator[Cause]:
     """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
-    times, states = contacts.taken.times, contacts.taken.states
+    times = contacts.taken.times
     for begin, stop in _runs(lags > STUCK_RAD):
         if times[stop - 1] < work[0] or times[begin] > work[1]:
             continue
         peak = begin + int(lags[begin:stop].argmax())
         before = int(np.searchsorted(times, times[peak] - UNYIELDING_S))
         for (kind, _, other), touched in contacts.touching.items():
-            if kind != "body" and touched[max(0, peak - 2) : peak + 3].any():
-                ends = (
-                    None
-                    if scene[other].fixed
-                    else states.position(other)[[before, peak]]
-                )
-                if ends is None or _length(ends[1] - ends[0]) <= UNYIELDING_M:
-                    yield float(times[begin]), "stuck", other
+            if kind == "body" or not touched[max(0, peak - 2) : peak + 3].any():
+                continue
+            moved = 0.0
+            if not scene[other].fixed:
+                places = contacts.taken.states.position(other)
+                moved = _length(places[peak] - places[before])
+            if moved <= UNYIELDING_M:
+                yield float(times[begin]), "stuck", other
 
 
 def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause | None:
     """Find when a body was dropped, or tipped over."""
-    taken = contacts.taken
-    heights, rest = taken.states.position(name)[:, 2], float(start.position(name)[2])
-    held = contacts.held(name)
-    for begin, stop in _runs(~held):
+    times = contacts.taken.times
+    states = contacts.taken.states
+    heights = states.position(name)[:, 2]
+    rest = float(start.position(name)[2])
+    for begin, stop in _runs(~contacts.held(name)):
         top = heights[begin - 1] if begin else rest
         if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
-            return float(taken.times[begin - 1]), "dropped", name
+            return float(times[begin - 1]), "dropped", name
+
     if _is_ball(scene, name):
         return None
-    tilts = _tilts(start.quaternion(name), taken.states.quaternion(name))
-    upright = np.flatnonzero(tilts <= TIPPED_DEG)
-    after = int(upright[-1]) + 1 if upright.size else 0
-    if after < len(tilts) and heights[after] >= rest - FELL_M:
-        return float(taken.times[after]), "tipped", name
+    tilted = _tilts(start.quaternion(name), states.quaternion(name)) > TIPPED_DEG
+    runs = list(_runs(tilted))
+    if runs and runs[-1][1] == len(times):  # it stayed so
+        tipped = runs[-1][0]
+        if heights[tipped] >= rest - FELL_M:
+            return float(times[tipped]), "tipped", name
     return None
 
 
@@ -340,19 +330,16 @@ def _is_ball(scene: Scene, name: str) -> bool:
 
 def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     """Yield where flags begin to be set and where they end."""
-    edges = np.flatnonzero(
-        np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8))
-    )
-    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    changes = np.diff(np.pad(flags.astype(np.int8), 1))
+    edges = np.flatnonzero(changes).tolist()
+    return zip(edges[::2], edges[1::2], strict=True)
 
 
 def _tilts(first: Array, quaternions: Array) -> Array:
-    """How far the upward axis of a body has turned since its ``first`` quaternion, degrees, for each of others."""
-    turned = (
-        Rotation.from_quat(quaternions, scalar_first=True)
-        * Rotation.from_quat(first, scalar_first=True).inv()
-    )
-    return np.degrees(np.arccos(np.clip(turned.as_matrix()[..., 2, 2], -1.0, 1.0)))
+    """Compute how far a body's upward axis has turned since its ``first`` quaternion, degrees, for each of others."""
+    upward = rotate_back(first, np.array([0.0, 0.0, 1.0]))
+    heights = rotate(quaternions, upward)[..., 2]
+    return np.degrees(np.arccos(np.clip(heights, -1.0, 1.0)))
 
 
 def _offset(wanted: Offset, position: Array) -> Offset:

@@ -41,6 +41,9 @@ OPEN = 0.9  # rad
 BEYOND = 0.1  # the goal is so far beyond what counts as open
 GLASS_RADIUS = 0.028
 GLASS_HEIGHT = 0.11
+# A glass that moves less counts as left alone; from the second on nothing is earned.
+NUDGED_M = 0.01
+SHOVED_M = 0.05
 
 OAK = (0.55, 0.38, 0.24, 1.0)
 PINE = (0.80, 0.64, 0.44, 1.0)
@@ -140,7 +143,7 @@ class OpenLatch(Task):
             tolerance=BEYOND,
             rest=True,
         ),
-        Kept(("glass",), kept_m=0.01),
+        Kept(("glass",), kept_m=NUDGED_M),
     )
     variations = {
         "near": around("cabinet", (0.64, 0.0), 0.03, 0.15),
@@ -197,7 +200,12 @@ class OpenLatch(Task):
         shift = moved(start, end, "glass")
         upright = z_axis(end, "glass")[..., 2] > 0.98
         opened = np.interp(hinge.position, (0.08, OPEN), (0.0, 1.0))
-        return opened * still * np.interp(shift, (0.01, 0.05), (1.0, 0.0)) * upright
+        return (
+            opened
+            * still
+            * np.interp(shift, (NUDGED_M, SHOVED_M), (1.0, 0.0))
+            * upright
+        )
 
     def margins(
         self, start: State, end: State, trace: Trace | None = None
@@ -205,6 +213,6 @@ class OpenLatch(Task):
         shift = float(moved(start, end, "glass"))
         opened = float(end.joint("hinge").position)
         return [
-            Margin.at_most("glass moved", shift, 0.01, "m"),
+            Margin.at_most("glass moved", shift, NUDGED_M, "m"),
             Margin.at_least("door", opened, OPEN, "rad", BEYOND),
         ]

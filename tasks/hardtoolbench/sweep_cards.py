@@ -41,6 +41,7 @@ CELLS = (
 CARDS = tuple(f"card_{i}" for i in range(1, len(CELLS) + 1))
 BY_S = 15.0
 PRESS_N = 15.0
+NUDGED_M = 0.01  # a vase that moves less counts as left alone
 
 LACQUER: Color = (0.16, 0.17, 0.20, 1.0)
 BEECH: Color = (0.72, 0.52, 0.33, 1.0)
@@ -99,7 +100,7 @@ class SweepCards(Task):
             by_s=BY_S,
         ),
         Untouched(("vase",)),
-        Kept(("vase",), kept_m=0.01),
+        Kept(("vase",), kept_m=NUDGED_M),
         Untouched(("board",), max_force_n=PRESS_N),
     )
     variations = {
@@ -168,7 +169,7 @@ class SweepCards(Task):
         harmed = trace.touched("vase", "robot") | (
             trace.force_n("board", "robot") > PRESS_N
         )
-        shifted = moved(start, end, "vase") > 0.01
+        shifted = moved(start, end, "vase") > NUDGED_M
         return np.mean(inside, axis=0) * ~harmed * ~shifted
 
     def margins(
@@ -182,7 +183,7 @@ class SweepCards(Task):
             Margin.at_most(
                 "force on board", float(trace.force_n("board", "robot")), PRESS_N, "N"
             ),
-            Margin.at_most("vase moved", shift, 0.01, "m"),
+            Margin.at_most("vase moved", shift, NUDGED_M, "m"),
         ]
 
     @staticmethod
