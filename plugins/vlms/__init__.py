@@ -27,8 +27,8 @@ def vlms() -> Mapping[str, str]:
 @hookimpl
 def prompt_values() -> Mapping[str, str]:
     return {
-        "arm": "plugins.vlms.told.arm:told",
-        "urdf": "plugins.vlms.told.outline:told",
+        "arm": "plugins.vlms.told.arm:arm_value",
+        "urdf": "plugins.vlms.told.outline:outline_value",
     }
 
 

@@ -70,30 +70,33 @@ class Mailbox(VLM):
         waiting = [Letter(request, self._folder / request.id) for request in requests]
         for letter in waiting:
             letter.post()
+
         announced = False
         while waiting:
             for letter in list(waiting):
                 text = letter.look()
                 if text is None:
                     continue
+
                 waiting.remove(letter)
                 error = "skipped by hand" if text == "" else None
                 yield Reply(letter.request.id, text, self.model, error)
                 if announced:
                     _say(f"{letter.request.id} is answered; {len(waiting)} left")
+
             if waiting and not announced:
-                count = (
-                    "1 request waits"
-                    if len(waiting) == 1
-                    else f"{len(waiting)} requests wait"
-                )
-                names = " or ".join(REPLIES)
-                _say(
-                    f"{count} for an answer in {self._folder}; put {names} beside each prompt.md"
-                )
+                self._announce(len(waiting))
                 announced = True
             if waiting:
                 time.sleep(self._poll_s)
+
+    def _announce(self, number: int) -> None:
+        """Say how many requests wait for an answer, and where."""
+        wait = "1 request waits" if number == 1 else f"{number} requests wait"
+        names = " or ".join(REPLIES)
+        _say(
+            f"{wait} for an answer in {self._folder}; put {names} beside each prompt.md"
+        )
 
 
 @dataclass(eq=False)
@@ -101,6 +104,10 @@ class Letter:
     """One request and its folder. By file, it keeps what `file_mark` gave last, and at how many checks.
 
     Others may write to the folder: nothing is written or read through a link.
+
+    Attributes:
+        request: that waits for a reply.
+        folder: of this request alone.
     """
 
     request: Request
@@ -118,57 +125,68 @@ class Letter:
         try:
             if _holds(prompt, text):
                 return
-            if prompt.exists() and any(
-                (self.folder / name).exists() for name in (*REPLIES, SKIP)
-            ):
+
+            answers = [self.folder / name for name in (*REPLIES, SKIP)]
+            if prompt.exists() and any(answer.exists() for answer in answers):
                 raise UserError(
                     f"{self.folder} has a reply to a different request; move it away, or change vlm.folder"
                 )
+
             self.folder.mkdir(parents=True, exist_ok=True)
-            for message in self.request.messages:
-                for part in message.parts:
-                    if isinstance(part, Picture):
-                        _write(self.folder / f"{part.name}.png", part.png)
+            self._post_pictures()
             if not self.request.critique:
-                schema = (
-                    json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
-                )
-                _write(self.folder / "schema.json", schema.encode())
-            _write(
-                prompt, text.encode()
-            )  # last, so that the other files are there when it is
+                schema = self.request.schema
+                lines = json.dumps(schema, indent=1, ensure_ascii=False)
+                _write(self.folder / "schema.json", f"{lines}\n".encode())
+            # last, so that the other files are there when it is
+            _write(prompt, text.encode())
         except OSError as error:
             raise UserError(
                 f"the mailbox {self.folder} can't be used: {error}"
             ) from error
 
+    def _post_pictures(self) -> None:
+        """Write the pictures that the request's messages name."""
+        for message in self.request.messages:
+            for part in message.parts:
+                if isinstance(part, Picture):
+                    _write(self.folder / f"{part.name}.png", part.png)
+
     def look(self) -> str | None:
-        """A usable reply; empty: the person skipped the request; None: there is no reply yet."""
+        """Look for a usable reply; empty: the person skipped the request; None: there is no reply yet."""
         if (self.folder / SKIP).exists():
             return ""
-        return next(
-            (text for name in REPLIES if (text := self._read(name)) is not None), None
-        )
+
+        for name in REPLIES:
+            text = self._read(name)
+            if text is not None:
+                return text
+
+        return None
 
     def _read(self, name: str) -> str | None:
-        """The text of one file, if it rests and is usable. A reply that was there before the request rests."""
+        """Read one file, if it rests and is usable. A reply that was there before the request rests."""
         mark = file_mark(self.folder / name)
         last, checks = self._checks.get(name, (mark, CHECKS - 1))
         checks = checks + 1 if mark == last else 1
         self._checks[name] = mark, checks
+
         if mark is None or mark.size == 0 or checks != CHECKS:
             return None
+
         usable = False
         try:
             text = _load(self.folder / name)
             usable, problems = judge(self.request, text)
         except DesignError as error:
             problems = [str(error)]
+
         if usable:
             self._write_problems(
                 f"{name} is accepted; these of its designs will be rejected:", problems
             )
             return text
+
         self._write_problems(f"{name} can't be used:", problems, _HELP)
         _say(
             f"{self.request.id}: {name} can't be used; {self.folder / 'problem.md'} says why"
@@ -176,12 +194,21 @@ class Letter:
         return None
 
     def _write_problems(
-        self, heading: str, problems: Sequence[str], ending: str = ""
+        self,
+        heading: str,
+        problems: Sequence[str],
+        ending: str = "",
     ) -> None:
+        """Args:
+        heading: what became of the reply.
+        problems: a line each; none: the file of an earlier reply goes.
+        ending: what to do.
+        """
         file = self.folder / "problem.md"
         if not problems:
             file.unlink(missing_ok=True)
             return
+
         listed = "".join(f"- {problem}\n" for problem in problems)
         _write(file, f"{heading}\n\n{listed}\n{ending}".encode())
 
@@ -189,11 +216,19 @@ class Letter:
 def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     """Check a reply: is any design usable, and what is wrong with it?
 
+    Args:
+        request: of designs, or of a critique.
+        text: the reply.
+
+    Returns:
+        Whether it can be used, and a line for each problem.
+
     Raises:
         DesignError: it can't be read at all.
     """
     if request.critique:  # any text is one
         return (True, []) if text.strip() else (False, ["it is empty"])
+
     brief = request.brief
     document = parse_reply(text)
     most = (brief.n_tool, brief.n_action)
@@ -206,13 +241,20 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
         for c in candidates
         if c.problem is not None
     )
+
     return any(c.problem is None for c in candidates), list(problems)
 
 
 def _check_starts(
-    candidates: Sequence[Candidate], start: SpawnRules
+    candidates: Sequence[Candidate],
+    start: SpawnRules,
 ) -> list[Candidate]:
-    """Give candidates whose tool does not start clear of everything that as their problem."""
+    """Give candidates whose tool does not start clear of everything that as their problem.
+
+    Args:
+        candidates: as they were read.
+        start: the rules for where a tool may be at the start.
+    """
     checked = []
     for candidate in candidates:
         problem = candidate.problem
@@ -222,13 +264,20 @@ def _check_starts(
             except DesignError as error:
                 problem = str(error)
         checked.append(replace(candidate, problem=problem))
+
     return checked
 
 
 def _write(file: Path, data: bytes) -> None:
-    """Write a file whole, in a folder that is no link."""
+    """Write a file whole, in a folder that is no link.
+
+    Args:
+        file: which is replaced if it is there.
+        data: all of it.
+    """
     if file.parent.is_symlink():
         raise OSError(errno.ELOOP, f"it is a link to {file.parent.readlink()}")
+
     write_whole(file, data)
 
 
@@ -240,6 +289,7 @@ def _load(file: Path) -> str:
     """
     if file.parent.is_symlink() or file.is_symlink():
         raise DesignError("it is a link; put the file itself there")
+
     try:
         return read_untrusted(file, MAX_BYTES).decode("utf-8-sig")
     except UserError as error:
@@ -251,6 +301,7 @@ def _load(file: Path) -> str:
 
 
 def _holds(file: Path, text: str) -> bool:
+    """Report whether a file has this text."""
     try:
         return _load(file) == text
     except DesignError:  # missing, or something that `_write` replaces

@@ -29,10 +29,12 @@ class PastReplies(VLM):
             raise UsageError(
                 "vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/..."
             )
+
         try:
             answers = StoredRun(Path(run)).answers()
         except UserError as error:
             raise UserError(f"vlm.run: {error}") from error
+
         self._replies = {
             request.id: Reply(request.id, reply.text, reply.model, reply.error)
             for request, reply in answers

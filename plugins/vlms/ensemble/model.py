@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import fsum
@@ -54,96 +54,124 @@ class Ensemble(VLM):
             raise UsageError(
                 "vlm.members is empty; name models, such as vlm.members=[gemini,openai]"
             )
-        for name, limit in {
-            "max_cost_usd": max_cost_usd,
-            "max_tokens_total": max_tokens_total,
-        }.items():
-            if limit is not None:
-                check_positive("vlm.", **{name: limit})
+
+        if max_cost_usd is not None:
+            check_positive("vlm.", max_cost_usd=max_cost_usd)
+        if max_tokens_total is not None:
+            check_positive("vlm.", max_tokens_total=max_tokens_total)
+
         limits = Spending(max_cost_usd, max_tokens_total)
         self._members: dict[str, VLM] = {}
         self._events = event_hub()
+
         for node in listed("vlm", "model", members).values():
             vlm = part(MODEL, node).create()
             if isinstance(vlm, Ensemble):
                 raise UsageError(
                     "vlm.members: an ensemble can't be a member of one; name its members here"
                 )
+
             label = clean(vlm.model, _LONGEST)
             if label in self._members:
                 label = f"{label} ({len(self._members) + 1})"
+
             self._members[label] = vlm
             vlm.share(limits)
             add_listener(self._events, vlm, label)
-        every = self._members.values()
+
+        vlms = self._members.values()
         self.model = f"ensemble of {', '.join(self._members)}"
-        self.takes_schema = all(vlm.takes_schema for vlm in every)
-        self.criticises = any(vlm.criticises for vlm in every)
-        self.sees = all(vlm.sees for vlm in every)
+        self.takes_schema = all(vlm.takes_schema for vlm in vlms)
+        self.criticises = any(vlm.criticises for vlm in vlms)
+        self.sees = all(vlm.sees for vlm in vlms)
         self._dealer = Dealer(list(self._members), seed)
-        self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(
-            list
-        )  # by generation and agent
+        # by generation and agent
+        self._replies: dict[tuple[int, int], list[Reply]] = defaultdict(list)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. What a member leaves at its limit goes to the others."""
         left = list(requests)
-        closed = dict[str, LimitReached]()
+        closed: dict[str, LimitReached] = {}
         while left:
-            hands: dict[str, list[Request]] = {}
-            for request in left:
-                if (label := self._choose(request, closed)) is not None:
-                    hands.setdefault(label, []).append(request)
-                elif request.critique and len(closed) < len(
-                    self._members
-                ):  # a limit ends no run that can go on
-                    yield Reply(
-                        request.id,
-                        "",
-                        self.model,
-                        error="no member that writes critiques is left",
-                    )
-            if len(closed) == len(self._members):
-                why = ", ".join(
-                    f"{label}: {str(limit).partition('; ')[0]}"
-                    for label, limit in closed.items()
-                )
+            hands, refused = self._deal(left, closed)
+            if len(closed) < len(self._members):
+                for request in refused:  # a limit ends no run that can go on
+                    error = "no member that writes critiques is left"
+                    yield Reply(request.id, "", self.model, error=error)
+            else:
                 raise LimitReached(
-                    f"{why}; {len(left)} of {len(requests)} requests are left without a reply"
+                    f"{_describe_limits(closed)}; {len(left)} of {len(requests)} requests are left without a reply"
                 )
-            missing = {
-                request.id: request for label in hands for request in hands[label]
-            }
-            for label, reply in self._ask(hands, closed):
-                missing.pop(reply.request_id, None)
-                yield replace(reply, model=label)
-            left = [
-                r
-                for label in hands
-                if label in closed
-                for r in hands[label]
-                if r.id in missing
-            ]
 
-    def _choose(self, request: Request, closed: dict[str, LimitReached]) -> str | None:
-        """The member that is to answer a request; None: all that can have reached their limit."""
+            answered = set()
+            for label, reply in self._ask(hands, closed):
+                answered.add(reply.request_id)
+                yield replace(reply, model=label)
+
+            left = []
+            for label, hand in hands.items():
+                if label in closed:
+                    left += [request for request in hand if request.id not in answered]
+
+    def _deal(
+        self,
+        requests: Sequence[Request],
+        closed: Mapping[str, LimitReached],
+    ) -> tuple[dict[str, list[Request]], list[Request]]:
+        """Deal requests to members; return those of each, and those of critiques that no member can answer.
+
+        Args:
+            requests: without a reply so far.
+            closed: the members that have reached a limit, and which.
+        """
+        hands: dict[str, list[Request]] = {}
+        refused = []
+        for request in requests:
+            label = self._choose(request, closed)
+            if label is not None:
+                hands.setdefault(label, []).append(request)
+            elif request.critique:
+                refused.append(request)
+
+        return hands, refused
+
+    def _choose(
+        self,
+        request: Request,
+        closed: Mapping[str, LimitReached],
+    ) -> str | None:
+        """Choose the member that is to answer a request; None: all that can have reached their limit.
+
+        Args:
+            request: of designs, or of a critique, which not all members write.
+            closed: the members that have reached a limit.
+        """
+        brief = request.brief
         ranking = self._dealer.ranking(
-            request.brief.generation, request.brief.agent, critique=request.critique
+            brief.generation, brief.agent, critique=request.critique
         )
-        able = [
-            label
-            for label in ranking
-            if self._members[label].criticises or not request.critique
-        ]
-        return next((label for label in able if label not in closed), None)
+        for label in ranking:
+            is_able = self._members[label].criticises or not request.critique
+            if is_able and label not in closed:
+                return label
+
+        return None
 
     def _ask(
-        self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]
+        self,
+        hands: Mapping[str, list[Request]],
+        closed: dict[str, LimitReached],
     ) -> Iterator[tuple[str, Reply]]:
-        """Yield the replies of all members as they arrive, and add those that reach a limit to ``closed``."""
-        arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]] = (
-            queue.SimpleQueue()
-        )
+        """Yield the replies of all members as they arrive, and add those that reach a limit to ``closed``.
+
+        Each member answers in a thread of its own.
+
+        Args:
+            hands: the requests of each member.
+            closed: to which members are added.
+        """
+        arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]]
+        arrived = queue.SimpleQueue()
         stop = threading.Event()
 
         def receive(label: str) -> None:
@@ -157,6 +185,7 @@ class Ensemble(VLM):
 
         for label in hands:
             run_in_thread(partial(receive, label), partial(ended, label), label)
+
         try:
             waiting = len(hands)
             while waiting:
@@ -164,6 +193,7 @@ class Ensemble(VLM):
                 if isinstance(item, Reply):
                     yield label, item
                     continue
+
                 waiting -= 1
                 if isinstance(item, LimitReached):
                     closed[label] = item
@@ -179,19 +209,20 @@ class Ensemble(VLM):
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Pass a reply on to the member that gave it, by its label: a resumed run repeats those that are stored."""
-        if reply.model in self._members:
-            others = [
-                self._events.get_plugin(label)
-                for label in self._members
-                if label != reply.model
-            ]
-            self._events.subset_hook_caller("reply_received", others)(
-                request=request, reply=reply
-            )
-            if not request.critique:
-                self._replies[request.brief.generation, request.brief.agent].append(
-                    reply
-                )
+        if reply.model not in self._members:
+            return
+
+        others = []
+        for label in self._members:
+            if label != reply.model:
+                others.append(self._events.get_plugin(label))
+
+        hear = self._events.subset_hook_caller("reply_received", others)
+        hear(request=request, reply=reply)
+
+        if not request.critique:
+            asked = (request.brief.generation, request.brief.agent)
+            self._replies[asked].append(reply)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -200,11 +231,20 @@ class Ensemble(VLM):
         for evaluation in generation.evaluations:
             agent = evaluation.candidate.agent
             earned[agent] = max(earned.get(agent, 0.0), evaluation.reward)
+
         for index, agent in sorted(self._replies):
             replies = self._replies.pop((index, agent))
             free = any(reply.error is None and not reply.cost_usd for reply in replies)
             cost = None if free else fsum(reply.cost_usd or 0.0 for reply in replies)
             self._dealer.hear(replies[-1].model, earned.get(agent, 0.0), cost)
+
+
+def _describe_limits(closed: Mapping[str, LimitReached]) -> str:
+    """Name the members that reached a limit, and which."""
+    texts = []
+    for label, limit in closed.items():
+        texts.append(f"{label}: {str(limit).partition('; ')[0]}")
+    return ", ".join(texts)
 
 
 class Dealer:
@@ -219,41 +259,61 @@ class Dealer:
     """
 
     def __init__(self, members: Sequence[str], seed: int) -> None:
+        """Args:
+        members: their labels, in the order in which they have their first request.
+        seed: of the draws.
+        """
         self._seed = seed
         self._rewards: dict[str, list[float]] = {name: [] for name in members}
         self._costs: dict[str, list[float]] = {name: [] for name in members}
         self._priced = True
 
     def hear(self, member: str, reward: float, cost_usd: float | None) -> None:
-        """Take what an answer earned, and its cost; None: it is not known. An answer that failed may have cost 0."""
+        """Take what an answer earned, and its cost; None: it is not known. An answer that failed may have cost 0.
+
+        Args:
+            member: that answered.
+            reward: what the best of the answer's candidates earned, 0..1.
+            cost_usd: of the answer, and of those that were asked for again.
+        """
         self._rewards[member].append(reward)
         if cost_usd:
             self._costs[member].append(cost_usd)
+
         self._priced &= cost_usd is not None
 
     def ranking(
-        self, generation: int, agent: int, *, critique: bool = False
+        self,
+        generation: int,
+        agent: int,
+        *,
+        critique: bool = False,
     ) -> list[str]:
         """Order the members for a request, the first choice first.
 
         Members that have not answered yet come first, each for another agent. A ``critique`` earns nothing: there
         only the draw counts.
+
+        Args:
+            generation: of the request.
+            agent: that makes the request.
+            critique: whether it asks for one.
         """
         rng = np.random.default_rng([self._seed, generation, agent, int(critique)])
-        costs = (
-            {name: fmean(paid) for name, paid in self._costs.items() if paid}
-            if self._priced
-            else {}
-        )
-        usual = (
-            fmean(costs.values()) if costs else 1.0
-        )  # of a member that nothing was paid to yet
+        costs: dict[str, float] = {}
+        if self._priced:
+            costs = {name: fmean(paid) for name, paid in self._costs.items() if paid}
+
+        default = 1.0  # of a member that nothing was paid to yet
+        if costs:
+            default = fmean(costs.values())
+
         draws = {}
         for name, rewards in self._rewards.items():
             earned = fsum(rewards)
-            draws[name] = rng.beta(1 + earned, 1 + len(rewards) - earned) / costs.get(
-                name, usual
-            )
+            worth = rng.beta(1 + earned, 1 + len(rewards) - earned)
+            draws[name] = worth / costs.get(name, default)
+
         ranked = sorted(draws, key=lambda name: -draws[name])
         untried = [name for name, rewards in self._rewards.items() if not rewards]
         if agent < len(untried) and not critique:

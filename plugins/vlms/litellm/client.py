@@ -11,7 +11,7 @@ import math
 import os
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -42,11 +42,12 @@ _OTHER_KEYS = {
 }
 
 _LIKE_OPENAI = ("aiohttp_openai", "custom_openai")  # beside those that LiteLLM lists
+# Names of keys that do not follow from the provider's.
 _UNUSUAL = {
     "cometapi": "COMETAPI_KEY",
     "lambda_ai": "LAMBDA_API_KEY",
     "meta_llama": "LLAMA_API_KEY",
-}  # names of keys
+}
 
 # Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
 _AT_IMPORT = {
@@ -61,70 +62,87 @@ def load() -> ModuleType:
     """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
     os.environ.update(_AT_IMPORT)
     for name, value in os.environ.items():
-        if (
-            is_secret_name(name) and value != value.strip()
-        ):  # a file's last line break, which no header can hold
+        # a file's last line break, which no header can hold
+        if is_secret_name(name) and value != value.strip():
             os.environ[name] = value.strip()
+
     litellm = importlib.import_module("litellm")
     litellm.__dict__.update(
         suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True
     )
-    warnings.filterwarnings(
-        "ignore", "Pydantic serializer", UserWarning
-    )  # they quote the answer
     if litellm.client_session is None:
-        handlers = importlib.import_module("litellm.llms.custom_httpx.http_handler")
-        guarded = transport(
-            verify=handlers.get_ssl_configuration(), cert=os.getenv("SSL_CERTIFICATE")
-        )
-        litellm.__dict__.update(
-            client_session=httpx.Client(transport=guarded), sync_transport=guarded
-        )
+        _guard(litellm)
+
+    # these quote the answer
+    warnings.filterwarnings("ignore", "Pydantic serializer", UserWarning)
     for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
         logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
     return litellm
 
 
+def _guard(litellm: ModuleType) -> None:
+    """Send all requests of LiteLLM's clients through our transport."""
+    handlers = importlib.import_module("litellm.llms.custom_httpx.http_handler")
+    guarded = transport(
+        verify=handlers.get_ssl_configuration(), cert=os.getenv("SSL_CERTIFICATE")
+    )
+    client = httpx.Client(transport=guarded)
+    litellm.__dict__.update(client_session=client, sync_transport=guarded)
+
+
 def estimate(request: Request, model: str) -> Estimate:
-    """Count tokens: texts with LiteLLM's counter, pictures by their pixels; prices are from LiteLLM's list."""
+    """Count tokens: texts with LiteLLM's counter, pictures by their pixels; prices are from LiteLLM's list.
+
+    Args:
+        request: which is not sent.
+        model: in LiteLLM's notation.
+    """
     litellm = load()
-    messages = explained(request)
-    texts = [
-        replace(message, parts=tuple(p for p in message.parts if isinstance(p, Text)))
-        for message in messages
-    ]
-    tokens = litellm.token_counter(model=model, messages=render(texts))
-    tokens += sum(
-        _picture_tokens(part)
-        for message in messages
-        for part in message.parts
-        if isinstance(part, Picture)
-    )
+    texts = []
+    tokens = 0
+
+    for message in explained(request):
+        pictures = [part for part in message.parts if isinstance(part, Picture)]
+        parts = tuple(part for part in message.parts if isinstance(part, Text))
+        tokens += sum(map(_picture_tokens, pictures))
+        texts.append(replace(message, parts=parts))
+
+    tokens += litellm.token_counter(model=model, messages=render(texts))
+
+    counter = "litellm.token_counter"
     price = _price(litellm, model)
-    version = importlib.metadata.version("litellm")
     if price is None:
-        return Estimate(tokens, "litellm.token_counter")
-    return Estimate(
-        tokens, "litellm.token_counter", *price, f"price list of LiteLLM {version}"
-    )
+        return Estimate(tokens, counter)
+
+    version = importlib.metadata.version("litellm")
+    return Estimate(tokens, counter, *price, f"price list of LiteLLM {version}")
 
 
 def _picture_tokens(picture: Picture) -> int:
     """Count the tokens of a PNG picture as Claude does, a token for 750 pixels; other providers count otherwise."""
-    width, height = (
-        int.from_bytes(picture.png[at : at + 4], "big") for at in (16, 20)
-    )  # of the file's header
+    header = picture.png[:24]
+    width = int.from_bytes(header[16:20], "big")
+    height = int.from_bytes(header[20:24], "big")
     return math.ceil(width * height / PIXELS_PER_TOKEN)
 
 
 def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
-    """US dollars per token in and out; None: unknown."""
+    """US dollars per token in and out; None: unknown.
+
+    Args:
+        litellm: the module.
+        model: in LiteLLM's notation.
+    """
     try:
         info = litellm.get_model_info(model)
     except Exception:  # a model that is not in the list; the class of the error varies
         return None
-    prices = info.get("input_cost_per_token"), info.get("output_cost_per_token")
-    return (float(prices[0]), float(prices[1])) if prices[0] and prices[1] else None
+
+    prompt = info.get("input_cost_per_token")
+    completion = info.get("output_cost_per_token")
+    if not (prompt and completion):
+        return None
+    return float(prompt), float(completion)
 
 
 class Client:
@@ -141,6 +159,12 @@ class Client:
         timeout_s: float,
         max_output_tokens: int | None,
     ) -> None:
+        """Args:
+        model: in LiteLLM's notation.
+        api_base: address of the server; None: the provider's own.
+        timeout_s: after which a call is abandoned.
+        max_output_tokens: of an answer; None: the provider's maximum.
+        """
         self._litellm = load()
         try:
             self._bare, self._provider, key, _ = self._litellm.get_llm_provider(
@@ -151,64 +175,82 @@ class Client:
                 f"vlm.model={model}: LiteLLM knows no such provider; write provider/model, "
                 "such as gemini/gemini-2.5-pro, or openai/NAME with vlm.api_base for a server that speaks OpenAI's API"
             ) from error
+
         self.model = model
-        given = {"max_tokens": max_output_tokens, "api_base": api_base}
         self._settings: dict[str, Any] = {
             "timeout": timeout_s + 1.0,
             "num_retries": 0,
             "max_retries": 0,
         }
-        self._settings |= {
-            name: value for name, value in given.items() if value is not None
-        }
-        missing = self._missing_keys() if key is None else []
-        if missing and api_base is None:
-            raise UserError(
-                f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}"
-            )
-        if missing:
-            self._settings["api_key"] = (
-                "none"  # clients refuse to call without a key, local servers ignore it
-            )
-        self._price = None if self._provider in _LOCAL else _price(self._litellm, model)
+        if max_output_tokens is not None:
+            self._settings["max_tokens"] = max_output_tokens
+        if api_base is not None:
+            self._settings["api_base"] = api_base
+        if key is None:
+            self._find_key(api_base)
+
+        self._price = None
+        if self._provider not in _LOCAL:
+            self._price = _price(self._litellm, model)
+
         self.priced = self._price is not None
         self._schema_lock = threading.Lock()
-        self._accepted = {
-            "temperature": self._accepts(temperature=0.7),
-            "seed": self._accepts(seed=1),
-        }
         schemas = self._provider in _LOCAL or self._litellm.supports_response_schema(
             model=model
         )
-        self._accepted["response_format"] = bool(schemas)
+        self._accepted = {
+            "temperature": self._accepts(temperature=0.7),
+            "seed": self._accepts(seed=1),
+            "response_format": bool(schemas),
+        }
         left_out = [name for name, accepted in self._accepted.items() if not accepted]
+
         if left_out:
             names = ", no ".join(left_out).replace(
                 "response_format", "JSON schema (the prompt's text holds it)"
             )
             _log.warning("%s accepts no %s: left out of its requests", model, names)
 
+    def _find_key(self, api_base: str | None) -> None:
+        """Look for an API key in the environment; a server at an address of one's own may need none.
+
+        Raises:
+            UserError: there is none, and the provider needs one.
+        """
+        missing = self._missing_keys()
+        if not missing:
+            return
+
+        if api_base is None:
+            names = " or ".join(missing)
+            raise UserError(
+                f"vlm.model={self.model} needs an API key; set the environment variable {names}"
+            )
+        # clients refuse to call without a key, local servers ignore it
+        self._settings["api_key"] = "none"
+
     def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
-        """Tokens and US dollars of a call: as the reply reports them, otherwise counted; 0 dollars without a price."""
+        """Return tokens and US dollars of a call, as the reply reports them, or counted; 0 dollars without a price.
+
+        Args:
+            request: that was sent.
+            reply: to the request.
+        """
+        count = self._litellm.token_counter
         prompt = reply.prompt_tokens
-        completion = reply.completion_tokens
         if prompt is None:
-            prompt = int(
-                self._litellm.token_counter(
-                    model=self.model, messages=render(explained(request))
-                )
-            )
+            messages = render(explained(request))
+            prompt = int(count(model=self.model, messages=messages))
+
+        completion = reply.completion_tokens
         if completion is None:
-            completion = int(
-                self._litellm.token_counter(model=self.model, text=reply.text)
-            )
-        if reply.cost_usd is not None:
-            return prompt + completion, reply.cost_usd
-        per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
-        return (
-            prompt + completion,
-            prompt * per_prompt_token + completion * per_completion_token,
-        )
+            completion = int(count(model=self.model, text=reply.text))
+
+        cost = reply.cost_usd
+        if cost is None:
+            per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
+            cost = prompt * per_prompt_token + completion * per_completion_token
+        return prompt + completion, cost
 
     def _missing_keys(self) -> list[str]:
         """The environment variables of which one must hold the key; empty: one does, or no key is needed."""
@@ -218,30 +260,35 @@ class Client:
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
         missing = sorted(name for name in missing if name.endswith("_API_KEY"))
         if not missing and self._provider not in OPENAI:
-            registry = importlib.import_module(
-                "litellm.llms.openai_like.json_loader"
-            ).JSONProviderRegistry
-            registered = registry.get(self._provider)
-            usual = f"{self._provider.upper().replace('-', '_')}_API_KEY"
-            if (
-                registered is not None
-            ):  # a provider that speaks OpenAI's protocol, as LiteLLM lists it
-                missing = [
-                    registered.api_key_env
-                ]  # LiteLLM would send OpenAI's key in its place
-            elif self._provider in (
-                *self._litellm.openai_compatible_providers,
-                *_LIKE_OPENAI,
-            ):
-                missing = [_UNUSUAL.get(self._provider, usual)]
-        given = any(
-            map(os.environ.get, (*missing, *_OTHER_KEYS.get(self._provider, ())))
-        )
-        return (
-            [] if given else missing
-        )  # of Azure, LiteLLM names the key if only the address is missing
+            missing = self._openai_like_keys()
+
+        others = _OTHER_KEYS.get(self._provider, ())
+        is_given = any(os.environ.get(name) for name in (*missing, *others))
+        # of Azure, LiteLLM names the key if only the address is missing
+        return [] if is_given else missing
+
+    def _openai_like_keys(self) -> list[str]:
+        """Name the key of a provider that speaks OpenAI's protocol; LiteLLM would send OpenAI's key in its place."""
+        loader = importlib.import_module("litellm.llms.openai_like.json_loader")
+        registered = loader.JSONProviderRegistry.get(self._provider)
+        if registered is not None:
+            return [registered.api_key_env]
+
+        if self._provider not in (
+            *self._litellm.openai_compatible_providers,
+            *_LIKE_OPENAI,
+        ):
+            return []
+
+        usual = f"{self._provider.upper().replace('-', '_')}_API_KEY"
+        return [_UNUSUAL.get(self._provider, usual)]
 
     def _accepts(self, **parameter: Any) -> bool:
+        """Report whether the provider's models take a parameter, as LiteLLM has it.
+
+        Raises:
+            UserError: LiteLLM refuses the model.
+        """
         parameter |= {
             "model": self._bare,
             "custom_llm_provider": self._provider,
@@ -255,6 +302,7 @@ class Client:
             raise UserError(
                 f"vlm.model={self.model}: LiteLLM refuses it: {explain(error)}"
             ) from error
+
         return True
 
     def ask(self, request: Request) -> tuple[Reply, str]:
@@ -272,6 +320,7 @@ class Client:
             words = ("schema", "response_format", "output_format", "too many states")
             if not (with_schema and any(word in str(error).lower() for word in words)):
                 raise
+
         with self._schema_lock:
             if self._accepted["response_format"]:
                 self._accepted["response_format"] = False
@@ -279,45 +328,36 @@ class Client:
                     "%s refused the JSON schema of the answer: from now on in the prompt's text",
                     self.model,
                 )
+
         return self._call(request, False)
 
     def _call(self, request: Request, with_schema: bool) -> tuple[Reply, str]:
+        """Make a call, with the schema as a setting of it, or as text."""
         settings = dict(self._settings)
         if self._accepted["temperature"]:
-            most = (
-                1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
+            is_claude = self._provider == "anthropic" or "claude" in self._bare
+            settings["temperature"] = min(
+                request.temperature, 1.0 if is_claude else 2.0
             )
-            settings["temperature"] = min(request.temperature, most)
+
         if self._accepted["seed"]:
             settings["seed"] = request.brief.seed
+
         with_schema &= not request.critique
         if with_schema:
-            settings["response_format"] = {
-                "type": "json_schema",
-                "json_schema": {
-                    "name": "designs",
-                    "schema": request.schema,
-                    "strict": True,
-                },
-            }
-        sees_schema = (
-            with_schema and self._provider not in _LOCAL
-        )  # those use it as a grammar alone
+            schema = {"name": "designs", "schema": request.schema, "strict": True}
+            settings["response_format"] = {"type": "json_schema", "json_schema": schema}
+
+        # local servers use the schema as a grammar alone: the model does not see it
+        sees_schema = with_schema and self._provider not in _LOCAL
         messages = render(request.messages if sees_schema else explained(request))
-        sender.provider = self._provider
-        try:
-            response = self._litellm.completion(
-                model=self.model, messages=messages, drop_params=True, **settings
-            )
-        except Exception as error:
-            cause: BaseException | None = error
-            while cause is not None and not isinstance(cause, BadAnswer):
-                cause = cause.__cause__ or cause.__context__
-            raise cause or error from None  # LiteLLM hides it in an error of its own
+        response = self._complete(messages, settings)
         choice = response.choices[0] if response.choices else None
         text = getattr(getattr(choice, "message", None), "content", None) or ""
+
         if not isinstance(text, str):
             raise BadAnswer(f"the answer's text is {kind(text)}")
+
         usage = getattr(response, "usage", None)
         reply = Reply(
             request.id,
@@ -327,26 +367,43 @@ class Client:
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
             cost_usd=self._cost(response),
         )
-        return checked(reply), clean(
-            str(getattr(choice, "finish_reason", None) or "none given"), 40
-        )
+        finish = str(getattr(choice, "finish_reason", None) or "none given")
+        return checked(reply), clean(finish, 40)
+
+    def _complete(
+        self,
+        messages: list[dict[str, Any]],
+        settings: Mapping[str, Any],
+    ) -> Any:
+        """Call LiteLLM. It hides an answer that is not read in an error of its own: that is found again.
+
+        Args:
+            messages: in LiteLLM's form.
+            settings: of this call.
+        """
+        sender.provider = self._provider
+        try:
+            return self._litellm.completion(
+                model=self.model, messages=messages, drop_params=True, **settings
+            )
+        except Exception as error:
+            cause: BaseException | None = error
+            while cause is not None and not isinstance(cause, BadAnswer):
+                cause = cause.__cause__ or cause.__context__
+            raise cause or error from None
 
     def _cost(self, response: Any) -> float | None:
         """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""
         if self._provider in _LOCAL:
             return None
+
         try:
-            return (
-                float(
-                    self._litellm.completion_cost(
-                        completion_response=response, model=self.model
-                    )
-                )
-                or None
+            cost = self._litellm.completion_cost(
+                completion_response=response, model=self.model
             )
-        except (
-            Exception
-        ):  # a model that is not in the list; the class of the error varies
+            return float(cost) or None
+        # a model that is not in the list; the class of the error varies
+        except Exception:
             return None
 
 
@@ -354,18 +411,11 @@ def explained(request: Request) -> tuple[Message, ...]:
     """The messages of a request, with the schema as text at the end, if it has one."""
     if request.critique:
         return request.messages
+
     schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))
+    text = Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n")
     *before, last = request.messages
-    return (
-        *before,
-        replace(
-            last,
-            parts=(
-                *last.parts,
-                Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n"),
-            ),
-        ),
-    )
+    return (*before, replace(last, parts=(*last.parts, text)))
 
 
 def render(messages: Sequence[Message]) -> list[dict[str, Any]]:
@@ -376,6 +426,7 @@ def render(messages: Sequence[Message]) -> list[dict[str, Any]]:
 
 
 def _content(message: Message) -> str | list[dict[str, Any]]:
+    """Write a message's parts; a message without pictures is one text."""
     parts: list[dict[str, Any]] = []
     for part in message.parts:
         if isinstance(part, Picture):
@@ -383,6 +434,7 @@ def _content(message: Message) -> str | list[dict[str, Any]]:
             parts.append({"type": "image_url", "image_url": {"url": url}})
         else:
             parts.append({"type": "text", "text": part.text})
+
     if any(part["type"] != "text" for part in parts):
         return parts
     return "".join(part["text"] for part in parts)

@@ -24,9 +24,8 @@ MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a dai
 MAX_MESSAGE = 400
 LONGEST_READ = 10_000  # characters of an error, which may hold a whole answer
 
-_ACCOUNT = re.compile(
-    r"api.?key|credit balance|billing|quota", re.IGNORECASE
-)  # some providers send status 400
+# What some providers send with status 400.
+_ACCOUNT = re.compile(r"api.?key|credit balance|billing|quota", re.IGNORECASE)
 
 
 class TimedOut(Exception):
@@ -37,6 +36,10 @@ def within(seconds: float, call: Callable[[], T]) -> T:
     """Run ``call`` in a thread, and abandon the thread when it takes longer.
 
     A client's own time-out restarts with each byte that a server sends; this one does not.
+
+    Args:
+        seconds: for the whole call.
+        call: made in another thread.
 
     Raises:
         TimedOut: it took longer.
@@ -55,12 +58,18 @@ def within(seconds: float, call: Callable[[], T]) -> T:
 
 
 def pause(error: Exception, tries: int) -> float | None:
-    """Seconds to wait before the next try after ``tries``; None: another try would fail too."""
+    """Seconds to wait before the next try after ``tries``; None: another try would fail too.
+
+    Args:
+        error: of the last try.
+        tries: made so far.
+    """
     status = _status(error)
     if not isinstance(error, TimedOut) and status not in (408, 429) and status < 500:
         return None
     if "insufficient_quota" in str(error):
         return None
+
     requested = _retry_after(error)
     if requested is not None:
         return requested if requested <= MAX_REQUESTED_WAIT_S else None
@@ -89,29 +98,33 @@ def _status(error: Exception) -> int:
 
 
 def _retry_after(error: Exception) -> float | None:
-    """The wait that the server requests, in seconds: from a header (seconds or a date), or from the body (Google)."""
+    """The wait that the server requests, in seconds: from a header (seconds or a date), or from the body (Google).
+
+    Dates count from this machine's clock. None: the server requests nothing, or nothing that can be read.
+    """
     headers = getattr(error, "litellm_response_headers", None)
     if headers is None:
         headers = getattr(getattr(error, "response", None), "headers", None)
+
     header = str((headers or {}).get("retry-after", "")).strip()
     if re.fullmatch(r"\d+(\.\d+)?", header):
         return float(header)
+
     if header:
         try:
-            return max(
-                0.0, (parsedate_to_datetime(header) - datetime.now(UTC)).total_seconds()
-            )
+            date = parsedate_to_datetime(header)
+            return max(0.0, (date - datetime.now(UTC)).total_seconds())
         except (ValueError, TypeError):
             return None
+
     body = re.search(r'"retryDelay":\s*"(\d+(?:\.\d+)?)s"', str(error))
     return float(body.group(1)) if body else None
 
 
 def explain(error: Exception) -> str:
-    """The error in one line, without keys."""
-    text, *_ = " ".join(str(error).split())[:LONGEST_READ].partition(
-        "Traceback (most recent call last)"
-    )
+    """Say in one line what went wrong, without keys."""
+    line = " ".join(str(error).split())[:LONGEST_READ]
+    text = line.partition("Traceback (most recent call last)")[0]
     if not isinstance(error, TimedOut | BadAnswer):
         name = f"{type(error).__name__}: "
         text = name + text.replace("litellm.", "").replace(name, "")

@@ -18,6 +18,14 @@ from plugins.vlms.litellm.failures import explain, pause, unanswered, within
 
 _log = logging.getLogger(__name__)
 
+_LIMITS = (
+    "requests_per_minute",
+    "max_output_tokens",
+    "max_cost_usd",
+    "max_tokens_total",
+)
+"""Settings that may be None."""
+
 
 @dataclass(eq=False)
 class LanguageModel(VLM):
@@ -56,23 +64,16 @@ class LanguageModel(VLM):
             raise UsageError(
                 "vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro"
             )
+
         check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
-        names = (
-            "requests_per_minute",
-            "max_output_tokens",
-            "max_cost_usd",
-            "max_tokens_total",
-        )
-        check_positive(
-            "vlm.",
-            **{
-                name: limit
-                for name in names
-                if (limit := getattr(self, name)) is not None
-            },
-        )
+        for name in _LIMITS:
+            limit = getattr(self, name)
+            if limit is not None:
+                check_positive("vlm.", **{name: limit})
+
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
+
         self._client = Client(
             self.model, self.api_base, self.timeout_s, self.max_output_tokens
         )
@@ -86,11 +87,17 @@ class LanguageModel(VLM):
         return estimate(request, model)
 
     def share(self, limits: Spending) -> None:
+        """Count calls towards a limit that others count towards too.
+
+        Raises:
+            UserError: a limit of cost, where LiteLLM knows no price.
+        """
         if limits.max_cost_usd is not None and not self._client.priced:
             raise UserError(
                 f"vlm.max_cost_usd can't be applied: LiteLLM's price list has no price for {self.model}; "
                 "use vlm.max_tokens_total"
             )
+
         if limits.limited:
             self._limits.append(limits)
 
@@ -103,11 +110,13 @@ class LanguageModel(VLM):
             self._spend(request, reply)
 
     def _spend(self, request: Request, reply: Reply) -> None:
-        spent = (
-            self._client.spent(request, reply) if self._limits else (0, 0.0)
-        )  # counting takes its time
+        """Add what a reply cost to all limits."""
+        if not self._limits:
+            return  # counting takes its time
+
+        tokens, cost_usd = self._client.spent(request, reply)
         for limits in self._limits:
-            limits.add(*spent)
+            limits.add(tokens, cost_usd)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. When the caller closes the iterator, calls that have not begun are dropped.
@@ -117,6 +126,7 @@ class LanguageModel(VLM):
         waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
         for request in requests:
             waiting.put(request)
+
         results: queue.SimpleQueue[Reply | Exception] = queue.SimpleQueue()
         stop = threading.Event()
 
@@ -152,6 +162,7 @@ class LanguageModel(VLM):
                     yield result
         finally:
             stop.set()
+
         if limits:
             raise LimitReached(
                 f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply"
@@ -159,6 +170,10 @@ class LanguageModel(VLM):
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
         """Call the model until a call succeeds or the retries are used up.
+
+        Args:
+            request: that is sent.
+            stop: set when nobody waits for the reply any more.
 
         Raises:
             LimitReached: a limit of cost or tokens is reached.
@@ -168,16 +183,15 @@ class LanguageModel(VLM):
             self._pace.wait(stop)
             if stop.is_set():
                 return Reply(request.id, "", self.model, error="interrupted")
-            for reached in filter(None, (limits.reached() for limits in self._limits)):
-                raise LimitReached(reached)
+
+            self._check_limits()
             tries += 1
             try:
                 reply, finish = within(
                     self.timeout_s, lambda: self._client.ask(request)
                 )
-            except (
-                Exception
-            ) as error:  # any error of a server or of LiteLLM costs this reply only
+            # any error of a server or of LiteLLM costs this reply only
+            except Exception as error:
                 wait_s = pause(error, tries)
                 if tries > self.retries or wait_s is None:
                     after = f" (after {tries} tries)" if tries > 1 else ""
@@ -185,9 +199,17 @@ class LanguageModel(VLM):
                 stop.wait(wait_s)
             else:
                 self._spend(request, reply)
-                return self._judged(reply, finish)
+                return self._explain_empty(reply, finish)
+
+    def _check_limits(self) -> None:
+        """Raise LimitReached if one is."""
+        for limits in self._limits:
+            reached = limits.reached()
+            if reached:
+                raise LimitReached(reached)
 
     def _failed(self, request: Request, error: Exception, after: str = "") -> Reply:
+        """Make the reply of a call that failed; ``after`` says after how many tries."""
         return Reply(
             request.id,
             "",
@@ -196,8 +218,13 @@ class LanguageModel(VLM):
             unanswered=unanswered(error),
         )
 
-    def _judged(self, reply: Reply, finish: str) -> Reply:
-        """The reply, with the reason why it has no text. A text that was cut off is passed on."""
+    def _explain_empty(self, reply: Reply, finish: str) -> Reply:
+        """Say in a reply why it has no text. A text that was cut off is passed on.
+
+        Args:
+            reply: of the model.
+            finish: why it stopped, in the provider's words.
+        """
         error = None
         if finish == "content_filter":
             error = "the provider's safety filter blocked the reply"
@@ -208,21 +235,28 @@ class LanguageModel(VLM):
             _log.warning("%s: %s; see vlm.max_output_tokens", self.model, cut)
         elif not reply.text.strip():
             error = f"the reply is empty (finish reason: {finish})"
+
         return replace(reply, error=error)
 
 
 @dataclass(eq=False)
 class Gemini(LanguageModel):
+    """Google's models, with a key in ``GEMINI_API_KEY``."""
+
     model: str = "gemini/gemini-2.5-pro"
 
 
 @dataclass(eq=False)
 class OpenAI(LanguageModel):
+    """OpenAI's models, with a key in ``OPENAI_API_KEY``."""
+
     model: str = "openai/gpt-5.4"
 
 
 @dataclass(eq=False)
 class Anthropic(LanguageModel):
+    """Anthropic's models, with a key in ``ANTHROPIC_API_KEY``."""
+
     model: str = "anthropic/claude-sonnet-4-6"
 
 
@@ -248,4 +282,5 @@ class Pace:
         with self._lock:
             begin = max(time.monotonic(), self._free_at)
             self._free_at = begin + self._gap_s
+
         stop.wait(max(0.0, begin - time.monotonic()))

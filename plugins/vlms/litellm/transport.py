@@ -16,10 +16,8 @@ from core.support.secrets import is_secret_name, remember
 MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes
 
-OPENAI = (
-    "openai",
-    "text-completion-openai",
-)  # providers that OPENAI_API_KEY is for, at any address
+OPENAI = ("openai", "text-completion-openai")
+"""Providers that OPENAI_API_KEY is for, at any address."""
 
 
 class _Sender(threading.local):
@@ -68,6 +66,7 @@ class _Transport(httpx.BaseTransport):
         for name, value in request.headers.items():
             if is_secret_name(name):
                 remember(value)
+
         seconds = request.extensions.get("timeout", {}).get("read")
         deadline = None if seconds is None else time.monotonic() + seconds
         answer = self._client.send(request, stream=True)
@@ -75,8 +74,10 @@ class _Transport(httpx.BaseTransport):
             content = _read(answer, deadline)
         finally:
             answer.close()
+
         if answer.is_error:
             content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
+
         hop = ("content-encoding", "content-length", "transfer-encoding")
         headers = [
             (name, value)
@@ -95,19 +96,24 @@ def _keep_openai(request: httpx.Request) -> None:
         BadAnswer: it is the key, or the request is another provider's and would go to OpenAI.
     """
     host = request.url.host
-    own = sender.provider in OPENAI
-    if own and f".{host}".endswith(".openai.com"):
+    is_openai = sender.provider in OPENAI
+    if is_openai and f".{host}".endswith(".openai.com"):
         return
+
     for name in [name for name in request.headers if name.startswith("openai-")]:
         del request.headers[name]
-    if (
-        host == "api.openai.com" and not own
-    ):  # LiteLLM's default for servers of one's own
+    # LiteLLM's default for servers of one's own
+    if host == "api.openai.com" and not is_openai:
         raise BadAnswer(
             f"requests of {sender.provider} would go to {host}; set vlm.api_base"
         )
+
     key = os.environ.get("OPENAI_API_KEY")
-    if key and not own and any(key in value for value in request.headers.values()):
+    if (
+        key
+        and not is_openai
+        and any(key in value for value in request.headers.values())
+    ):
         raise BadAnswer(
             f"OPENAI_API_KEY would go to {host}; set the variable of {sender.provider or 'that provider'}"
         )
@@ -120,15 +126,15 @@ def _refuse_redirect(answer: httpx.Response) -> None:
     """
     if not 300 <= answer.status_code < 400:
         return
+
     try:
         target = answer.url.join(answer.headers.get("location", ""))
-        there = (
-            target.host
-            if target.host != answer.url.host
-            else f"{target.scheme}://{target.netloc.decode()}"
-        )
+        there = target.host
+        if there == answer.url.host:
+            there = f"{target.scheme}://{target.netloc.decode()}"
     except (httpx.InvalidURL, ValueError, TypeError):
         there = "an address that can't be read"
+
     raise Redirected(
         f"{answer.url.host} redirects to {there or 'nowhere'} (status {answer.status_code}), which is not followed: "
         "the key would go there; set vlm.api_base to the right address"
@@ -137,6 +143,10 @@ def _refuse_redirect(answer: httpx.Response) -> None:
 
 def _read(answer: httpx.Response, deadline: float | None) -> bytes:
     """Read a whole answer within the limits of size and time.
+
+    Args:
+        answer: of which nothing is read yet.
+        deadline: on the monotonic clock; None: no limit.
 
     Raises:
         BadAnswer: it is too large.
@@ -150,4 +160,5 @@ def _read(answer: httpx.Response, deadline: float | None) -> bytes:
             )
         if deadline is not None and time.monotonic() > deadline:
             raise httpx.ReadTimeout("the answer takes too long", request=answer.request)
+
     return bytes(content)

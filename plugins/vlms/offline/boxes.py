@@ -1,4 +1,4 @@
-"""Oriented boxes as arrays, overlaps and gaps between them, and the axes of a heading."""
+"""Oriented boxes as arrays, overlaps and gaps between them, and the directions that go with a heading."""
 
 from __future__ import annotations
 
@@ -10,35 +10,59 @@ import numpy.typing as npt
 
 from core.geometry import Array, Pose
 
+UP = np.array([0.0, 0.0, 1.0])
+LEVEL = np.array([1.0, 1.0, 0.0])
+"""Times a vector (3,): its level part."""
+
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes in one frame: centres (N, 3), axes (N, 3, 3) with the boxes' own x, y, z as columns, half sides (N, 3)."""
+    """N boxes in one frame.
+
+        boxes = Boxes.from_poses([(pose, np.array([0.1, 0.1, 0.02]))])
+        lower, upper = boxes.bounds
+        along_way = boxes.moved_to(positions, rotations)
+
+    Attributes:
+        centers: (N, 3), metres.
+        axes: (N, 3, 3), with the boxes' own x, y and z as columns.
+        halves: half of the side lengths, (N, 3), metres.
+    """
 
     centers: Array
     axes: Array
     halves: Array
 
     @classmethod
-    def of(cls, placed: Iterable[tuple[Pose, Array]]) -> Boxes:
-        """From poses and full side lengths (3,)."""
-        pairs = list(placed)
+    def from_poses(cls, placed: Iterable[tuple[Pose, Array]]) -> Boxes:
+        """Make boxes from poses and full side lengths (3,).
+
+        Args:
+            placed: the pose of each box in the common frame, and its full side lengths, metres.
+        """
+        centers = []
+        axes = []
+        halves = []
+
+        for pose, size in placed:
+            centers.append(pose.position)
+            axes.append(pose.rotation.as_matrix())
+            halves.append(np.asarray(size) / 2)
+
         return cls(
-            np.array([pose.position for pose, _ in pairs]).reshape(-1, 3),
-            np.array([pose.rotation.as_matrix() for pose, _ in pairs]).reshape(
-                -1, 3, 3
-            ),
-            np.array([np.asarray(size) / 2 for _, size in pairs]).reshape(-1, 3),
+            np.reshape(centers, (-1, 3)),
+            np.reshape(axes, (-1, 3, 3)),
+            np.reshape(halves, (-1, 3)),
         )
 
     @classmethod
-    def join(cls, several: Iterable[Boxes]) -> Boxes:
-        parts = [*several, cls.of(())]
+    def concatenate(cls, groups: Iterable[Boxes]) -> Boxes:
+        """Put the boxes of all groups one after the other; of no groups, no boxes."""
+        parts = [*groups, cls.from_poses(())]
         return cls(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in cls.__dataclass_fields__
-            )
+            np.concatenate([part.centers for part in parts]),
+            np.concatenate([part.axes for part in parts]),
+            np.concatenate([part.halves for part in parts]),
         )
 
     def __getitem__(
@@ -52,59 +76,92 @@ class Boxes:
         reaches = np.einsum("nij,nj->ni", np.abs(self.axes), self.halves)
         return self.centers - reaches, self.centers + reaches
 
-    def extents(self, way: Array, origin: Array) -> tuple[Array, Array]:
-        """The least and the greatest coordinate (N,) of each box along ``way`` (3,), from ``origin`` (3,)."""
+    def ranges_along(self, way: Array, origin: Array) -> tuple[Array, Array]:
+        """Compute the least and the greatest coordinate (N,) of each box along ``way`` (3,), from ``origin`` (3,).
+
+        Returns:
+            The least and the greatest coordinates, metres.
+        """
         middles = (self.centers - origin) @ way
-        halves = np.abs(np.einsum("nji,j->ni", self.axes, way) * self.halves).sum(
-            axis=1
-        )
+        slopes = np.einsum("nji,j->ni", self.axes, way)
+        halves = np.abs(slopes * self.halves).sum(axis=1)
         return middles - halves, middles + halves
 
-    def carried(self, positions: Array, rotations: Array) -> Boxes:
-        """The boxes moved to each of K poses, with positions (K, 3) and rotation matrices (K, 3, 3): K * N boxes."""
-        centers = np.einsum("kij,nj->kni", rotations, self.centers) + positions[:, None]
+    def moved_to(self, positions: Array, rotations: Array) -> Boxes:
+        """Copy the boxes to K poses: K * N boxes.
+
+        Args:
+            positions: of the frame that the boxes are given in, (K, 3).
+            rotations: matrices of that frame, (K, 3, 3).
+        """
+        centers = np.einsum("kij,nj->kni", rotations, self.centers)
+        centers = centers + positions[:, None]
         axes = np.einsum("kij,njl->knil", rotations, self.axes)
         halves = np.broadcast_to(self.halves, centers.shape)
         return Boxes(
-            centers.reshape(-1, 3), axes.reshape(-1, 3, 3), halves.reshape(-1, 3)
+            centers.reshape(-1, 3),
+            axes.reshape(-1, 3, 3),
+            halves.reshape(-1, 3),
         )
 
 
-def axes_of(heading: float) -> tuple[Array, Array]:
-    """Unit vectors (3,) ahead and to the left."""
+def heading_axes(heading: float) -> tuple[Array, Array]:
+    """Compute the unit vectors (3,) ahead and to the left of a heading, radians about z.
+
+    Returns:
+        Both are level, in the frame that the heading is given in.
+    """
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
-    return ahead, np.array([-ahead[1], ahead[0], 0.0])
+    left = np.array([-ahead[1], ahead[0], 0.0])
+    return ahead, left
 
 
-def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
-    """The number of pairs, one box from each, closer than ``margin`` metres (negative: that overlap by more)."""
+def count_overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
+    """Count the pairs, a box of each, that are closer than ``margin`` metres (negative: that overlap by more).
+
+    Pairs whose bounding boxes are apart are left out before the others are measured.
+
+    Args:
+        a: N boxes.
+        b: M boxes in the same frame.
+        margin: of distance, metres.
+    """
     lower, upper = a.bounds
     other_lower, other_upper = b.bounds
-    near = (lower[:, None] - margin < other_upper) & (
-        other_lower - margin < upper[:, None]
-    )
-    first, second = np.nonzero(near.all(axis=-1))
+    begins_before = lower[:, None] - margin < other_upper
+    ends_after = other_lower - margin < upper[:, None]
+    near = (begins_before & ends_after).all(axis=-1)
+
+    first, second = np.nonzero(near)
     gaps, _ = separations(a[first], b[second])
     return int((gaps < margin).sum())
 
 
 def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
-    """For N pairs, the largest gap (N,) along a separating axis, negative for an overlap, and that axis (N, 3), from a
-    to b. The axes that are compared are the face normals and the cross products of edges.
+    """Measure the gaps between N pairs of boxes, by the theorem of separating axes.
+
+    The axes that are compared are the normals of faces, and the cross products of edges.
+
+    Args:
+        a: N boxes.
+        b: N boxes in the same frame, each to be compared with the one of the same number.
+
+    Returns:
+        The largest gap (N,) along an axis, negative for an overlap; and that axis (N, 3), from a to b.
     """
     faces = a.axes.transpose(0, 2, 1)
-    others = b.axes.transpose(0, 2, 1)
-    axes = np.concatenate(
-        [faces, others, np.cross(faces[:, :, None], others[:, None]).reshape(-1, 9, 3)],
-        axis=1,
-    )
+    other_faces = b.axes.transpose(0, 2, 1)
+    edges = np.cross(faces[:, :, None], other_faces[:, None]).reshape(-1, 9, 3)
+    axes = np.concatenate([faces, other_faces, edges], axis=1)
     lengths = np.linalg.norm(axes, axis=-1, keepdims=True)
-    parallel = lengths[..., 0] < 1e-6
+    parallel = lengths[..., 0] < 1e-6  # such edges give no axis
     axes = axes / np.where(parallel[..., None], 1.0, lengths)
+
     between = np.einsum("nki,ni->nk", axes, b.centers - a.centers)
     extents = np.einsum("nkj,nj->nk", np.abs(axes @ a.axes), a.halves)
     extents += np.einsum("nkj,nj->nk", np.abs(axes @ b.axes), b.halves)
     gaps = np.where(parallel, -np.inf, np.abs(between) - extents)
+
     rows = np.arange(len(gaps))
     best = np.argmax(gaps, axis=1)
     signs = np.where(between[rows, best] < 0, -1.0, 1.0)

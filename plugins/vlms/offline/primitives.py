@@ -1,4 +1,15 @@
-"""Motion primitives, ways of using a head: each adds the waypoints for one subgoal to a path, and says what it does."""
+"""Motion primitives: ways of using a head. Each adds the waypoints for one subgoal to a path, and says what it does.
+
+    ========  ======================================  ==========================================
+    push      down behind the bodies, or around them  along the ground, sometimes up and away
+    scoop     down behind the bodies, and under them  up; or up, over to the goal, and tipped out
+    hook      down before the bodies, and past them   behind them, and back
+    clamp     down with the bodies between the pads   closed, over to the goal, and opened
+    ========  ======================================  ==========================================
+
+What a waypoint's place depends on is drawn at random: how far behind, how fast, how far. Lengths are wrong by much at
+times, so that evolution has something to correct.
+"""
 
 from __future__ import annotations
 
@@ -8,161 +19,302 @@ import numpy as np
 from numpy.random import Generator
 
 from core.geometry import Array, Pose
+from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.scene_analysis import UP, Subgoal
+from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.subgoals import Extent, Subgoal
 
-Primitive = Callable[[Path, Subgoal, Head, Generator], str]
+PrimitiveMotion = Callable[[HeadPath, Subgoal, Head, Generator], str]
+"""Adds waypoints to a path, and says in words what they do."""
 
 _FALL_M = 0.1  # bodies that go down by more are pushed over an edge
+_IN_PLACE_M = 0.03  # bodies whose way on the ground is shorter are only lifted
 
 
-def _over(subgoal: Subgoal, low: float, rng: Generator) -> Array:
-    """The vector up from height ``low`` to where the head is clear of everything."""
-    return max(0.03, subgoal.clear_z - low + rng.uniform(0.01, 0.05)) * UP
+def _draw_rise(subgoal: Subgoal, low: float, rng: Generator) -> Array:
+    """Draw the vector (3,) up from the height ``low`` to where the head is clear of everything.
+
+    Args:
+        subgoal: what is near.
+        low: height of the head in the world, metres.
+        rng: random numbers.
+    """
+    clearance = subgoal.clear_height - low + rng.uniform(0.01, 0.05)
+    return max(0.03, clearance) * UP
 
 
-def _about(length: float, rng: Generator) -> float:
-    """``length`` with a random error, mostly a large one, which evolution is to correct."""
-    return length * rng.normal(1.0, 0.015 if rng.random() < 0.3 else 0.18)
+def _draw_about(length: float, rng: Generator) -> float:
+    """Draw a length with a random error, mostly a large one, which evolution is to correct."""
+    error = 0.015 if rng.random() < 0.3 else 0.18
+    return length * rng.normal(1.0, error)
 
 
-def push(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
-    """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
-    falls = subgoal.shift[2] < -_FALL_M
-    thrown = bool(
-        np.hypot(*subgoal.space.from_axis(subgoal.center + subgoal.shift))
-        > subgoal.space.farthest
-    )
-    way = subgoal.extent(subgoal.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
-    spare = max(0.001, (head.depth - way.along) / 2)
-    gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)
-    slip = rng.normal(0.0, 0.08) * way.across if head.depth == 0 else 0.0
+def push(
+    path: HeadPath,
+    subgoal: Subgoal,
+    head: Head,
+    rng: Generator,
+) -> str:
+    """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall.
+
+    Args:
+        path: that waypoints are added to.
+        subgoal: what is moved.
+        head: a pusher, which may enclose the bodies.
+        rng: random numbers.
+    """
+    extent = _draw_push_extent(subgoal, rng)
+
+    # Where the head comes down: how far behind, beside and above the ground.
+    gap = max(0.001, (head.depth - extent.along) / 2)
+    if head.primitive != "surround":
+        gap = rng.uniform(0.004, 0.03)
+
+    slip = 0.0
+    if head.depth == 0:
+        slip = rng.normal(0.0, 0.08) * extent.across
+
     low = subgoal.lower[2] + rng.uniform(0.002, 0.012)
-    if rng.random() < 0.25 and head.use == "push":
-        low += rng.uniform(0.0, 0.5) * subgoal.tall
-    length = _about(subgoal.length, rng)
-    speed = rng.uniform(0.1, 0.4)
-    swing = 0.0
-    if falls:
-        length = subgoal.length * rng.uniform(0.4, 1.3)
-        speed = rng.uniform(0.5, 2.0)
-    elif thrown:
-        length = rng.uniform(0.3, 0.9)
-        speed = 2.0
-        swing = rng.uniform(-0.8, 0.8)
-    start = (way.rear - gap) * way.ahead + way.middle + slip * way.side + low * UP
-    end = start + (gap + length) * way.ahead
-    over = _over(subgoal, low, rng)
-    path.go(way.heading - swing, start + over, start)
-    path.move(end, way.heading + swing, speed)
+    if rng.random() < 0.25 and head.primitive == "push":
+        low += rng.uniform(0.0, 0.5) * subgoal.height
+
+    # The stroke, at the end of which the head may swing to the side.
+    length, speed, swing = _draw_stroke(subgoal, rng)
+    start = (extent.rear - gap) * extent.ahead + extent.middle
+    start = start + slip * extent.side + low * UP
+    end = start + (gap + length) * extent.ahead
+
+    rise = _draw_rise(subgoal, low, rng)
+    path.go(extent.heading - swing, start + rise, start)
+    path.move(end, extent.heading + swing, speed)
+
     text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
-    if rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone:
-        if head.use == "push":
-            end = end - 0.03 * way.ahead
-            path.go(way.heading + swing, end, touch=True)
-        path.go(way.heading + swing, end + over, touch=True)
-        text += ", then leaves"
-    return text
+    leaves = rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone
+    if not leaves:
+        return text
+
+    if head.primitive == "push":
+        end = end - 0.03 * extent.ahead
+        path.go(extent.heading + swing, end, touch=True)
+
+    path.go(extent.heading + swing, end + rise, touch=True)
+    return f"{text}, then leaves"
 
 
-def scoop(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
-    """Slide under the bodies and lift them; or carry them to the goal and tip them out there."""
+def _draw_push_extent(subgoal: Subgoal, rng: Generator) -> Extent:
+    """Draw a heading near the shift's, and measure the bodies along it."""
+    error = rng.normal(0.0, 0.06)
+    if rng.random() >= 0.4:
+        error = 0.0
+    return subgoal.extent(subgoal.heading + error)
+
+
+def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]:
+    """Draw how far a head pushes, metres, at which speed, m/s, and by how much it swings about, radians.
+
+    Bodies that are to fall off an edge, or farther away than the arm reaches, are pushed fast.
+    """
+    goal = subgoal.center + subgoal.shift
+    distance = np.hypot(*subgoal.workspace.from_axis(goal))
+    length = _draw_about(subgoal.length, rng)
+    speed = rng.uniform(0.1, 0.4)
+
+    if subgoal.shift[2] < -_FALL_M:
+        length = subgoal.length * rng.uniform(0.4, 1.3)
+        return length, rng.uniform(0.5, 2.0), 0.0
+
+    if distance > subgoal.workspace.farthest:  # they are thrown
+        length = rng.uniform(0.3, 0.9)
+        return length, 2.0, rng.uniform(-0.8, 0.8)
+    return length, speed, 0.0
+
+
+def scoop(
+    path: HeadPath,
+    subgoal: Subgoal,
+    head: Head,
+    rng: Generator,
+) -> str:
+    """Slide under the bodies and lift them; or carry them to the goal and tip them out there.
+
+    Args:
+        path: that waypoints are added to.
+        subgoal: what is lifted.
+        head: a scoop or a fork.
+        rng: random numbers.
+    """
+    in_place = subgoal.length < _IN_PLACE_M
+
+    # Bodies that are only lifted can be reached from any side.
     heading = subgoal.heading
-    if subgoal.length < 0.03:
-        heading += float(
-            rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1])
-        )
-    way = subgoal.extent(heading + rng.normal(0.0, 0.05))
+    if in_place:
+        turns = [0.0, np.pi, np.pi / 2, -np.pi / 2]
+        heading += float(rng.choice(turns, p=[0.3, 0.5, 0.1, 0.1]))
+
+    extent = subgoal.extent(heading + rng.normal(0.0, 0.05))
+    heading = extent.heading
+    ahead = extent.ahead
+
+    # Slide under the bodies.
     low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
     gap = rng.uniform(0.005, 0.03)
     speed = rng.uniform(0.08, 0.35)
-    start = (way.rear - gap - head.depth) * way.ahead + way.middle + low * UP
-    under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * way.ahead
-    path.go(way.heading, start + _over(subgoal, low, rng), start)
-    path.move(under, way.heading, speed)
+    start = (extent.rear - gap - head.depth) * ahead + extent.middle + low * UP
+    under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * ahead
+
+    path.go(heading, start + _draw_rise(subgoal, low, rng), start)
+    path.move(under, heading, speed)
     path.hold()
-    rise = _about(max(subgoal.shift[2] + rng.uniform(-0.01, 0.03), 0.0), rng)
-    if subgoal.length < 0.03:
-        tilt = -rng.uniform(0.0, 0.25) if rng.random() < 0.4 else 0.0
-        path.move(under + rise * UP, way.heading, rng.uniform(0.1, 0.4))
-        path.add(Pose.xyz_rpy(under + rise * UP, (0.0, tilt, way.heading)), touch=True)
+
+    lift = max(subgoal.shift[2] + rng.uniform(-0.01, 0.03), 0.0)
+    rise = _draw_about(lift, rng)
+    if in_place:
+        tilt = 0.0
+        if rng.random() < 0.4:
+            tilt = -rng.uniform(0.0, 0.25)
+
+        # Lean back, so that nothing slides off.
+        lifted = under + rise * UP
+        path.move(lifted, heading, rng.uniform(0.1, 0.4))
+        path.add(Pose.xyz_rpy(lifted, (0.0, tilt, heading)), touch=True)
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
-    high = max(rise, subgoal.clear_z - subgoal.lower[2] + 0.03)
-    there = under + high * UP + subgoal.shift * np.array([1.0, 1.0, 0.0])
-    path.move(under + high * UP, way.heading, rng.uniform(0.15, 0.4))
-    path.move(there, way.heading, rng.uniform(0.15, 0.5))
-    path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), way.heading)), touch=True)
+
+    # Carry them over everything near, and tip them out.
+    high = max(rise, subgoal.clear_height - subgoal.lower[2] + 0.03)
+    lifted = under + high * UP
+    there = lifted + subgoal.shift * LEVEL
+
+    path.move(lifted, heading, rng.uniform(0.15, 0.4))
+    path.move(there, heading, rng.uniform(0.15, 0.5))
+    path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), heading)), touch=True)
     return f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and tips out"
 
 
-def hook(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
-    """Come in from the front, beside or over the bodies; move the toe behind them; pull."""
-    way = subgoal.extent(subgoal.heading)
-    aside = head.aside[1] * way.side + head.aside[2] * UP
-    if head.aside[2] > 0:
-        edge = way.middle + subgoal.upper[2] * UP
+def hook(
+    path: HeadPath,
+    subgoal: Subgoal,
+    head: Head,
+    rng: Generator,
+) -> str:
+    """Come in from the front, beside or over the bodies; move the toe behind them; pull.
+
+    Args:
+        path: that waypoints are added to.
+        subgoal: what is pulled.
+        head: a hook.
+        rng: random numbers.
+    """
+    extent = subgoal.extent(subgoal.heading)
+    ahead = extent.ahead
+
+    # The edge of the bodies that the arm passes, and the toe grips.
+    passes_over = head.aside[2] > 0
+    aside = head.aside[1] * extent.side + head.aside[2] * UP
+    if passes_over:
+        edge = extent.middle + subgoal.upper[2] * UP
     else:
-        toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0) + rng.uniform(
-            0.004, 0.02
-        )
-        edge = (way.left if head.aside[1] > 0 else way.right) * way.side + (
-            subgoal.lower[2] + toe_middle
-        ) * UP
-    outside = subgoal.length if subgoal.covered else 0.0
-    behind = edge + (way.rear - rng.uniform(0.004, 0.02)) * way.ahead
-    before = edge + (way.front + outside + rng.uniform(0.01, 0.04)) * way.ahead
-    over = 0.05 * UP if subgoal.covered else _over(subgoal, subgoal.lower[2], rng)
-    path.go(way.heading, before + aside + over, before + aside, behind + aside, behind)
-    length = _about(subgoal.length, rng)
-    path.move(
-        edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4)
-    )
-    return f"passes {'over' if head.aside[2] > 0 else 'beside'}, gets behind and pulls by {length:.2f} m"
+        toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0)
+        toe_middle += rng.uniform(0.004, 0.02)
+        beside = extent.left if head.aside[1] > 0 else extent.right
+        edge = beside * extent.side + (subgoal.lower[2] + toe_middle) * UP
+
+    # Come in from outside of what covers the bodies.
+    outside = subgoal.length if subgoal.is_covered else 0.0
+    behind = edge + (extent.rear - rng.uniform(0.004, 0.02)) * ahead
+    before = edge + (extent.front + outside + rng.uniform(0.01, 0.04)) * ahead
+    rise = 0.05 * UP
+
+    if not subgoal.is_covered:
+        rise = _draw_rise(subgoal, subgoal.lower[2], rng)
+
+    path.go(extent.heading, before + aside + rise, before + aside)
+    path.go(extent.heading, behind + aside, behind)
+
+    # Pull.
+    length = _draw_about(subgoal.length, rng)
+    end = edge + (extent.rear + length) * ahead
+    path.move(end, extent.heading, rng.uniform(0.1, 0.4))
+    passes = "over" if passes_over else "beside"
+    return f"passes {passes}, gets behind and pulls by {length:.2f} m"
 
 
-def clamp(path: Path, subgoal: Subgoal, head: Head, rng: Generator) -> str:
-    """Come down with the bodies between the fingers, close, drag or carry them, and open at the goal."""
-    turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
-    yaw = turn + rng.normal(0.0, 0.1) * (rng.random() < 0.5)
-    low = subgoal.lower[2] + rng.uniform(0.002, max(0.002, 0.4 * subgoal.tall))
+def clamp(
+    path: HeadPath,
+    subgoal: Subgoal,
+    head: Head,
+    rng: Generator,
+) -> str:
+    """Come down with the bodies between the fingers, close, drag or carry them, and open at the goal.
+
+    Args:
+        path: that waypoints are added to.
+        subgoal: what is held.
+        head: two pads on the fingers, or the bare hand.
+        rng: random numbers.
+    """
+    # Close the fingers around the bodies.
+    yaw = _draw_clamp_yaw(rng)
+    above_foot = rng.uniform(0.002, max(0.002, 0.4 * subgoal.height))
+    low = subgoal.lower[2] + above_foot
     grasp = np.array([*subgoal.center[:2], low])
-    path.go(yaw, grasp + _over(subgoal, low, rng), grasp)
+
+    path.go(yaw, grasp + _draw_rise(subgoal, low, rng), grasp)
     path.go(yaw, grasp, grip=1.0, touch=True)
     path.hold()
-    rises = subgoal.shift[2] > 0.03
-    drags = not rises and not subgoal.blocked(subgoal.shift) and rng.random() < 0.6
-    over_ground = grasp + _about(1.0, rng) * subgoal.shift * np.array([1.0, 1.0, 0.0])
-    lift = (
-        0.0
-        if drags
-        else max(
-            subgoal.shift[2],
-            subgoal.clear_z - subgoal.lower[2] if subgoal.length > 0.03 else 0.0,
-        )
-    )
-    lift += 0.0 if drags else rng.uniform(0.0, 0.03)
-    if rises and (aside := subgoal.detour()).any():  # from under an obstacle
+
+    # Bodies with a free way on the ground may be dragged.
+    rises = subgoal.rises
+    drags = not rises and not subgoal.is_blocked(subgoal.shift) and rng.random() < 0.6
+    goal = grasp + _draw_about(1.0, rng) * subgoal.shift * LEVEL
+    lift = 0.0 if drags else _draw_lift(subgoal, rng)
+
+    # Get out from under an obstacle first.
+    sidestep = subgoal.find_sidestep() if rises else np.zeros(3)
+    if sidestep.any():
         path.move(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
-        path.move(grasp + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
-        grasp = grasp + aside
-        over_ground = over_ground + aside
+        path.move(grasp + sidestep + 0.04 * UP, yaw, 0.1, grip=1.0)
+        grasp = grasp + sidestep
+        goal = goal + sidestep
+
     if not drags:
         path.move(grasp + lift * UP, yaw, 0.3, grip=1.0)
-    path.move(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
+
+    path.move(goal + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
     if not rises:
-        down = over_ground + min(lift, subgoal.shift[2] + 0.003) * UP
+        down = goal + min(lift, subgoal.shift[2] + 0.003) * UP
         path.move(down, yaw, 0.2, grip=1.0)
         path.go(yaw, down, touch=True)
+
     verb = "drags" if drags else "carries"
-    return f"closes the fingers and {verb} by {np.linalg.norm(subgoal.shift):.2f} m"
+    distance = np.linalg.norm(subgoal.shift)
+    return f"closes the fingers and {verb} by {distance:.2f} m"
 
 
-PRIMITIVES: dict[str, Primitive] = {
+def _draw_clamp_yaw(rng: Generator) -> float:
+    """Draw how the fingers are turned about z, radians: most often not."""
+    turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
+    error = rng.normal(0.0, 0.1)
+    if rng.random() < 0.5:
+        return turn + error
+    return turn
+
+
+def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
+    """Draw how far bodies are lifted to be carried, metres.
+
+    It is as high as the goal asks for, and over what is near where they are carried along.
+    """
+    over_obstacles = 0.0
+    if subgoal.length > _IN_PLACE_M:
+        over_obstacles = subgoal.clear_height - subgoal.lower[2]
+    return float(max(subgoal.shift[2], over_obstacles) + rng.uniform(0.0, 0.03))
+
+
+PRIMITIVES: dict[str, PrimitiveMotion] = {
     "push": push,
     "surround": push,
     "scoop": scoop,
     "hook": hook,
     "clamp": clamp,
 }
-"""The primitives by a head's use."""
+"""The motions of heads that have none of their own, by primitive."""

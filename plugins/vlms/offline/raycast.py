@@ -1,202 +1,316 @@
 """Find by rays where a rod can push a body, and where tines get under it.
 
-The results are the same for all subgoals of the same bodies, and are kept.
+Parallel rays go through the layout on a grid around the bodies. Where each enters and leaves each box says what one
+would meet there. A rod fits at a point that is hit where a ray meets the bodies before anything else, and so do all
+rays within the rod's width. Tines fit under an underside, as rays find it that go up, along lanes in which nothing is
+just below it.
+
+What was found is kept: it is the same for all subgoals of the same bodies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
-from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 from scipy.ndimage import minimum_filter
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.boxes import Boxes, axes_of
-from plugins.vlms.offline.scene_analysis import UP, Subgoal
+from plugins.vlms.offline.boxes import UP, Boxes, heading_axes
+from plugins.vlms.offline.subgoals import Subgoal
+
+Mask = npt.NDArray[np.bool_]
 
 _GRID_M = 0.003  # between rays
 _MOST_RAYS = 50  # side by side
 _AROUND_M = 0.04  # how far beside the bodies rays pass
-_HALF_M = (0.01, 0.007, 0.004)  # of what may fit through an opening, the stoutest first
-
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-def _kept(
-    find: Callable[Concatenate[Subgoal, P], R],
-) -> Callable[Concatenate[Subgoal, P], R]:
-    @wraps(find)
-    def look(subgoal: Subgoal, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        key = (find.__name__, *map(id, subgoal.solids), repr((args, kwargs)))
-        cache = subgoal.analysis.cache
-        if key not in cache:
-            cache[key] = find(subgoal, *args, **kwargs)
-        return cast(R, cache[key])
-
-    return look
-
-
-def frame_of(way: Array) -> Pose:
-    """Return the turn of a frame whose x points along ``way`` (3,), its y horizontal."""
-    x, y, z = way / np.linalg.norm(way)
-    yaw = np.arctan2(y, x) if np.hypot(x, y) > 1e-6 else 0.0
-    return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, -np.arcsin(np.clip(z, -1.0, 1.0)), yaw))
+_HALF_M = (0.01, 0.007, 0.004)  # half widths of rods, the stoutest first
+_LONGEST_M = 0.4  # of a rod, from what it passes to the body
+_MOST_LEVELS = 12  # heights of undersides that are looked at
+_GAPS_M = (0.02, 0.012, 0.006)  # heights of gaps below a body, the highest first
+_LEAST_DEPTH_M = 0.008
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
-    """A point (3,) of a body where a rod of half width ``half`` gets, and how long it must be to stay outside."""
+class PushPoint:
+    """A point of a body that a rod can push.
+
+    Attributes:
+        point: in the world, (3,).
+        half: half of the rod's width, metres.
+        length: how long it must be to stay outside of what is around the point, metres.
+        cost: the less, the better the bodies are pushed there.
+    """
 
     point: Array
     half: float
     length: float
-
-
-class _Rays:
-    """Parallel rays through a scene, on a grid (U, V) around a subgoal's bodies, along x of ``turn``."""
-
-    def __init__(self, subgoal: Subgoal, way: Array) -> None:
-        self.turn = frame_of(way)
-        points = self.turn.inverse().apply(subgoal.points)
-        lower = points.min(axis=0) - _AROUND_M
-        upper = points.max(axis=0) + _AROUND_M
-        counts = np.minimum(
-            np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS
-        )
-        self.axes = [
-            np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)
-        ]
-        self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
-        self.near, far = self._crossings(subgoal.boxes)
-        self.other_near, other_far = self._crossings(subgoal.others)
-        self.all = (
-            np.concatenate([self.near, self.other_near], axis=-1),
-            np.concatenate([far, other_far], axis=-1),
-        )
-
-    def _crossings(self, boxes: Boxes) -> tuple[Array, Array]:
-        """Compute where each ray enters and leaves each box, (U, V, N); inf and -inf: it misses the box."""
-        back = self.turn.rotation.as_matrix().T
-        axes = np.einsum("ij,njk->nik", back, boxes.axes)
-        centers = boxes.centers @ back.T
-        u, v = np.meshgrid(*self.axes, indexing="ij")
-        starts = np.stack([np.zeros_like(u), u, v], axis=-1)
-        inside = np.einsum("nik,uvni->uvnk", axes, starts[:, :, None] - centers)
-        slopes = np.where(
-            np.abs(axes[:, 0]) < 1e-9, 1e-9, axes[:, 0]
-        )  # of a ray, along each of a box's axes
-        one = (-boxes.halves - inside) / slopes
-        other = (boxes.halves - inside) / slopes
-        near = np.minimum(one, other).max(axis=-1)
-        far = np.maximum(one, other).min(axis=-1)
-        missed = near >= far
-        return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
-
-    def window(self, half: float) -> tuple[int, ...]:
-        """Return how many rays are within ``half`` of one, along both axes."""
-        return tuple(2 * int(np.ceil(half / step)) + 1 for step in self.steps)
-
-    def point(self, u: int, v: int, depth: float) -> Array:
-        return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
-
-    def outside(self) -> Array:
-        """Compute for each ray where the obstacles begin that are near it, (U, V)."""
-        return minimum_filter(
-            self.other_near.min(axis=-1, initial=np.inf), self.window(0.025)
-        )
-
-
-@_kept
-def pushed(subgoal: Subgoal, way: Array, pole: Array | None = None) -> list[Contact]:
-    """Find where a rod can push the bodies along ``way``, the best first.
-
-    That is in the middle; with a ``pole`` (2, 3), a point of an axis that they turn about, and its direction, it is
-    where they go the farthest along the way.
-    """
-    rays = _Rays(subgoal, way)
-    hit = rays.near.min(axis=-1)
-    blocked = rays.other_near.min(axis=-1, initial=np.inf)
-    outside = rays.outside()
-    for half in _HALF_M:
-        free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
-        contacts = []
-        for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
-            point = rays.point(u, v, hit[u, v])
-            length = float(np.clip(hit[u, v] - outside[u, v], 0.0, 0.4))
-            across = np.linalg.norm(np.cross(way, point - subgoal.center))
-            away = across if pole is None else -np.cross(pole[1], point - pole[0]) @ way
-            contacts.append((float(away), Contact(point, half, length)))
-        if contacts:
-            return [
-                contact
-                for _, contact in sorted(contacts, key=lambda one: one[0])[
-                    : max(1, len(contacts) // 6)
-                ]
-            ]
-    return []
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)
-class Under:
+class LiftPoint:
     """Where two tines get under bodies along a heading.
 
-    They are ``apart`` on each side of the line through ``rear`` (3,), which is where the bodies begin, at the height of
-    their underside. Below it there is a gap ``room``, up to ``depth`` ahead.
+    Attributes:
+        heading: radians about z.
+        rear: where the bodies begin, at the height of their underside, (3,).
+        apart: how far each tine is from the line through ``rear``, metres.
+        gap: the height of what is free below the underside, metres.
+        depth: how far ahead of ``rear`` it is free, metres.
     """
 
     heading: float
     rear: Array
     apart: float
-    room: float
+    gap: float
     depth: float
 
     @property
     def worth(self) -> float:
-        return (
-            min(self.depth, 0.06)
-            + min(self.apart, 0.05)
-            + self.room
-            + float(self.rear[2])
-        )
+        """More for one that is high, wide apart, and far ahead."""
+        ahead = min(self.depth, 0.06)
+        wide = min(self.apart, 0.05)
+        return ahead + wide + self.gap + float(self.rear[2])
 
 
-@_kept
-def under(subgoal: Subgoal, heading: float, tine: float) -> Under | None:
-    """Find where tines ``tine`` wide get under the bodies along a heading: high, wide apart, and far ahead."""
-    rays = _Rays(subgoal, UP)
-    near, far = rays.all
-    ahead, side = (axis[:2] for axis in axes_of(heading))
-    u, v = np.meshgrid(*rays.axes, indexing="ij")
-    places = (
-        rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2]
-        - subgoal.center[:2]
-    )
-    along = places @ ahead
-    across = np.abs(places @ side)
-    found = list[Under]()
-    levels = np.unique(rays.near[np.isfinite(rays.near)].round(3))
-    for level in levels[:: -max(1, len(levels) // 12)]:
-        low = (
-            np.abs(rays.near - level).min(axis=-1) < 0.0015
-        )  # an underside at this height
-        for room in (0.02, 0.012, 0.006):
-            full = ((near < level - 0.0016) & (far > level - room)).any(axis=-1)
-            for apart in np.arange(
-                0.0, float(across[low].max(initial=0.0)) + 1e-9, 2 * min(rays.steps)
-            ):
-                lane = np.abs(across - apart) < tine / 2 + min(rays.steps)
-                if not (lane & low).any():
-                    continue
-                rear = float(along[lane & low].min())
-                stop = float(
-                    along[lane & full & (along > rear - _AROUND_M)].min(initial=1.0)
-                )
-                front = float(along[lane & low & (along < stop)].max(initial=rear))
-                if stop > rear and front - rear > 0.008:
-                    at = np.array([*(subgoal.center[:2] + rear * ahead), level])
-                    found.append(Under(heading, at, float(apart), room, front - rear))
-    return max(found, key=lambda one: one.worth) if found else None
+def frame_along(way: Array) -> Pose:
+    """Return the turn of a frame whose x points along ``way`` (3,), its y horizontal."""
+    x, y, z = way / np.linalg.norm(way)
+    yaw = 0.0
+    if np.hypot(x, y) > 1e-6:
+        yaw = np.arctan2(y, x)
+
+    pitch = -np.arcsin(np.clip(z, -1.0, 1.0))
+    return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, pitch, yaw))
+
+
+class _Rays:
+    """Parallel rays through a layout, on a grid (U, V) around a subgoal's bodies.
+
+    Attributes:
+        turn: of a frame with x along the rays, and the grid along y and z.
+        axes: the coordinates of rays along y, (U,), and along z, (V,).
+        steps: between two rays, along y and z.
+        near: where each ray enters each box of the bodies, (U, V, N); inf: it misses the box.
+        far: where it leaves the box; -inf: it misses the box.
+        obstacle_near: as ``near``, of all other bodies.
+        obstacle_far: as ``far``, of all other bodies.
+    """
+
+    def __init__(self, subgoal: Subgoal, way: Array) -> None:
+        """Cast rays along ``way`` (3,) on a grid that goes a little beyond the bodies."""
+        self.turn = frame_along(way)
+        points = self.turn.inverse().apply(subgoal.points)
+        lower = points.min(axis=0) - _AROUND_M
+        upper = points.max(axis=0) + _AROUND_M
+        counts = np.ceil((upper - lower)[1:] / _GRID_M).astype(int)
+        counts = np.minimum(counts, _MOST_RAYS)
+
+        self.axes = [
+            np.linspace(lower[1], upper[1], counts[0]),
+            np.linspace(lower[2], upper[2], counts[1]),
+        ]
+        self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
+        self.near, self.far = self._cross(subgoal.boxes)
+        self.obstacle_near, self.obstacle_far = self._cross(subgoal.obstacles)
+
+    def starts(self) -> Array:
+        """Return the origins of all rays in their frame, (U, V, 3)."""
+        u, v = np.meshgrid(*self.axes, indexing="ij")
+        return np.stack([np.zeros_like(u), u, v], axis=-1)
+
+    def _cross(self, boxes: Boxes) -> tuple[Array, Array]:
+        """Compute where each ray enters and leaves each box, by the slab method.
+
+        Args:
+            boxes: N boxes in the world.
+
+        Returns:
+            Depths along the rays, (U, V, N) each; inf and -inf where a ray misses a box.
+        """
+        back = self.turn.rotation.as_matrix().T
+        axes = np.einsum("ij,njk->nik", back, boxes.axes)
+        centers = boxes.centers @ back.T
+        starts = self.starts()[:, :, None] - centers
+        inside = np.einsum("nik,uvni->uvnk", axes, starts)
+
+        slopes = axes[:, 0]  # of a ray, along each of a box's axes
+        slopes = np.where(np.abs(slopes) < 1e-9, 1e-9, slopes)
+        low = (-boxes.halves - inside) / slopes
+        high = (boxes.halves - inside) / slopes
+        near = np.minimum(low, high).max(axis=-1)
+        far = np.maximum(low, high).min(axis=-1)
+        missed = near >= far
+
+        return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
+
+    def window(self, half: float) -> tuple[int, ...]:
+        """Count the rays within ``half`` metres of one, along both axes."""
+        return tuple(2 * int(np.ceil(half / step)) + 1 for step in self.steps)
+
+    def point(self, u: int, v: int, depth: float) -> Array:
+        """Return a point (3,) of a ray in the world.
+
+        Args:
+            u: the ray's number along y.
+            v: the ray's number along z.
+            depth: the coordinate along the ray, metres.
+        """
+        return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
+
+
+def find_push_points(
+    subgoal: Subgoal,
+    way: Array,
+    pole: Array | None = None,
+) -> list[PushPoint]:
+    """Find where a rod can push the bodies, the best first.
+
+    That is in their middle; with a ``pole`` it is where they go the farthest along the way.
+
+    Args:
+        subgoal: the bodies.
+        way: along which they are pushed, (3,).
+        pole: a point of an axis that they turn about, and its direction, (2, 3).
+
+    Returns:
+        The best sixth of all points on which a rod of the stoutest width that fits gets; empty: none fits.
+    """
+    key = ("push", *map(id, subgoal.solids), repr((way, pole)))
+    return subgoal.model.find_once(key, lambda: _find_push_points(subgoal, way, pole))
+
+
+def _find_push_points(
+    subgoal: Subgoal,
+    way: Array,
+    pole: Array | None,
+) -> list[PushPoint]:
+    """Search for what `find_push_points` returns, from the stoutest rod to the thinnest."""
+    rays = _Rays(subgoal, way)
+    hit = rays.near.min(axis=-1)
+    blocked = rays.obstacle_near.min(axis=-1, initial=np.inf)
+    passed = minimum_filter(blocked, rays.window(0.025))  # where obstacles begin
+
+    for half in _HALF_M:
+        free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
+        points = []
+        for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
+            point = rays.point(u, v, hit[u, v])
+            length = float(np.clip(hit[u, v] - passed[u, v], 0.0, _LONGEST_M))
+            cost = _push_cost(point, subgoal.center, way, pole)
+            points.append(PushPoint(point, half, length, cost))
+
+        if points:
+            points.sort(key=lambda point: point.cost)
+            return points[: max(1, len(points) // 6)]
+
+    return []
+
+
+def _push_cost(
+    point: Array,
+    center: Array,
+    way: Array,
+    pole: Array | None,
+) -> float:
+    """Measure how far a point is beside the bodies' centre; with a pole, how little they move along the way there.
+
+    Args:
+        point: where the rod meets the bodies, (3,).
+        center: of the bodies, (3,).
+        way: along which they are pushed, (3,).
+        pole: see `find_push_points`.
+    """
+    if pole is None:
+        return float(np.linalg.norm(np.cross(way, point - center)))
+    return float(-np.cross(pole[1], point - pole[0]) @ way)
+
+
+def find_lift_point(subgoal: Subgoal, heading: float, tine: float) -> LiftPoint | None:
+    """Find where tines ``tine`` metres wide get under the bodies along a heading; None: nowhere.
+
+    Args:
+        subgoal: the bodies.
+        heading: along which the tines go, radians about z.
+        tine: the width of each, metres.
+    """
+    key = ("lift", *map(id, subgoal.solids), heading, tine)
+    return subgoal.model.find_once(key, lambda: _Underside(subgoal, heading).find(tine))
+
+
+class _Underside:
+    """Where bodies are open from below, as rays find it that go up.
+
+    Attributes:
+        along: the coordinate of each ray along the heading, from the bodies' centre, (U, V).
+        across: the distance of each ray from the line along the heading through the centre, (U, V).
+    """
+
+    def __init__(self, subgoal: Subgoal, heading: float) -> None:
+        """Cast rays upward through a subgoal's bodies, and lay them out along a heading, radians about z."""
+        self._center = subgoal.center
+        self._heading = heading
+        self._ahead, side = (axis[:2] for axis in heading_axes(heading))
+        self._rays = _Rays(subgoal, UP)
+        rays = self._rays
+        self._near = np.concatenate([rays.near, rays.obstacle_near], axis=-1)
+        self._far = np.concatenate([rays.far, rays.obstacle_far], axis=-1)
+
+        places = rays.turn.apply(rays.starts())[..., :2] - self._center[:2]
+        self.along = places @ self._ahead
+        self.across = np.abs(places @ side)
+
+    def find(self, tine: float) -> LiftPoint | None:
+        """Find the best place for tines of this width; None: there is none.
+
+        It looks at some heights of undersides, from the highest down, at gaps below each, and at pairs of lanes beside
+        the middle.
+        """
+        near = self._rays.near
+        levels = np.unique(near[np.isfinite(near)].round(3))
+        step = 2 * min(self._rays.steps)
+        found: list[LiftPoint] = []
+
+        for level in levels[:: -max(1, len(levels) // _MOST_LEVELS)]:
+            underside = np.abs(near - level).min(axis=-1) < 0.0015
+            widest = float(self.across[underside].max(initial=0.0))
+            for gap in _GAPS_M:
+                full = (self._near < level - 0.0016) & (self._far > level - gap)
+                filled = full.any(axis=-1)
+                for apart in np.arange(0.0, widest + 1e-9, step):
+                    half = tine / 2 + step / 2
+                    lane = np.abs(self.across - apart) < half
+                    ends = self._find_ends(lane & underside, lane & filled)
+                    if ends is None:
+                        continue
+
+                    rear, front = ends
+                    place = np.array([*(self._center[:2] + rear * self._ahead), level])
+                    depth = front - rear
+                    found.append(
+                        LiftPoint(self._heading, place, float(apart), gap, depth)
+                    )
+
+        return max(found, key=lambda point: point.worth, default=None)
+
+    def _find_ends(self, underside: Mask, filled: Mask) -> tuple[float, float] | None:
+        """Find where a gap begins and ends along the heading; None: it is too short.
+
+        Args:
+            underside: the rays that meet the underside above the gap, (U, V).
+            filled: the rays on which something is in the gap, (U, V).
+        """
+        if not underside.any():
+            return None
+
+        rear = float(self.along[underside].min())
+        stops = self.along[filled & (self.along > rear - _AROUND_M)]
+        stop = float(stops.min(initial=1.0))
+        ahead = self.along[underside & (self.along < stop)]
+        front = float(ahead.max(initial=rear))
+
+        if stop > rear and front - rear > _LEAST_DEPTH_M:
+            return rear, front
+        return None

@@ -10,8 +10,8 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Robot
-from core.robot.kinematics import arm_of, joint_frames, robot_model
-from plugins.vlms.told.arm import Span, span_at
+from core.robot.kinematics import Arm, arm_of, joint_frames, robot_model
+from plugins.vlms.told.reach import Span, span_at
 
 _LOWEST_M = 0.1  # of the end-effector above the ground that bodies stand on
 _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
@@ -21,8 +21,13 @@ _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
 class Workspace:
     """Bounds of the end-effector's place, with the flange pointing down, in the world and in metres.
 
-    ``base`` (3,) is where the robot stands. ``inner`` and ``outer`` are distances from its axis, ``stretch`` is that
-    from its ``shoulder`` (3,). ``farthest`` from the axis a tool can bring a body, at most.
+    Attributes:
+        base: where the robot stands, (3,).
+        shoulder: its second joint, (3,).
+        inner: the least distance from the base's axis.
+        outer: the greatest distance from the base's axis.
+        stretch: the greatest distance from the shoulder.
+        farthest: how far from the axis a tool can bring a body, at most.
     """
 
     base: Array
@@ -41,37 +46,59 @@ class Workspace:
         x, y = self.from_axis(point)
         return float(np.arctan2(y, x))
 
-    def strain(self, points: Array) -> float:
-        """Measure how far points (N, 3) of the end-effector are outside at most, metres."""
+    def excess(self, points: Array) -> float:
+        """Measure how far points (N, 3) of the end-effector are outside at most, metres.
+
+        It is the sum of what is too far out, too near, too low and too far from the shoulder, of the worst point.
+        """
         ground = np.hypot(*self.from_axis(points).T)
         stretch = np.linalg.norm(points - self.shoulder, axis=1)
-        strain = np.maximum(0.0, ground - self.outer) + np.maximum(
-            0.0, self.inner - ground
-        )
-        strain += np.maximum(0.0, _LOWEST_M - points[:, 2]) + np.maximum(
-            0.0, stretch - self.stretch
-        )
-        return float(strain.max())
+
+        excess = np.maximum(0.0, ground - self.outer)
+        excess = excess + np.maximum(0.0, self.inner - ground)
+        too_low = np.maximum(0.0, _LOWEST_M - points[:, 2])
+        too_far = np.maximum(0.0, stretch - self.stretch)
+        excess += too_low + too_far
+
+        return float(excess.max())
 
 
 @lru_cache(maxsize=8)
-def workspace_of(robot: Robot) -> Workspace:
-    """Compute the workspace from the arm's reach at about the height of its shoulder, its second joint."""
+def compute_workspace(robot: Robot) -> Workspace:
+    """Compute the workspace from the arm's reach at about the height of its shoulder, its second joint.
+
+    Args:
+        robot: an arm, with its base where it stands.
+    """
     stand = replace(robot, base=Pose())
     model = robot_model(stand, Tool())
-    arm = arm_of(stand)
-    base = robot.base.position
     height = float(joint_frames(model, np.array([robot.home]))[1][2, 0, 2])
-    heights = sorted(
-        np.round(np.arange(0.0, 1.05, 0.1), 3).tolist(), key=lambda z: abs(z - height)
-    )
-    span = next(
-        (span for z in heights if (span := span_at(arm, z, 0.0)) is not None),
-        Span(0.0, model.reach),
-    )
+    span = _find_span(arm_of(stand), height) or Span(0.0, model.reach)
+
     # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
     inner = round(span.least + 0.06, 2)
     outer = round(0.85 * span.most, 2)
     stretch = round(0.94 * span.most, 2)
+
+    base = robot.base.position
     shoulder = base + np.array([0.0, 0.0, round(height, 2)])
     return Workspace(base, shoulder, inner, outer, stretch, stretch + _TOOL_M)
+
+
+def _find_span(arm: Arm, height: float) -> Span | None:
+    """Find the distances that the arm reaches at a height, or at the nearest one where it reaches any.
+
+    Args:
+        arm: which stands at the world's origin.
+        height: metres.
+
+    Returns:
+        The span with the flange pointing down; None: the arm reaches nothing.
+    """
+    heights = np.round(np.arange(0.0, 1.05, 0.1), 3).tolist()
+    for z in sorted(heights, key=lambda z: abs(z - height)):
+        span = span_at(arm, z, 0.0)
+        if span is not None:
+            return span
+
+    return None

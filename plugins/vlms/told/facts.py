@@ -13,7 +13,8 @@ from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.templates import fill
-from plugins.vlms.told.arm import as_table, compute_reach, segments, short
+from plugins.vlms.told.arm import segments, short
+from plugins.vlms.told.reach import as_table, compute_reach
 
 USAGE = "usage: vlmgineer facts [robot=NAME]"
 
@@ -31,24 +32,19 @@ def sheet(robot: Robot) -> str:
     limits = np.column_stack(
         [arm.home, arm.lower, arm.upper, arm.velocity_limits, arm.acceleration_limits]
     )
-    joints = list(zip(robot.arm_joints, limits.tolist(), strict=True))
-    given = {
-        "reach": as_table(compute_reach(arm)),
-        "speed": segments(arm, arm.forward(arm.home), RolloutSettings()),
-    }
     return fill(
         "plugins.vlms.told",
         "facts",
         robot=robot,
-        joints=joints,
+        joints=list(zip(robot.arm_joints, limits.tolist(), strict=True)),
+        reach=as_table(compute_reach(arm)),
+        speed=segments(arm, arm.forward(arm.home), RolloutSettings()),
         measured=robot.measured,
         short=short,
-        **given,
     )
 
 
 def main(words: list[str]) -> None:
-    robot = robot_part(
-        load("facts", arguments(USAGE, words), FactsConfig).robot
-    ).create()
+    config = load("facts", arguments(USAGE, words), FactsConfig)
+    robot = robot_part(config.robot).create()
     say(*sheet(robot).splitlines())

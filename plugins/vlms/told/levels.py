@@ -11,14 +11,9 @@ from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
 from plugins.vlms.told.bodies import bodies_table
+from plugins.vlms.told.excerpts import BODY, class_source, helpers, task_source
+from plugins.vlms.told.layout import layout_table
 from plugins.vlms.told.sight import Hidden
-from plugins.vlms.told.source import (
-    BODY,
-    class_source,
-    helpers,
-    layout_table,
-    task_source,
-)
 from plugins.vlms.told.views import calibrated_pictures
 
 
@@ -26,19 +21,20 @@ class Told(Level):
     """Says of a task with several parts the same of each."""
 
     def values(self, task: Task, seed: int) -> dict[str, Any]:
-        several = [part for part in task.parts if part is not task]
-        if not several:
-            return self.of_one(task, seed)
-        return {
-            "several": [
-                {"task": part, **NOTHING_TOLD, **self.of_one(part, seed)}
-                for part in several
-            ]
-        }
+        """See `Level.values`."""
+        parts = [part for part in task.parts if part is not task]
+        if not parts:
+            return self.values_of_part(task, seed)
+
+        several = []
+        for part in parts:
+            values = self.values_of_part(part, seed)
+            several.append({"task": part, **NOTHING_TOLD, **values})
+        return {"several": several}
 
     @abstractmethod
-    def of_one(self, task: Task, seed: int) -> dict[str, Any]:
-        """Return the values of a task without parts."""
+    def values_of_part(self, task: Task, seed: int) -> dict[str, Any]:
+        """Return the values of a task without parts, in the layout of this seed."""
 
 
 class Source(Told):
@@ -46,7 +42,7 @@ class Source(Told):
 
     in_words = False
 
-    def of_one(self, task: Task, seed: int) -> dict[str, Any]:
+    def values_of_part(self, task: Task, seed: int) -> dict[str, Any]:
         return {
             "description": task.description,
             "layout": layout_table(task, seed),
@@ -60,7 +56,7 @@ class Source(Told):
 class Words(Told):
     """A description, and a table of places and sizes; masses and friction in words."""
 
-    def of_one(self, task: Task, seed: int) -> dict[str, Any]:
+    def values_of_part(self, task: Task, seed: int) -> dict[str, Any]:
         return {
             "description": task.in_words,
             "layout": layout_table(task, seed, worded=True),
@@ -72,13 +68,16 @@ class Pictures(Told):
 
     numbers = False
 
-    def of_one(self, task: Task, seed: int) -> dict[str, Any]:
+    def values_of_part(self, task: Task, seed: int) -> dict[str, Any]:
         return {"description": task.in_words, "layout": bodies_table(task, seed)}
 
     def sight(self, task: Task, seed: int) -> Sight:
-        return Hidden.of(task, seed)
+        return Hidden.for_layout(task, seed)
 
     def draw(
-        self, task: Task, seed: int, render: Callable[..., Image]
+        self,
+        task: Task,
+        seed: int,
+        render: Callable[..., Image],
     ) -> tuple[Picture, ...]:
         return calibrated_pictures(task, seed, render)

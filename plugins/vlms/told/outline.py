@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
@@ -29,13 +31,17 @@ _MOTIONS = {
     "continuous": "turns about",
     "prismatic": "slides along",
 }
-_AXES = tuple(zip("xyz", np.eye(3), strict=True))
 _NEAR_M = (
     0.3  # from the mount's origin; tools that bend around the arm are seldom larger
 )
 
 
-def told(brief: Brief, mounted: Tool, rollout: RolloutSettings, engine: str) -> str:
+def outline_value(
+    brief: Brief,
+    mounted: Tool,
+    rollout: RolloutSettings,
+    engine: str,
+) -> str:
     """Write the outline for templates: their ``urdf``."""
     return outline(brief.task.robot, mounted)
 
@@ -45,30 +51,31 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
 
     All links of the gripper but the fingers are one, `GRIPPER`.
 
+    Args:
+        robot: with its base where it stands.
+        gripper: whether it has its gripper.
+        home: pose of the end-effector.
+
     Raises:
         UserError: the arm can't reach ``home``.
     """
     poses = link_poses(robot, gripper, arm_of(robot).home_for(home))
     mount = poses[RIGID_MOUNT].inverse()
-    bare = robot_model(robot, Tool()).links
-    found = extents_of(
-        (
-            solid.name
-            if solid.name in bare or solid.name in GRIPPER_MOUNTS
-            else GRIPPER,
-            (mount @ poses[solid.name] @ solid.pose).apply(corners(solid.geometry)),
-        )
-        for solid in robot_solids(robot, gripper)
-    )
-    off = {
-        name: np.maximum(np.maximum(low, -high), 0.0)
-        for name, (low, high) in found.items()
-    }
-    return {
-        name: extent
-        for name, extent in found.items()
-        if np.linalg.norm(off[name]) < _NEAR_M
-    }
+    separate = {*robot_model(robot, Tool()).links, *GRIPPER_MOUNTS}
+    placed = []
+
+    for solid in robot_solids(robot, gripper):
+        name = solid.name if solid.name in separate else GRIPPER
+        pose = mount @ poses[solid.name] @ solid.pose
+        placed.append((name, pose.apply(corners(solid.geometry))))
+
+    near = {}
+    for name, (low, high) in extents_of(placed).items():
+        distance = np.maximum(np.maximum(low, -high), 0.0)
+        if np.linalg.norm(distance) < _NEAR_M:
+            near[name] = low, high
+
+    return near
 
 
 def outline(robot: Robot, tool: Tool) -> str:
@@ -76,51 +83,77 @@ def outline(robot: Robot, tool: Tool) -> str:
 
     It has the joint that bears the link, as in URDF: its motion, its origin in the parent's frame, its limits. The box
     is the smallest one along the link's axes around all of its collision shapes, from its lowest to its highest corner.
+
+    Args:
+        robot: as its description has it.
+        tool: which is merged in; its components are links too.
     """
-    arm = assembled(robot, tool)
-    extents = {
-        name: (low.round(3), high.round(3))
-        for name, (low, high) in link_extents(robot, tool.gripper).items()
-    }
+    boxes = {}
+    for name, (low, high) in link_extents(robot, tool.gripper).items():
+        boxes[name] = _describe_box(low.round(3), high.round(3))
+
     for component in tool.components:
         middle, size = component.shape.bounds
-        extents[component.name] = middle - size / 2, middle + size / 2
-    boxes = {
-        name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}"
-        for name, (low, high) in extents.items()
-    }
-    bears = {RIGID_MOUNT, *boxes, *(joint.parent for joint in arm.joints.values())}
-    names = [name for name in arm.links if name in bears]
-    return table(
-        HEAD,
-        [
-            (*_joint_cells(arm.joints.get(name), name), boxes.get(name, "-"))
-            for name in names
-        ],
-    )
+        boxes[component.name] = _describe_box(middle - size / 2, middle + size / 2)
+
+    arm = assembled(robot, tool)
+    shown = {RIGID_MOUNT, *boxes, *(joint.parent for joint in arm.joints.values())}
+    rows = []
+
+    for name in arm.links:
+        if name in shown:
+            cells = _joint_cells(arm.joints.get(name), name)
+            rows.append((*cells, boxes.get(name, "-")))
+
+    return table(HEAD, rows)
+
+
+def _describe_box(low: Array, high: Array) -> str:
+    """Write the lowest and the highest corner (3,) of a box."""
+    return f"{short_numbers(low, 4)} to {short_numbers(high, 4)}"
 
 
 def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
+    """Write the cells of a link's row about the joint that bears it; None: nothing does.
+
+    Args:
+        joint: as the robot's description has it.
+        link: the name of what it bears.
+    """
     if joint is None:
         return link, "the base", "-", "-", "-", "-"
-    way = _MOTIONS.get(joint.kind)
-    motion = joint.kind if way is None else f"{way} {_axis_name(np.array(joint.axis))}"
-    limited = joint.kind != "fixed" and any(limit is not None for limit in joint.limits)
-    span = (
-        "{:g} to {:g}".format(*joint.range)
-        if limited and joint.kind != "continuous"
-        else "-"
+
+    motion = joint.kind
+    if joint.kind in _MOTIONS:
+        motion = f"{_MOTIONS[joint.kind]} {_name_axis(joint.axis)}"
+
+    span = "-"
+    speed = "-"
+    if joint.kind != "fixed" and any(limit is not None for limit in joint.limits):
+        speed = f"{joint.limits.velocity or 0.0:g}"
+        if joint.kind != "continuous":
+            span = "{:g} to {:g}".format(*joint.range)
+
+    return (
+        f"{link} on {joint.parent}",
+        motion,
+        short_numbers(joint.origin.xyz, 4),
+        short_numbers(joint.origin.rpy, 4),
+        span,
+        speed,
     )
-    speed = f"{joint.limits.velocity or 0.0:g}" if limited else "-"
-    xyz, rpy = short_numbers(joint.origin.xyz, 4), short_numbers(joint.origin.rpy, 4)
-    return f"{link} on {joint.parent}", motion, xyz, rpy, span, speed
 
 
-def _axis_name(axis: Array) -> str:
-    """Name an axis, such as ``-y``; the numbers of one that is askew."""
-    names = {
-        tuple(sign * row): f"{'-' if sign < 0 else ''}{name}"
-        for sign in (1, -1)
-        for name, row in _AXES
-    }
-    return names.get(tuple(axis), short_numbers(axis, 4))
+def _name_axis(axis: Sequence[float]) -> str:
+    """Name an axis, such as ``-y``; the numbers of one that is askew.
+
+    Args:
+        axis: a unit vector (3,).
+    """
+    for name, unit in zip("xyz", np.eye(3), strict=True):
+        if tuple(axis) == tuple(unit):
+            return name
+        if tuple(axis) == tuple(-unit):
+            return f"-{name}"
+
+    return short_numbers(axis, 4)

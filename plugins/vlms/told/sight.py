@@ -11,7 +11,8 @@ from core.interfaces import Task
 from core.scene import Camera
 from core.values.observations import Moved, Sight
 
-_SIZE = 640, 480  # pixels, of which ways are shares
+_WIDTH = 640  # pixels, of which ways are shares
+_HEIGHT = 480
 _SHARE = 0.01  # of the picture; a shorter way is not seen
 _UNIT = r"mm|cm|m/s|m|kg|g|N m|N|J|deg|degrees|rad"
 # A number with a unit, or a decimal that is neither a time nor a count; a list of them; names such as card_3 stay.
@@ -22,40 +23,62 @@ _LIST = re.compile(r"[(\[]\s*[-+\d.e]+(?:\s*,\s*[-+\d.e]+)+\s*[)\]]")
 
 @dataclass(frozen=True)
 class Hidden(Sight):
-    """Feedback without numbers of the bodies with these ``names``; their ways are as a camera shows them."""
+    """Feedback without numbers of the bodies with these ``names``; their ways are as a camera shows them.
+
+    Attributes:
+        names: of bodies.
+        camera: of the task.
+    """
 
     numbers = False
     names: tuple[str, ...]
     camera: Camera
 
     @classmethod
-    def of(cls, task: Task, seed: int) -> Hidden:
+    def for_layout(cls, task: Task, seed: int) -> Hidden:
         """Hide the numbers of a layout's bodies, seen by the task's camera."""
-        return cls(tuple(body.name for body in task.scene(seed).bodies), task.camera)
+        names = tuple(body.name for body in task.scene(seed).bodies)
+        return cls(names, task.camera)
 
     def text(self, text: str) -> str:
-        """Take the numbers out of a text that speaks of a body of the scene; seconds and counts stay."""
+        """Take the numbers out of a text that speaks of a body of the scene; seconds and counts stay.
+
+        Args:
+            text: feedback, of one line or more.
+        """
         if not any(re.search(rf"\b{re.escape(name)}\b", text) for name in self.names):
             return text
         return _NUMBER.sub("some", _LIST.sub("somewhere", text))
 
     def way(self, moved: Moved) -> str:
-        """Describe a body's way as shares of the picture's width and height."""
+        """Describe a body's way as shares of the picture's width and height.
+
+        Args:
+            moved: where the body is at the end, and from where it came.
+        """
         end = np.array(moved.to)
-        (x, y), (to_x, to_y) = self.camera.project(
-            np.stack([end - moved.by, end]), *_SIZE
-        )
-        ways = (
-            ((to_x - x) / _SIZE[0], ("right", "left"), "width"),
-            ((y - to_y) / _SIZE[1], ("up", "down"), "height"),
-        )
+        places = np.stack([end - moved.by, end])
+        (x, y), (to_x, to_y) = self.camera.project(places, _WIDTH, _HEIGHT)
+        right = (to_x - x) / _WIDTH
+        up = (y - to_y) / _HEIGHT
+
         seen = [
-            f"{names[int(share < 0)]} by {100 * abs(share):.0f} % of its {side}"
-            for share, names, side in ways
-            if abs(share) >= _SHARE
+            *_describe_share(right, "right", "left", "width"),
+            *_describe_share(up, "up", "down", "height"),
         ]
-        return (
-            f"in the picture {' and '.join(seen)}"
-            if seen
-            else "not seen in the picture"
-        )
+        if not seen:
+            return "not seen in the picture"
+        return f"in the picture {' and '.join(seen)}"
+
+
+def _describe_share(
+    share: float,
+    positive: str,
+    negative: str,
+    side: str,
+) -> list[str]:
+    """Say which way a body went, and by how much of the picture's side; nothing of a way that is not seen."""
+    if abs(share) < _SHARE:
+        return []
+    direction = positive if share >= 0 else negative
+    return [f"{direction} by {100 * abs(share):.0f} % of its {side}"]

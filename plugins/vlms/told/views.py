@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image as Pillow
@@ -19,7 +20,9 @@ from core.simulation.pictures import describe_camera, png
 from plugins.vlms.told.bodies import bounds
 from plugins.vlms.told.nearness import nearness
 
-SIZE = 1000, 750  # pixels
+WIDTH = 1000  # pixels
+HEIGHT = 750
+SIZE = (WIDTH, HEIGHT)
 _ROOM_M = 0.06  # around what a parallel camera shows; it stands half of that before it, and cuts off what is behind it
 _LARGE_M = 1.2  # what is larger, as table and floor, does not set what is shown
 _ROUND_M = 0.05  # of what a camera looks at: its caption must not tell where a body is
@@ -28,192 +31,340 @@ _ALL = 14  # of so many bodies alike each has a label, of more the first and the
 _STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # metres, between lines
 _LINES = 18  # along a side, at most
 _MARGIN = 46  # pixels of a scale
-_OPAQUE, _DARK = (
-    150,
-    100,
-)  # of 255: the opacity of drawn edges, and the brightness below which they are pale
+_OPAQUE = 150  # of 255: the opacity of drawn edges
+_DARK = 100  # of 255: a brightness; on what is darker, edges are pale
 _EDGE_M = 0.002  # a bend or a step that is drawn as an edge
-_INK, _PALE, _RED, _GREEN = (20, 20, 20), (255, 255, 255), (210, 30, 30), (20, 150, 40)
-# By name: from the scene to the camera, the axis to the right and the axis up in the picture.
-_PARALLEL = {
-    "front": ((-1.0, 0.0, 0.0), 1, 2),
-    "side": ((0.0, -1.0, 0.0), 0, 2),
-    "top": ((0.0, 0.0, 1.0), 0, 1),
+_FONT = 12  # pixels
+
+_INK = (20, 20, 20)
+_PALE = (255, 255, 255)
+_RED = (210, 30, 30)
+_GREEN = (20, 150, 40)
+
+
+@dataclass(frozen=True)
+class _View:
+    """A direction from which a parallel camera looks.
+
+    Attributes:
+        backward: from the scene to the camera, a unit vector (3,).
+        right: the number of the world's axis to the right in the picture.
+        up: the number of the world's axis up in the picture.
+    """
+
+    backward: tuple[float, float, float]
+    right: int
+    up: int
+
+
+_VIEWS = {
+    "front": _View((-1.0, 0.0, 0.0), 1, 2),
+    "side": _View((0.0, -1.0, 0.0), 0, 2),
+    "top": _View((0.0, 0.0, 1.0), 0, 1),
 }
 
 
 def calibrated_pictures(
-    task: Task, seed: int, render: Callable[..., Image]
+    task: Task,
+    seed: int,
+    render: Callable[..., Image],
 ) -> tuple[Picture, ...]:
     """Draw the scene at the start: from the task's camera, closer, and in parallel views with axes and grid in metres.
 
     For ``render`` see `core.task.Level.draw`.
 
+    Args:
+        task: whose scene and camera it is about.
+        seed: of the layout.
+        render: draws the scene from a camera, without what is written on it.
+
     Raises:
         NoPicture: nothing here can draw.
     """
-    bodies = list(task.scene(seed).bodies)
-    small = [body for body in bodies if _size(body) < _LARGE_M]
-    moving = [body for body in bodies if body.mass] or bodies
-    cameras = {"scene": task.camera, "close": _closer(task.camera, *_extent(moving))}
-    cameras |= {name: _parallel(name, *_shown(bodies)) for name in _PARALLEL}
+    bodies = task.scene(seed).bodies
+    small = _find_small(bodies)
+    moving = [body for body in bodies if body.mass]
+    cameras = {
+        "scene": task.camera,
+        "close": _move_closer(task.camera, moving or bodies),
+    }
+
+    for name in _VIEWS:
+        cameras[name] = parallel_camera(name, bodies)
+
     pictures = []
     for name, camera in cameras.items():
-        picture = Pillow.fromarray(render(camera=camera, width=SIZE[0], height=SIZE[1]))
-        said = describe_camera(camera, SIZE)
-        if name in _PARALLEL:
+        picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
+        if name in _VIEWS:
             _draw_edges(picture, camera, small)
-            said = _draw_grid(picture, camera, *_PARALLEL[name][1:])
-        _label(picture, camera, small)
-        pictures.append(Picture(png(np.asarray(picture)), name, f"{name}: {said}"))
+            caption = _Grid(picture, camera, _VIEWS[name]).draw()
+        else:
+            caption = describe_camera(camera, SIZE)
+
+        _Labels(picture, camera).draw(small)
+        pictures.append(Picture(png(np.asarray(picture)), name, f"{name}: {caption}"))
+
     return tuple(pictures)
 
 
-def _size(body: Body) -> float:
-    low, high = bounds(body, Pose())
-    return float((high - low).max())
+def _find_small(bodies: Sequence[Body]) -> list[Body]:
+    """Find the bodies that are smaller than a table.
+
+    It is their own size that counts, along their own axes.
+    """
+    small = []
+    for body in bodies:
+        low, high = bounds(body, Pose())
+        if (high - low).max() < _LARGE_M:
+            small.append(body)
+
+    return small
 
 
-def _shown(bodies: list[Body]) -> tuple[Array, Array]:
-    """Compute the corners of what parallel views show: all but what is as large as a table."""
-    return _extent([body for body in bodies if _size(body) < _LARGE_M] or bodies)
-
-
-def _extent(bodies: list[Body]) -> tuple[Array, Array]:
+def _extent(bodies: Sequence[Body]) -> tuple[Array, Array]:
     """Compute the lowest and the highest corner (3,) of bodies in the world."""
-    lows, highs = zip(*(bounds(body, body.pose) for body in bodies), strict=True)
-    return np.min(lows, axis=0), np.max(highs, axis=0)
+    corners = [bounds(body, body.pose) for body in bodies]
+    low = np.min([low for low, _ in corners], axis=0)
+    high = np.max([high for _, high in corners], axis=0)
+    return low, high
 
 
-def _parallel(name: str, low: Array, high: Array) -> Camera:
-    backward, right, up = _PARALLEL[name]
-    middle = (low + high) / 2
+def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
+    """Make the camera of a parallel view, which shows all bodies but what is as large as a table.
+
+    Args:
+        name: ``front``, ``side`` or ``top``.
+        bodies: of the layout.
+    """
+    view = _VIEWS[name]
+    low, high = _extent(_find_small(bodies) or bodies)
+    backward = np.array(view.backward)
     room = high - low + 2 * _ROOM_M
-    inside = np.array(SIZE) - 2 * _MARGIN
-    shown = max(room[up] * SIZE[1] / inside[1], room[right] * SIZE[1] / inside[0])
-    away = float(np.abs(np.array(backward) @ (high - low))) / 2 + _ROOM_M / 2
-    x, y, z = (middle + away * np.array(backward)).tolist()
-    return Camera((x, y, z), tuple(middle.tolist()), 2.0, float(shown))
+    tall = room[view.up] * HEIGHT / (HEIGHT - 2 * _MARGIN)
+    wide = room[view.right] * HEIGHT / (WIDTH - 2 * _MARGIN)
+
+    middle = (low + high) / 2
+    away = float(np.abs(backward @ (high - low))) / 2 + _ROOM_M / 2
+    x, y, z = (middle + away * backward).tolist()
+    return Camera((x, y, z), tuple(middle.tolist()), 2.0, float(max(tall, wide)))
 
 
-def _closer(camera: Camera, low: Array, high: Array) -> Camera:
-    """Look from the same place at what is between two corners, (3,) each."""
+def _move_closer(camera: Camera, bodies: Sequence[Body]) -> Camera:
+    """Look from the same place at bodies alone.
+
+    Args:
+        camera: which keeps its place.
+        bodies: which fill the picture.
+    """
+    low, high = _extent(bodies)
     middle = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
     away = float(np.linalg.norm(np.asarray(camera.position) - middle))
     half = max(float(np.linalg.norm(high - low)) / 2, 0.08) + _ROUND_M / 2
-    return replace(
-        camera,
-        target=tuple(middle.tolist()),
-        fov_deg=float(np.degrees(2 * np.arctan(half / away))) * 1.15,
-    )
+    fov_deg = float(np.degrees(2 * np.arctan(half / away))) * 1.15
+
+    return replace(camera, target=tuple(middle.tolist()), fov_deg=fov_deg)
 
 
-def _draw_grid(picture: Pillow.Image, camera: Camera, right: int, up: int) -> str:
-    """Draw lines and scales in metres over a parallel view, and say what one needs to measure in it."""
-    assert camera.height_m is not None
-    pen = ImageDraw.Draw(picture, "RGBA")
-    per_m = SIZE[1] / camera.height_m
-    step = next(
-        (step for step in _STEPS if SIZE[0] / per_m / step <= _LINES), _STEPS[-1]
-    )
-    signs = float(np.sign(camera.axes[0][right])), -1.0
-    for side, axis in enumerate((right, up)):
-        middle = camera.target[axis]
-        half = SIZE[side] / 2 / per_m
-        for k in range(
-            math.ceil((middle - half) / step), math.floor((middle + half) / step) + 1
-        ):
-            at = SIZE[side] / 2 + signs[side] * (k * step - middle) * per_m
-            vertical = side == 0
-            pen.line(
-                [(at, 0), (at, SIZE[1])] if vertical else [(0, at), (SIZE[0], at)],
-                fill=(*_INK, 100),
-            )
-            _write(
-                pen,
-                (at + 2, SIZE[1] - 15) if vertical else (2, at - 14),
-                f"{k * step + 0.0:.2f}",
-            )
-    _write(pen, (SIZE[0] - 60, SIZE[1] - 32), f"{'xyz'[right]} (m)")
-    _write(pen, (40, 4), f"{'xyz'[up]} (m)")
-    return (
-        f"parallel projection, {'-' if signs[0] < 0 else ''}{'xyz'[right]} to the right and {'xyz'[up]} up, "
-        f"{SIZE[0]} x {SIZE[1]} pixels, {1000 / per_m:.3f} mm per pixel; scales and grid in metres; "
-        "outlines are drawn also of what is hidden"
-    )
+class _Grid:
+    """Lines and scales in metres over a parallel view."""
+
+    def __init__(self, picture: Pillow.Image, camera: Camera, view: _View) -> None:
+        """Choose how far lines are apart: the closest distance of which there are not too many."""
+        assert camera.height_m is not None
+        self._pen = ImageDraw.Draw(picture, "RGBA")
+        self._camera = camera
+        self._view = view
+        self._per_m = HEIGHT / camera.height_m
+        self._step = _STEPS[-1]
+
+        for step in reversed(_STEPS):
+            if WIDTH / self._per_m / step <= _LINES:
+                self._step = step
+
+    def draw(self) -> str:
+        """Draw it, and say what one needs to measure in the picture."""
+        right = self._view.right
+        up = self._view.up
+        sign = float(np.sign(self._camera.axes[0][right]))
+
+        for position, x in self._lines(right, WIDTH, sign):
+            self._draw_line([(x, 0), (x, HEIGHT)], (x + 2, HEIGHT - 15), position)
+        for position, y in self._lines(up, HEIGHT, -1.0):
+            self._draw_line([(0, y), (WIDTH, y)], (2, y - 14), position)
+        self._write((WIDTH - 60, HEIGHT - 32), f"{'xyz'[right]} (m)")
+        self._write((40, 4), f"{'xyz'[up]} (m)")
+
+        minus = "-" if sign < 0 else ""
+        return (
+            f"parallel projection, {minus}{'xyz'[right]} to the right and {'xyz'[up]} up, {WIDTH} x {HEIGHT} pixels, "
+            f"{1000 / self._per_m:.3f} mm per pixel; scales and grid in metres; "
+            "outlines are drawn also of what is hidden"
+        )
+
+    def _lines(self, axis: int, pixels: int, sign: float) -> list[tuple[float, float]]:
+        """Return the lines across an axis: where each is in the world, metres, and in the picture, pixels.
+
+        Args:
+            axis: number of the world's axis.
+            pixels: of the picture's side along it.
+            sign: 1.0 where the axis grows with the pixels, else -1.0.
+        """
+        middle = self._camera.target[axis]
+        half = pixels / 2 / self._per_m
+        first = math.ceil((middle - half) / self._step)
+        last = math.floor((middle + half) / self._step)
+        lines = []
+
+        for number in range(first, last + 1):
+            position = number * self._step
+            place = pixels / 2 + sign * (position - middle) * self._per_m
+            lines.append((position + 0.0, place))
+
+        return lines
+
+    def _draw_line(
+        self,
+        ends: list[tuple[float, float]],
+        place: tuple[float, float],
+        position: float,
+    ) -> None:
+        """Draw a line between two ends, and write its position at a place."""
+        self._pen.line(ends, fill=(*_INK, 100))
+        self._write(place, f"{position:.2f}")
+
+    def _write(self, place: tuple[float, float], text: str) -> None:
+        """Write a text on a pale ground."""
+        box = self._pen.textbbox(place, text, font_size=_FONT)
+        self._pen.rectangle(box, fill=(*_PALE, 190))
+        self._pen.text(place, text, fill=_INK, font_size=_FONT)
 
 
-def _write(pen: ImageDraw.ImageDraw, place: tuple[float, float], text: str) -> None:
-    pen.rectangle(pen.textbbox(place, text, font_size=12), fill=(*_PALE, 190))
-    pen.text(place, text, fill=_INK, font_size=12)
+def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: Sequence[Body]) -> None:
+    """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden.
 
+    Edges are where the distance to the camera bends or steps; they are drawn in ink, and pale on what is dark.
 
-def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> None:
-    """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden."""
-    ink = (
-        picture.convert("L")
-        .point(lambda light: _PALE[0] if light < _DARK else _INK[0])
-        .convert("RGB")
-    )
-    near = nearness(bodies, camera, *SIZE)
-    edges = np.zeros(SIZE[::-1], dtype=bool)
+    Args:
+        picture: that is drawn on.
+        camera: a parallel one.
+        bodies: that edges are drawn of.
+    """
+    near = nearness(bodies, camera, WIDTH, HEIGHT)
+    edges = np.zeros((HEIGHT, WIDTH), dtype=bool)
     edges[1:-1] |= np.abs(np.diff(near, 2, axis=0)) > _EDGE_M
     edges[:, 1:-1] |= np.abs(np.diff(near, 2, axis=1)) > _EDGE_M
+
     for body in bodies:
-        outline = Pillow.new("1", SIZE)
-        pen = ImageDraw.Draw(outline)
-        for part in body.visuals:
-            mesh = part.shape.to_trimesh()
-            pixels = camera.project(
-                (body.pose @ part.pose).apply(
-                    np.asarray(mesh.vertices, dtype=np.float64)
-                ),
-                *SIZE,
-            )
-            for corners in pixels[np.asarray(mesh.faces)]:
-                pen.polygon([(x, y) for x, y in corners.tolist()], fill=1)
-        filled = np.asarray(outline)
-        edges |= filled & ~binary_erosion(filled, border_value=1)
-    picture.paste(ink, mask=Pillow.fromarray(_OPAQUE * edges.astype(np.uint8)))
+        silhouette = _fill(body, camera)
+        edges |= silhouette & ~binary_erosion(silhouette, border_value=1)
+
+    gray = picture.convert("L")
+    ink = gray.point(lambda light: _PALE[0] if light < _DARK else _INK[0])
+    mask = Pillow.fromarray(_OPAQUE * edges.astype(np.uint8))
+    picture.paste(ink.convert("RGB"), mask=mask)
 
 
-def _label(picture: Pillow.Image, camera: Camera, bodies: list[Body]) -> None:
-    """Mark the origin of each body's frame, its axes x and y, and write its name where no other name is."""
-    pen = ImageDraw.Draw(picture)
-    alike = Counter(body.name.rstrip("0123456789") for body in bodies)
-    seen = Counter[str]()
-    taken: list[tuple[float, float, float, float]] = []
-    for body in bodies:
-        x, y = camera.project(body.pose.position, *SIZE).tolist()
-        if not (0 <= x < SIZE[0] and 0 <= y < SIZE[1]):
-            continue
+def _fill(body: Body, camera: Camera) -> Array:
+    """Compute which pixels (H, W) a body covers."""
+    silhouette = Pillow.new("1", SIZE)
+    pen = ImageDraw.Draw(silhouette)
+    for part in body.visuals:
+        mesh = part.shape.to_trimesh()
+        vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        placed = (body.pose @ part.pose).apply(vertices)
+        pixels = camera.project(placed, WIDTH, HEIGHT)
+        for corners in pixels[np.asarray(mesh.faces)]:
+            pen.polygon([(x, y) for x, y in corners.tolist()], fill=1)
+
+    return np.asarray(silhouette)
+
+
+class _Box(NamedTuple):
+    """A box in a picture, pixels from its left upper corner.
+
+    Attributes:
+        left: pixels.
+        top: pixels.
+        right: pixels.
+        bottom: pixels.
+    """
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    def overlaps(self, other: _Box) -> bool:
+        """Report whether two boxes have a pixel in common."""
+        beside = self.right < other.left or self.left > other.right
+        return not (beside or self.bottom < other.top or self.top > other.bottom)
+
+
+class _Labels:
+    """Marks of bodies in a picture: the origin of each one's frame, its axes x and y, and its name."""
+
+    def __init__(self, picture: Pillow.Image, camera: Camera) -> None:
+        self._pen = ImageDraw.Draw(picture)
+        self._camera = camera
+        self._names: list[_Box] = []
+
+    def draw(self, bodies: Sequence[Body]) -> None:
+        """Mark the bodies that are in the picture; of many alike, only the first and the last have their names."""
+        alike = Counter(_kind(body) for body in bodies)
+        seen = Counter[str]()
+        for body in bodies:
+            x, y = self._project(body.pose)
+            if not (0 <= x < WIDTH and 0 <= y < HEIGHT):
+                continue
+
+            self._draw_axes(body.pose)
+            kind = _kind(body)
+            seen[kind] += 1
+            if alike[kind] <= _ALL or seen[kind] in (1, alike[kind]):
+                self._draw_name(body.name, x, y)
+
+    def _project(self, pose: Pose) -> tuple[float, float]:
+        """Compute where the origin of a frame is in the picture, pixels."""
+        x, y = self._camera.project(pose.position, WIDTH, HEIGHT).tolist()
+        return x, y
+
+    def _draw_axes(self, pose: Pose) -> None:
+        """Draw the axes x and y of a frame, and a ring about its origin."""
+        x, y = self._project(pose)
         for axis, color in ((0, _RED), (1, _GREEN)):
-            end = camera.project(
-                (body.pose @ Pose(_AXIS_M * np.eye(3)[axis])).position, *SIZE
-            )
-            pen.line([(x, y), (float(end[0]), float(end[1]))], fill=color, width=2)
-        pen.ellipse([(x - 3, y - 3), (x + 3, y + 3)], outline=_INK)
-        kind = body.name.rstrip("0123456789")
-        seen[kind] += 1
-        if alike[kind] > _ALL and 1 < seen[kind] < alike[kind]:
-            continue
-        box = _free_place(x, y, pen.textlength(body.name, font_size=12) + 4, taken)
-        taken.append(box)
-        pen.line([(x, y), (box[0], (box[1] + box[3]) / 2)], fill=_INK, width=1)
+            tip = pose @ Pose(_AXIS_M * np.eye(3)[axis])
+            self._pen.line([(x, y), self._project(tip)], fill=color, width=2)
+
+        self._pen.ellipse([(x - 3, y - 3), (x + 3, y + 3)], outline=_INK)
+
+    def _draw_name(self, name: str, x: float, y: float) -> None:
+        """Write a name near a point, with a line to it."""
+        pen = self._pen
+        box = self._find_place(x, y, pen.textlength(name, font_size=_FONT) + 4)
+        self._names.append(box)
+        pen.line([(x, y), (box.left, (box.top + box.bottom) / 2)], fill=_INK, width=1)
         pen.rectangle(box, fill=_PALE)
-        pen.text((box[0] + 2, box[1] + 1), body.name, fill=_INK, font_size=12)
+        pen.text((box.left + 2, box.top + 1), name, fill=_INK, font_size=_FONT)
+
+    def _find_place(self, x: float, y: float, width: float) -> _Box:
+        """Find a box for a name near a point that covers no other name.
+
+        Args:
+            x: of the point, pixels.
+            y: of the point, pixels.
+            width: of the name, pixels.
+        """
+        for turn in range(60):
+            left = min(x + 14 + 4 * turn, WIDTH - width - 1)
+            below = y + 4 + (-1) ** turn * 9 * turn
+            top = min(max(below, 1.0), HEIGHT - 17.0)
+            box = _Box(left, top, left + width, top + 16)
+            if not any(box.overlaps(name) for name in self._names):
+                break
+
+        return box
 
 
-def _free_place(
-    x: float, y: float, wide: float, taken: list[tuple[float, float, float, float]]
-) -> tuple[float, float, float, float]:
-    """Find a box for a name near a point that covers no other name."""
-    for turn in range(60):
-        left = min(x + 14 + 4 * turn, SIZE[0] - wide - 1)
-        top = min(max(y + 4 + (-1) ** turn * 9 * turn, 1.0), SIZE[1] - 17.0)
-        box = (left, top, left + wide, top + 16)
-        if all(
-            box[2] < a or box[0] > c or box[3] < b or box[1] > d for a, b, c, d in taken
-        ):
-            break
-    return box
+def _kind(body: Body) -> str:
+    """Return a body's name without its number."""
+    return body.name.rstrip("0123456789")

@@ -21,8 +21,9 @@ from core.scene import Body, Joint, Scene, floor, table
 from core.solids.self_collision import find_self_collision
 from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.offline.designer import OfflineDesigner, left_out
+from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
+from plugins.vlms.offline.unplanned import find_unplanned
 from tasks.high_object import HighObject
 from tasks.score_goal import ScoreGoal
 from tests.panda import ARM, PANDA, on_panda
@@ -340,9 +341,9 @@ def test_what_no_plan_is_made_for_is_named():
         def scene(self, seed):
             return Scene(bodies, (door,))
 
-    assert left_out(Two(), 0) == [
+    assert find_unplanned(Two(), 0) == [
         "a turn about the vertical",
         "a time limit",
         "a second goal, where one is a joint's or a turn (each tool is made for one)",
     ]
-    assert left_out(CubeTask(), 0) == []
+    assert find_unplanned(CubeTask(), 0) == []

@@ -13,8 +13,8 @@ from core.robot.kinematics import arm_of
 from core.trial import tried_once
 from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.offline.designer import answer
-from plugins.vlms.offline.plans import reach_error
+from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.faults import reach_error
 from tests.panda import on_panda
 from tests.playing import evaluate_batch
 from tests.rare import rare

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose
-from plugins.vlms.offline.workspace import workspace_of
+from plugins.vlms.offline.workspace import compute_workspace
 from tests.panda import PANDA
 
 
 def test_it_moves_with_the_base():
     base = Pose.xyz_rpy((1.0, 0.5, 0.2), (0.0, 0.0, np.pi))
-    here, there = workspace_of(PANDA), workspace_of(replace(PANDA, base=base))
+    here, there = compute_workspace(PANDA), compute_workspace(replace(PANDA, base=base))
     assert (here.inner, here.outer, here.stretch) == (
         there.inner,
         there.outer,
@@ -22,7 +22,7 @@ def test_it_moves_with_the_base():
         (-0.7, -0.7, 0.2), (0.7, 0.7, 1.6), (20, 3)
     )
     for point in points:
-        assert there.strain(base.apply(point)[None]) == pytest.approx(
-            here.strain(point[None])
+        assert there.excess(base.apply(point)[None]) == pytest.approx(
+            here.excess(point[None])
         )
     assert there.direction(np.array([1.0, 1.0, 0.0])) == pytest.approx(np.pi / 2)

@@ -7,7 +7,7 @@ import pytest
 
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from plugins.vlms.offline.guided import guided, suits
+from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
 from tests.plugins.vlms.test_offline import analysis, brief, candidates
@@ -27,7 +27,7 @@ def scene(name):
 
 def subgoal(task):
     return max(
-        analysis(task).subgoals(np.random.default_rng(0)),
+        analysis(task).draw_subgoals(np.random.default_rng(0)),
         key=lambda one: len(one.solids),
     )
 
@@ -35,13 +35,13 @@ def subgoal(task):
 @pytest.mark.parametrize("name", [*NAMES, "InsertPlug"])
 def test_every_scene_has_its_stroke(name):
     found = subgoal(scene(name))
-    assert suits(found)
-    assert guided(found, np.random.default_rng(0)) is not None
+    assert needs_guided_head(found)
+    assert make_guided_head(found, np.random.default_rng(0)) is not None
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in SOLUTIONS.glob("*.json")))
 def test_what_lies_free_needs_none_of_these_strokes(name):
-    assert not suits(subgoal(installed().create("task", name)))
+    assert not needs_guided_head(subgoal(installed().create("task", name)))
 
 
 @pytest.mark.slow

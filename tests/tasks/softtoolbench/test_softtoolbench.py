@@ -17,7 +17,8 @@ from core.designs.reading import load_designs, read_designs
 from core.interfaces import Brief, RolloutSettings, Waypoints
 from core.plugins import installed
 from plugins.fitness.layouts import UNSEEN
-from plugins.vlms.offline.designer import answer, left_out
+from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.unplanned import find_unplanned
 from tests.engines import simulator
 from tests.playing import evaluate_batch
 from tests.solutions import representation
@@ -97,7 +98,7 @@ def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
         actions=actions,
     )
     assert len(answer(brief)["strategies"]) == 2
-    assert "what a soft body does as it gives way" in left_out(task_of(name), 0)
+    assert "what a soft body does as it gives way" in find_unplanned(task_of(name), 0)
 
 
 @every_task

@@ -26,7 +26,7 @@ from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.task import FileTask
 from plugins.vlms.told.bodies import bodies_table
-from plugins.vlms.told.source import helpers, task_source
+from plugins.vlms.told.excerpts import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
 from tests.playing import evaluate_batch

@@ -7,7 +7,7 @@ from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from core.scene import Scene
-from plugins.vlms.told.arm import describe_arm, describe_speed, segments
+from plugins.vlms.told.arm import FingerSheet, describe_arm, describe_speed, segments
 from tests.panda import ARM, PANDA
 
 pytestmark = pytest.mark.slow
@@ -53,7 +53,7 @@ def test_segments_take_the_time_of_the_motion():
     assert [one.seconds for one in slow] == pytest.approx([3.0] * len(slow), rel=0.01)
     assert [one.peak for one in slow] == pytest.approx([1.25] * len(slow), rel=0.02)
     fast = {
-        (one.way, one.length): one
+        (one.direction, one.length): one
         for one in segments(ARM, Task.home, RolloutSettings())
     }
     assert (
@@ -84,13 +84,13 @@ def test_what_a_tool_meets_at_the_mount():
 
 def test_where_the_axes_of_the_fingers_point():
     left, right = sheet(PANDA, gripper=True).fingers
-    assert left == (
+    assert left == FingerSheet(
         "left_finger",
         "0, -0.04, -0.0584",
         ("to the front", "to the right", "down"),
         "0.113",
     )
-    assert right[:2] == ("right_finger", "0, 0.04, -0.0584")
+    assert (right.name, right.origin) == ("right_finger", "0, 0.04, -0.0584")
     askew = replace(
         PANDA.gripper, mount=PANDA.gripper.mount @ Pose.xyz_rpy((0, 0, 0), (0, 0, 0.5))
     )

@@ -7,7 +7,7 @@ from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body
 from core.support.text import function_source
-from plugins.vlms.told.source import BODY, class_source, helpers, task_source
+from plugins.vlms.told.excerpts import BODY, class_source, helpers, task_source
 from tests.faults import Slide
 
 

@@ -8,12 +8,7 @@ from core.geometry import Pose
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
-from plugins.vlms.told.arm import (
-    PITCHES,
-    compute_reach,
-    span_at,
-    turns_at,
-)
+from plugins.vlms.told.reach import PITCHES, compute_reach, span_at, turns_at
 from tests.panda import ARM, PANDA
 
 HOME = Pose(np.array([0.5, 0.0, 0.5]))

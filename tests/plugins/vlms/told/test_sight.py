@@ -8,7 +8,7 @@ from plugins.vlms.told.sight import Hidden
 
 
 def test_texts_lose_the_numbers_of_bodies_alone():
-    sight = Hidden.of(installed().create("task", "PastGlasses"), 0)
+    sight = Hidden.for_layout(installed().create("task", "PastGlasses"), 0)
     text = "glass_2 moved by 0.013 m, 12 mm at most, to (0.1, 0.2, 0.30) at 2.31 s; card_3 in 3 of 5 layouts, -0.5"
     assert sight.text(text) == (
         "glass_2 moved by some m, some mm at most, to somewhere at 2.31 s; card_3 in 3 of 5 layouts, some"
@@ -18,7 +18,7 @@ def test_texts_lose_the_numbers_of_bodies_alone():
 
 def test_a_way_is_what_the_picture_shows():
     task = installed().create("task", "BringCube")
-    sight = Hidden.of(task, 0)
+    sight = Hidden.for_layout(task, 0)
     assert (
         sight.way(Moved((0.0, 0.0, 0.0005), (0.6, 0.0, 0.1), 0.0))
         == "not seen in the picture"

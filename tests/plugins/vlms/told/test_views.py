@@ -14,7 +14,7 @@ from core.plugins import installed
 from core.scene import Body, Camera, Geom
 from plugins.vlms.told.bodies import bounds
 from plugins.vlms.told.nearness import nearness
-from plugins.vlms.told.views import SIZE, _parallel, _shown, _size, calibrated_pictures
+from plugins.vlms.told.views import SIZE, calibrated_pictures, parallel_camera
 from tests.engines import simulator
 
 pytestmark = pytest.mark.slow
@@ -72,8 +72,7 @@ def blank(**view):
 )
 def test_what_is_hidden_or_of_one_colour_has_edges(task, name, body, size):
     made = installed().create("task", task)
-    bodies = [each for each in made.scene(0).bodies if _size(each) < 1.2]
-    camera = _parallel(name, *_shown(bodies))
+    camera = parallel_camera(name, made.scene(0).bodies)
     ink = drawn(made, name)
     x, y = camera.project(made.scene(0)[body].pose.position, *SIZE)
     per_m = SIZE[1] / camera.height_m

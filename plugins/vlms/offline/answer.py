@@ -1,0 +1,74 @@
+"""Answer a brief: tools with plans, or plans for a given tool, fresh ones or offspring of elites."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from core.interfaces import Brief
+from plugins.vlms.offline.evolve import breed
+from plugins.vlms.offline.given_tools import plan_for_given_tool
+from plugins.vlms.offline.layouts import make_layouts
+from plugins.vlms.offline.parents import Parent, find_parents
+from plugins.vlms.offline.sampler import Sampler
+from plugins.vlms.offline.several import answer_several
+from plugins.vlms.offline.strategy import (
+    Strategy,
+    plans_of_fresh_design,
+    write_strategy,
+)
+
+
+def answer(brief: Brief) -> dict[str, Any]:
+    """Make the document for one brief.
+
+    Raises:
+        NothingToMove: see `SceneAnalysis`.
+        DesignError: plans can't be written as the brief asks.
+    """
+    if len(brief.task.parts) > 1:
+        return answer_several(brief)
+
+    sampler = Sampler(brief, make_layouts(brief))
+    parents = find_parents(brief.elites, brief.gripper, sampler.layout.seen)
+    strategies = [_make_strategy(sampler, parents) for _ in range(brief.n_tool)]
+
+    solids = sampler.model.solids
+    moving = sum(len(goal.bodies) for goal in sampler.analysis.goals)
+    analysis = f"{len(solids)} bodies have collision shapes; to be moved: {moving}."
+    return {"scene_analysis": analysis, "strategies": strategies}
+
+
+def _make_strategy(sampler: Sampler, parents: Sequence[Parent]) -> dict[str, Any]:
+    """Make a strategy, and write it as in the document."""
+    brief = sampler.brief
+    given = brief.representation.given(brief.task)
+    if given is not None:
+        strategy = plan_for_given_tool(given, sampler, parents)
+    elif parents:
+        strategy = breed(parents, brief.n_action, sampler)
+    else:
+        strategy = _invent(sampler)
+
+    return write_strategy(strategy, sampler, is_given=given is not None)
+
+
+def _invent(sampler: Sampler) -> Strategy:
+    """Design a fresh tool with plans."""
+    brief = sampler.brief
+    design = sampler.invent()
+    tool = design.tool
+    head = design.placed.head
+    plans = plans_of_fresh_design(design, tool, brief.n_action, sampler)
+
+    description = f"The {head.kind} {design.plan.text}."
+    if brief.elites:
+        description += " A fresh design: no elite has this kind of tool."
+
+    return Strategy(
+        f"{head.primitive} with {tool.name}",
+        description,
+        tool,
+        plans,
+        parents=[elite.candidate.id for elite in brief.elites[:1]],
+    )

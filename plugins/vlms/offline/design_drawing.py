@@ -1,0 +1,113 @@
+"""Draw a tool for a subgoal: the head that suits, and the shaft that carries it."""
+
+from __future__ import annotations
+
+from numpy.random import Generator
+
+from core.design import Tool
+from core.geometry import Pose
+from core.interfaces import PAPER, Brief
+from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
+from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
+from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.mounting import works_above_home
+from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.pouring import find_handles, make_pourer
+from plugins.vlms.offline.subgoals import Subgoal
+from plugins.vlms.offline.tool_building import (
+    Shaft,
+    build_clamp,
+    build_pourer,
+    build_tool,
+)
+
+_GUIDED = 0.85  # how often a guided head is chosen where one suits
+_POURS = 0.8  # how often a container with handles is taken by them
+_SHAFT_KINDS = ("gantry", "slope", "elbow")
+
+
+class DesignDrawer:
+    """Draws the head and the shaft of one tool for a brief.
+
+    A drawer makes up its mind once whether the tool has a guided head, where one suits.
+
+    Attributes:
+        thickness_factor: how many times as thick as of the stiff default material parts are, so that they bend little.
+    """
+
+    def __init__(self, brief: Brief, rng: Generator) -> None:
+        material = brief.representation.material
+        ratio = PAPER.young_pa / material.young_pa
+        self.thickness_factor = float(max(1.0, ratio**0.125))
+        self._gripper = brief.gripper
+        self._rng = rng
+        self._is_guided: bool | None = None
+
+    def draw_head(self, subgoal: Subgoal) -> Head:
+        """Draw a head that moves the subgoal's bodies."""
+        if self._gripper:
+            return self._draw_finger_head(subgoal)
+
+        return (
+            self._draw_guided_head(subgoal)
+            or self._draw_pourer(subgoal)
+            or draw_head(subgoal, self._rng, self.thickness_factor)
+        )
+
+    def _draw_finger_head(self, subgoal: Subgoal) -> Head:
+        """Draw a head for a gripper: pads that close on the bodies, or one head on the left finger."""
+        lifts_out = subgoal.is_enclosed and subgoal.rises
+        if self._rng.random() < (0.9 if lifts_out else 0.5):
+            return draw_clamp(subgoal, self._rng)
+        return draw_head(subgoal, self._rng, self.thickness_factor)
+
+    def _draw_guided_head(self, subgoal: Subgoal) -> Head | None:
+        """Draw a head for what leaves one way only; None: it is free, or there is no way in, or not this time."""
+        if not needs_guided_head(subgoal):
+            return None
+        if self._is_guided is None:
+            self._is_guided = bool(self._rng.random() < _GUIDED)
+        return make_guided_head(subgoal, self._rng) if self._is_guided else None
+
+    def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
+        """Draw a head for the handles of the bodies' container; None: it has none, or not this time."""
+        handles = find_handles(subgoal)
+        if handles is None or self._rng.random() >= _POURS:
+            return None
+        return make_pourer(subgoal, handles, self._rng, self.thickness_factor)
+
+    def build(
+        self,
+        head: Head,
+        pose: Pose,
+        path: HeadPath,
+        subgoal: Subgoal,
+    ) -> Tool:
+        """Build a tool with a shaft that is drawn.
+
+        Args:
+            head: of the tool.
+            pose: of the head in the frame of the tool mount.
+            path: of the head.
+            subgoal: that the head was drawn for.
+        """
+        if head.mount_pose is not None:
+            return build_pourer(head, pose)
+
+        rng = self._rng
+        thickness = self.thickness_factor * float(rng.uniform(0.012, 0.024))
+        kind = _SHAFT_KINDS[int(rng.choice(3, p=[0.6, 0.2, 0.2]))]
+        if head.primitive == "clamp":
+            if subgoal.is_enclosed:
+                thickness = min(thickness, 0.012)
+            return build_clamp(head, pose, thickness)
+
+        if not works_above_home(path, subgoal.model):
+            return build_tool(head, pose, Shaft(kind, thickness), self._gripper)
+
+        # The jib passes over the bodies.
+        above = max(subgoal.height + thickness, float(head.attachment[2]))
+        top = float(pose.position[2] + above + rng.uniform(0.01, 0.06))
+        bend = float(rng.uniform(0.25, 0.6))
+        riser = Shaft("riser", thickness, bend, top)
+        return build_tool(head, pose, riser, self._gripper)

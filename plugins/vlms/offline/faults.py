@@ -1,0 +1,212 @@
+"""Count what is wrong with a plan: unwanted collisions, waypoints out of reach, and layouts in which it does not do.
+
+An overlap of two boxes counts 1, a metre of missed reach 100, and an arm that meets itself `BREAKS_RULES`. The boxes
+are those of the tool, with the hand where there is one, at places along the straight ways between waypoints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from core.design import Tool
+from core.geometry import Array, Pose
+from core.interfaces import Anchor, Brief
+from core.robot.kinematics import Arm, arm_of
+from core.robot.trajectory import plan_motion
+from core.solids.self_collision import find_self_collision
+from plugins.vlms.offline.boxes import Boxes, count_overlaps
+from plugins.vlms.offline.layouts import Layout
+from plugins.vlms.offline.paths import SampledPlan
+from plugins.vlms.offline.plan_writing import PlanWriter
+from plugins.vlms.offline.subgoals import Subgoal
+from plugins.vlms.offline.tools import HAND, tool_boxes
+
+BREAKS_RULES = 1000.0
+"""The fault of a design that is refused."""
+
+_MISS_M = 0.005  # error of inverse kinematics that is not a fault
+_HOPELESS_M = 0.1  # of an error; the waypoints after it are not looked at
+_STEP_M = 0.04  # between collision checks
+_CONTACT_M = 0.001  # a smaller overlap is only a contact
+
+
+class FaultCounter:
+    """Counts the faults of plans for a brief.
+
+        faults = FaultCounter(brief, layouts, PlanWriter(brief.actions, layouts[0]))
+        does = faults.count(tool, plan, subgoals) == 0.0
+
+    Args:
+        brief: what is asked for.
+        layouts: the one that plans are made for, and others in which they must do.
+        writer: of plans for the first layout.
+    """
+
+    def __init__(
+        self,
+        brief: Brief,
+        layouts: Sequence[Layout],
+        writer: PlanWriter,
+    ) -> None:
+        self._brief = brief
+        self._layouts = layouts
+        self._writer = writer
+
+    @property
+    def several(self) -> bool:
+        """Whether a plan must do in several layouts."""
+        return len(self._layouts) > 1
+
+    def resolve_elsewhere(self, rows: Array, anchors: Sequence[Anchor]) -> list[Array]:
+        """Compute what becomes of a plan's waypoints in the other layouts.
+
+        Args:
+            rows: waypoints in the first layout, (N, 6) or (N, 7).
+            anchors: what each stands by.
+        """
+        if not self.several:
+            return []
+
+        written = self._writer.write(rows, anchors)
+        plan = self._brief.actions.parse(written, gripper=self._brief.gripper)
+        return [plan.resolve(layout.seen).poses for layout in self._layouts[1:]]
+
+    def count(
+        self,
+        tool: Tool,
+        plan: SampledPlan,
+        subgoals: Sequence[Subgoal],
+    ) -> float:
+        """Count the faults of a plan; 0: it has none.
+
+        A plan without any in the first layout gets at most 1: the less, the later the first layout with some comes.
+
+        Args:
+            tool: what carries the plan out.
+            plan: in the first layout.
+            subgoals: what it is for; their bodies and containers may be touched where the plan says so.
+        """
+        moved = _names_moved(subgoals)
+        fault = self._count_in(self._layouts[0], tool, plan, plan.rows, moved)
+        if fault > 0.0:
+            return fault + self.several
+
+        elsewhere = self.resolve_elsewhere(plan.rows, plan.anchors)
+        for number, rows in enumerate(elsewhere):
+            layout = self._layouts[number + 1]
+            if self._count_in(layout, tool, plan, rows, moved) > 0.0:
+                return 1.0 - number / len(elsewhere)
+
+        return 0.0
+
+    def _count_in(
+        self,
+        layout: Layout,
+        tool: Tool,
+        plan: SampledPlan,
+        rows: Array,
+        moved: set[str],
+    ) -> float:
+        """Count faults in one layout.
+
+        Args:
+            layout: where the plan is tried.
+            tool: what carries it out.
+            plan: as it was sampled.
+            rows: its waypoints in this layout.
+            moved: the names of bodies that the head may touch where the plan says so.
+        """
+        boxes = tool_boxes(tool)
+        if tool.gripper:
+            boxes = Boxes.concatenate([boxes, HAND])
+
+        hits = _count_collisions(layout, boxes, rows, plan.touching, moved)
+
+        robot = self._brief.task.robot
+        arm = arm_of(robot)
+        miss = reach_error(rows, arm)
+        if miss > _MISS_M:
+            return hits + 100.0 * miss
+
+        home = self._layouts[0].analysis.model.home
+        motion = plan_motion(rows, home, arm)
+        if find_self_collision(robot, tool, motion.trajectory) is not None:
+            return hits + BREAKS_RULES
+        return hits
+
+
+def _names_moved(subgoals: Sequence[Subgoal]) -> set[str]:
+    """Name the bodies of subgoals, and their loose containers."""
+    names = set()
+    for subgoal in subgoals:
+        names |= {solid.body.name for solid in subgoal.solids}
+        if subgoal.loose_container is not None:
+            names.add(subgoal.loose_container.body.name)
+
+    return names
+
+
+def reach_error(rows: Array, arm: Arm) -> float:
+    """Compute the worst error of inverse kinematics over the waypoints, in metres plus 0.2 times radians.
+
+    Args:
+        rows: waypoints, (N, 6) or (N, 7).
+        arm: which goes from one to the next from its home.
+    """
+    joints = arm.home
+    worst = 0.0
+    for row in rows:
+        solution = arm.inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
+        joints = solution.joints
+        worst = max(worst, solution.error_m + 0.2 * solution.error_rad)
+        if worst > _HOPELESS_M:
+            break
+
+    return worst
+
+
+def _count_collisions(
+    layout: Layout,
+    tool: Boxes,
+    rows: Array,
+    touching: Sequence[bool],
+    moved: set[str],
+) -> int:
+    """Count overlaps of a tool's boxes on the straight ways between waypoints.
+
+    Those with the ``moved`` bodies count on ways where the head must not touch them.
+
+    Args:
+        layout: which has the bodies, and where the motion begins.
+        tool: boxes in the frame of the tool mount.
+        rows: waypoints, (N, 6) or (N, 7).
+        touching: whether the tool may touch the moved bodies on the way to each waypoint.
+        moved: names of bodies.
+    """
+    model = layout.analysis.model
+    bodies = [solid.boxes for name, solid in model.solids.items() if name in moved]
+    others = [solid.boxes for name, solid in model.solids.items() if name not in moved]
+    body_boxes = Boxes.concatenate(bodies)
+    other_boxes = Boxes.concatenate(others)
+
+    start = np.concatenate([model.home.position, model.home.rpy])
+    way = np.vstack([start, rows[:, :6]])
+    turns = Rotation.from_euler("xyz", way[:, 3:6])
+    count = 0
+
+    for i, touch in enumerate(touching):
+        step = way[i + 1, :3] - way[i, :3]
+        places = max(2, int(np.ceil(np.linalg.norm(step) / _STEP_M)) + 1)
+        shares = np.linspace(0.0, 1.0, places)
+        positions = way[i, :3] + shares[:, None] * step
+        rotations = Slerp([0.0, 1.0], turns[i : i + 2])(shares).as_matrix()
+
+        boxes = tool.moved_to(positions, rotations)
+        count += count_overlaps(boxes, other_boxes, margin=-_CONTACT_M)
+        if not touch:
+            count += count_overlaps(boxes, body_boxes, margin=-_CONTACT_M)
+
+    return count

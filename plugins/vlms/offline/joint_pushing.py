@@ -1,0 +1,152 @@
+"""Push a body along the motion that its joint leaves it, with a rod that rays find a way in for.
+
+The rod meets the body where it goes the farthest along its first way, or in its middle on a slider, and then moves as
+the body moves: along a line, or about the hinge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from core.geometry import Array, Pose
+from core.values.joints import PlacedJoint, Placement
+from plugins.vlms.offline.heads import Head, make_piece
+from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.raycast import PushPoint, find_push_points, frame_along
+from plugins.vlms.offline.subgoals import Subgoal
+
+_STEP_M = 0.045  # between waypoints, of a slider
+_STEP_RAD = 0.15  # and of a hinge
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """How a joint's body gets to its goal, and a little beyond.
+
+    Attributes:
+        way: which way it goes at first, a unit vector (3,).
+        pole: of a hinge, a point of its axis and its direction, (2, 3).
+        displacements: of the body in the world, one after another.
+    """
+
+    way: Array
+    pole: Array | None
+    displacements: Sequence[Pose]
+
+
+def find_joint_motion(subgoal: Subgoal, rng: Generator) -> JointMotion | None:
+    """Find the motion to the goal of a subgoal with a joint; None: of a ball joint, or one that is there.
+
+    Args:
+        subgoal: with one body, which has the joint.
+        rng: random numbers, of how far it goes beyond the goal.
+    """
+    goal = subgoal.goal
+    assert goal is not None
+    placed = subgoal.model.scene.placed_joints[goal.joint or ""]
+    joint = placed.joint
+    body = subgoal.solids[0].body
+    end = float(goal.to)
+
+    if joint.kind == "ball" or end == joint.start:
+        return None
+
+    way = body.pose.rotation.apply(joint.axis) * np.sign(end - joint.start)
+    pole = None
+    if joint.kind == "hinge":
+        pole = np.stack([body.pose.apply(joint.origin), way])
+        speeds = np.cross(way, subgoal.points - pole[0])
+        way = speeds[int(np.linalg.norm(speeds, axis=1).argmax())]
+
+    beyond = (end - joint.start) * rng.uniform(0.0, 0.4)
+    end = float(np.clip(end + beyond, joint.lower, joint.upper))
+    displacements = _find_displacements(subgoal, placed, end)
+    return JointMotion(way / np.linalg.norm(way), pole, displacements)
+
+
+def _find_displacements(
+    subgoal: Subgoal,
+    placed: PlacedJoint,
+    end: float,
+) -> list[Pose]:
+    """Compute the displacements of a joint's body on the way to a position of the joint.
+
+    Args:
+        subgoal: with one body, which has the joint.
+        placed: the joint in its layout.
+        end: the position that it gets, metres or radians.
+    """
+    joint = placed.joint
+    parent = Pose()
+    if joint.parent:
+        parent = subgoal.model.scene[joint.parent].pose
+
+    resting = Placement.at_rest(parent)
+    step = _STEP_RAD if joint.kind == "hinge" else _STEP_M
+    count = max(2, int(np.ceil(abs(end - joint.start) / step)))
+
+    back = subgoal.solids[0].body.pose.inverse()
+    displacements = []
+    for position in np.linspace(joint.start, end, count + 1)[1:]:
+        place = placed.carry(np.asarray(position), np.zeros(()), resting)
+        displacements.append(Pose(place.position, place.quaternion) @ back)
+    return displacements
+
+
+def make_joint_pusher(subgoal: Subgoal, rng: Generator) -> Head | None:
+    """Make a rod that pushes a body along the motion that its joint leaves it; None: it gets nowhere.
+
+    Args:
+        subgoal: with one body, which has the joint.
+        rng: random numbers.
+    """
+    motion = find_joint_motion(subgoal, rng)
+    if motion is None:
+        return None
+
+    points = find_push_points(subgoal, motion.way, motion.pole)
+    if not points:
+        return None
+
+    point = points[int(rng.integers(len(points)))]
+    length = point.length + rng.uniform(0.04, 0.07)
+    thick = 2 * point.half
+    rod = make_piece("rod", -length / 2, 0.0, 0.0, (length, thick, thick))
+    attachment = np.array([0.006 - length, 0.0, 0.0])
+    pushing = _Pushing(subgoal, motion, point, length)
+
+    return Head("rod", "guided", (rod,), attachment, 0.0, thick, motion=pushing)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pushing:
+    """The motion of a rod that is ``length`` metres long.
+
+    Attributes:
+        subgoal: with one body, which has the joint.
+        joint_motion: of that body.
+        point: where the rod meets the body.
+        length: of the rod, metres.
+    """
+
+    subgoal: Subgoal
+    joint_motion: JointMotion
+    point: PushPoint
+    length: float
+
+    def __call__(self, path: HeadPath, rng: Generator) -> str:
+        """Thrust the rod against the body, follow the body's motion, and draw back."""
+        way = self.joint_motion.way
+        turn = frame_along(way)
+        point = self.point.point
+        tip = point - way * rng.uniform(0.001, 0.004)
+        path.descend(self.subgoal, turn, point - way * (self.point.length + 0.03))
+        path.go(turn, tip)
+        end = path.follow(self.joint_motion.displacements)
+        path.go(end, end.position - way * 0.03, touch=True)
+
+        return f"thrusts a rod of {self.length:.2f} m against the body, along the way that it is free to go"

@@ -1,0 +1,102 @@
+"""Layouts of a task: the one that a plan is made for, and others that it must do in too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from core.design import DesignError, Tool
+from core.designs.planning import look
+from core.designs.rules import check_tool
+from core.designs.start import SpawnRules
+from core.geometry import Pose
+from core.interfaces import ActionRepresentation, Brief, Perception, Seen
+from plugins.vlms.offline.anchoring import find_turn
+from plugins.vlms.offline.scene_analysis import SceneAnalysis
+
+_OTHERS = 4  # layouts beside the first one
+_DRAWN = 32  # layouts, of which the most unlike are chosen
+
+
+class Layout:
+    """A layout of a brief's task.
+
+    Attributes:
+        seen: the poses of bodies that a plan sees.
+        analysis: its bodies and goals.
+        spawn: the rules for where a tool may be at the start.
+    """
+
+    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
+        """Read a brief. With a ``turn`` everything but the robot is moved by it.
+
+        Raises:
+            NothingToMove: see `SceneAnalysis`.
+        """
+        poses = look(brief.task, brief.scene_seed, Perception()).poses
+        if turn is not None:
+            poses = {name: turn @ pose for name, pose in poses.items()}
+
+        self.seen = Seen(poses)
+        self.analysis = SceneAnalysis(brief, turn)
+        self.spawn = SpawnRules(brief.task, brief.scene_seed)
+
+
+def make_layouts(brief: Brief) -> list[Layout]:
+    """Make the layout that plans are made for, and if the brief's layouts vary, others in which they are checked.
+
+    Raises:
+        NothingToMove: see `SceneAnalysis`.
+    """
+    layout = Layout(brief)
+    can_anchor = type(brief.actions).anchor is not ActionRepresentation.anchor
+    if not (brief.task.ranges and can_anchor):
+        return [layout]
+
+    turn = find_turn(layout.analysis, layout.seen)
+    if turn is not None:
+        layout = Layout(brief, turn)
+    return [layout, *(Layout(other) for other in _choose_unlike(brief))]
+
+
+def _choose_unlike(brief: Brief) -> list[Brief]:
+    """Choose briefs of layouts that are as unlike this one and each other as can be, with the same bodies."""
+    drawn = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(_DRAWN)]
+    alike = []
+    places = []
+    names: list[str] = []
+
+    for other in drawn:
+        poses = look(other.task, other.scene_seed, Perception()).poses
+        names = names or list(poses)
+        if list(poses) == names:
+            alike.append(other)
+            places.append(np.ravel([pose.matrix[:3] for pose in poses.values()]))
+
+    points = np.array(places)
+    chosen = [0]
+    while len(chosen) < min(1 + _OTHERS, len(alike)):
+        distances = np.linalg.norm(points[:, None] - points[chosen], axis=-1)
+        chosen.append(int(distances.min(axis=1).argmax()))
+    return [alike[number] for number in chosen[1:]]
+
+
+def keeps_rules(tool: Tool, brief: Brief, layouts: Sequence[Layout]) -> bool:
+    """Report whether a tool keeps the rules in all layouts.
+
+    Args:
+        tool: of any origin.
+        brief: which has the material.
+        layouts: in which it must be clear of everything at the start.
+    """
+    material = brief.representation.material
+    try:
+        check_tool(material.made(tool), brief.task.robot, material)
+        for layout in layouts:
+            layout.spawn.check(tool)
+    except DesignError:
+        return False
+
+    return True

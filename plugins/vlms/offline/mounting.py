@@ -1,0 +1,180 @@
+"""Choose where a head is at the tool mount, so that the arm works where it does with ease."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Pose
+from plugins.vlms.offline.chance import draw_head_turn
+from plugins.vlms.offline.faults import FaultCounter
+from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.scene_model import SceneModel
+from plugins.vlms.offline.subgoals import Subgoal
+
+_PLACES = 40  # end-effector positions that are compared,
+_MORE = 2  # times as many where a tool must do in several layouts
+_HAND_M = 0.068  # the hand's height
+
+
+@dataclass(frozen=True)
+class HeadDirection:
+    """Where a head must be.
+
+    Attributes:
+        turn: which way it points from the mount, radians.
+        drop: how far below the mount it is, metres.
+    """
+
+    turn: float
+    drop: float
+
+
+def works_above_home(path: HeadPath, model: SceneModel) -> bool:
+    """Report whether the head works higher than the end-effector's home.
+
+    Args:
+        path: of the head.
+        model: the layout's home counts.
+    """
+    return path.lowest > float(model.home.position[2])
+
+
+@dataclass(frozen=True, eq=False)
+class HeadPlacer:
+    """Places heads at the tool mount.
+
+    The end-effector is somewhere above the head, with the flange pointing down, when the path begins. `place` draws
+    such places; each gives a pose of the head at the mount, and so the end-effector's way along the whole path.
+
+    Attributes:
+        model: the layout that plans are made for.
+        faults: what says where a plan's waypoints are in other layouts.
+        gripper: whether tools are finger extensions.
+        direction: where heads must be; None: anywhere.
+        rng: random numbers.
+    """
+
+    model: SceneModel
+    faults: FaultCounter
+    gripper: bool
+    direction: HeadDirection | None
+    rng: Generator
+
+    def place(self, path: HeadPath, head: Head, subgoal: Subgoal) -> Pose:
+        """Choose the head's pose in the frame of the tool mount, the best of some that are drawn.
+
+        Each place of the end-effector above the path's start is judged by how far the arm leaves its workspace on the
+        way, in all layouts, and by how far the head is from the mount's axis.
+
+        Args:
+            path: of the head.
+            head: whose attachment must be below the mount.
+            subgoal: what it is for.
+        """
+        rng = self.rng
+        workspace = self.model.workspace
+        start = path.poses[1]
+        yaw = self._draw_yaw(path, head)
+        least, most = self._find_drops(path, head, subgoal)
+        from_above = head.primitive == "clamp" and subgoal.is_enclosed
+
+        rows = path.to_rows(Pose(), self.gripper)
+        motions = [_Motion(rows)]
+        for other in self.faults.resolve_elsewhere(rows, path.anchors):
+            motions.append(_Motion(other))
+
+        ahead = 0.0
+        if workspace.base[:2].any():
+            ahead = workspace.direction(self.model.home.position)
+
+        best = Pose()
+        least_cost = np.inf
+        for _ in range(_PLACES * (_MORE if self.faults.several else 1)):
+            angle = ahead + rng.uniform(-0.9, 0.9)
+            radius = rng.uniform(workspace.inner + 0.02, workspace.outer - 0.02)
+            height = start.position[2] + rng.uniform(least, most)
+            x, y = start.position[:2]
+            if not from_above:
+                way = np.array([np.cos(angle), np.sin(angle)])
+                x, y = workspace.base[:2] + radius * way
+
+            mount = Pose.xyz_rpy((x, y, height), (0.0, 0.0, yaw))
+            pose = mount.inverse() @ start
+            back = pose.inverse().position
+            excess = sum(workspace.excess(motion.mounts(back)) for motion in motions)
+            cost = 20.0 * excess + np.hypot(*pose.position[:2]) + rng.uniform(0.0, 0.15)
+            if cost < least_cost:
+                best = pose
+                least_cost = cost
+
+        return best
+
+    def _draw_yaw(self, path: HeadPath, head: Head) -> float:
+        """Draw how the end-effector is turned about z at the path's start, radians.
+
+        The head points ahead of the end-effector most often. A clamp's turn is the end-effector's.
+        """
+        yaw = draw_head_turn(self.rng)
+        error = self.rng.normal(0.0, 0.15)
+        if self.rng.random() < 0.5:
+            yaw += error
+        if head.primitive == "clamp":
+            return float(path.poses[1].rpy[2])
+        if self.direction is not None and not works_above_home(path, self.model):
+            return self.direction.turn
+        return yaw
+
+    def _find_drops(
+        self,
+        path: HeadPath,
+        head: Head,
+        subgoal: Subgoal,
+    ) -> tuple[float, float]:
+        """Find the least and the greatest height of the tool mount over the head, metres.
+
+        It is low enough for the shaft above the head, and high enough that the head at home is clear of the scene.
+
+        Args:
+            path: of the head.
+            head: whose attachment must be below the mount.
+            subgoal: what it is for.
+        """
+        top = head.attachment
+        if head.motion is not None:
+            top = path.poses[1].rotation.apply(head.attachment)
+
+        least = float(top[2]) + (0.18 if self.gripper else 0.03)
+        above_path = float(self.model.home.position[2]) - path.lowest
+        room = min(self.model.clearance_at_home, above_path)
+        most = max(least + 0.02, min(room - 0.015, 0.45))
+
+        if works_above_home(path, self.model):
+            least = -0.45
+            most = 0.0
+        elif self.direction is not None:
+            least = max(least, self.direction.drop)
+            most = least
+
+        # The hand stays above the container that the fingers reach into.
+        if head.primitive == "clamp" and subgoal.is_enclosed:
+            most = max(least, room - 0.003)
+            least = min(most, subgoal.clear_height - path.lowest + _HAND_M)
+        return least, most
+
+
+class _Motion:
+    """The motion of a head whose frame is the end-effector's."""
+
+    def __init__(self, rows: Array) -> None:
+        """Read waypoints, (N, 6) or (N, 7)."""
+        self._heads = rows[:, :3]
+        self._turns = Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()
+
+    def mounts(self, back: Array) -> Array:
+        """Compute the positions (N, 3) of a mount that is at ``back`` (3,) in the head's frame."""
+        return np.asarray(self._heads + self._turns @ back)

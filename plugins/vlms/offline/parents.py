@@ -1,0 +1,107 @@
+"""The parents of offspring: what breeding needs of evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.design import Tool
+from core.geometry import Array
+from core.interfaces import Anchor, Seen, Waypoints
+from core.trial import Evaluation
+
+
+@dataclass(frozen=True, eq=False)
+class Parent:
+    """An elite that offspring are bred from.
+
+    Attributes:
+        id: of the candidate.
+        tool: of the candidate.
+        rows: the waypoints of its plan in this layout, (N, 6) or (N, 7).
+        anchors: what each waypoint stands by.
+        reward: what it earned, 0..1.
+        moved_m: how far it moved bodies, by name.
+    """
+
+    id: str
+    tool: Tool
+    rows: Array
+    anchors: Sequence[Anchor]
+    reward: float
+    moved_m: dict[str, float]
+
+    @property
+    def scale(self) -> float:
+        """The scale of changes, 0.05 to 1: the better the parent, the smaller."""
+        return float(np.clip(1.5 * (1.0 - self.reward), 0.05, 1.0))
+
+
+def find_parents(
+    evaluations: Sequence[Evaluation],
+    gripper: bool,
+    seen: Seen,
+) -> list[Parent]:
+    """Return the elites with a gripper tool, or those with a rigid one; their plans as they are in this layout.
+
+    A waypoint that ends by a guard is left out, and so is the way back from it.
+
+    Args:
+        evaluations: of elites, the best first.
+        gripper: which kind of tool is asked for.
+        seen: the layout.
+    """
+    parents = []
+    for evaluation in evaluations:
+        candidate = evaluation.candidate
+        tool = candidate.tool
+        if tool is None or tool.gripper != gripper:
+            continue
+
+        plan = candidate.plan.resolve(seen)
+        kept = _find_unguarded(plan)
+        given = candidate.plan.anchors
+        if len(given) != len(plan.poses):
+            given = (Anchor(),) * len(plan.poses)
+
+        anchors = [_known(given[i], seen) for i in kept]
+
+        shown = evaluation.shown
+        moved_m = shown.moved_m if shown is not None else {}
+        parents.append(
+            Parent(
+                candidate.id,
+                tool,
+                plan.poses[kept],
+                anchors,
+                evaluation.reward,
+                moved_m,
+            )
+        )
+
+    return parents
+
+
+def _find_unguarded(plan: Waypoints) -> list[int]:
+    """Find the waypoints that neither end by a guard nor lead back from one that does."""
+    rows = plan.poses.tolist()
+    if not plan.guards:
+        return list(range(len(rows)))
+
+    kept = []
+    for i, guard in enumerate(plan.guards):
+        leads_back = i > 1 and plan.guards[i - 1] and rows[i] == rows[i - 2]
+        if not guard and not leads_back:
+            kept.append(i)
+
+    return kept
+
+
+def _known(anchor: Anchor, seen: Seen) -> Anchor:
+    """Return an anchor by what is seen, or the world in place of one that is where a guard ends."""
+    known = {*seen.poses, Anchor().name, Anchor().toward}
+    if {anchor.name, anchor.toward} <= known:
+        return anchor
+    return Anchor()

@@ -1,0 +1,266 @@
+"""Carry the plan of a parent over to its offspring, and vary it.
+
+A plan's stroke is its last long straight motion on the level, with which it does its work. A variation makes the stroke
+longer or shorter, slower or faster, or shifts, raises or turns waypoints. Where it is known how far bodies were moved,
+the stroke may be made longer by what was missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+from scipy.spatial.transform import Rotation
+
+from core.design import DesignError, Tool
+from core.geometry import Array
+from plugins.vlms.offline.chance import draw
+from plugins.vlms.offline.parents import Parent
+from plugins.vlms.offline.paths import SampledPlan
+from plugins.vlms.offline.sampler import Sampler
+from plugins.vlms.offline.scene_analysis import SceneAnalysis
+from plugins.vlms.offline.subgoals import goal_position
+from plugins.vlms.offline.tools import guess_head, lowest_middle, working_part
+
+_LONG_M = 0.035  # a straight motion that is longer is a stroke
+_MOST_ROWS = 60  # of a plan that gets waypoints added
+
+
+def make_offspring_plans(
+    parent: Parent,
+    tool: Tool,
+    count: int,
+    sampler: Sampler,
+) -> list[SampledPlan]:
+    """Make plans for a tool that was derived from its parent's.
+
+    They are the parent's plan fitted to the tool, variations of it, and a fresh one at times.
+
+    Args:
+        parent: whose plan is varied.
+        tool: of the offspring, or the parent's own.
+        count: of plans.
+        sampler: of fresh plans.
+    """
+    rng = sampler.rng
+    part = working_part(tool, sampler.brief.task)
+    fitted = _fit(parent, part, sampler)
+    plans: list[SampledPlan] = []
+
+    for number in range(count):
+        is_last = 0 < number == count - 1
+        if is_last and rng.random() < parent.scale:
+            plans.append(
+                sampler.use(tool, lambda subgoal: guess_head(part, subgoal, rng))
+            )
+            continue
+
+        changes = rng.integers(1, 3) if number > 0 else rng.integers(0, 2)
+        plan = fitted
+        for _ in range(int(changes)):
+            plan = vary(plan, parent, sampler.analysis, rng)
+
+        plans.append(plan if _can_be_written(plan, sampler) else fitted)
+
+    return plans
+
+
+def _fit(parent: Parent, part: Tool, sampler: Sampler) -> SampledPlan:
+    """Fit the parent's plan to a part of a tool, whose lowest boxes move as those of the parent's did.
+
+    Args:
+        parent: whose plan it is.
+        part: of the new tool, the one that does the task.
+        sampler: which knows the task.
+    """
+    before = lowest_middle(working_part(parent.tool, sampler.brief.task))
+    offset = before - lowest_middle(part)
+    rows = parent.rows.copy()
+    rows[:, :3] += Rotation.from_euler("xyz", rows[:, 3:6]).apply(offset)
+    return SampledPlan(rows, "the parent's plan", parent.anchors)
+
+
+def _can_be_written(plan: SampledPlan, sampler: Sampler) -> bool:
+    """Report whether a plan can be written: one that leads too far away can't."""
+    try:
+        sampler.writer.write(plan.rows, plan.anchors)
+    except DesignError:
+        return False
+
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class _Stroke:
+    """The last straight motion of a plan that is long and nearly level.
+
+    Attributes:
+        start: the number of its first waypoint.
+        end: the number of its last waypoint.
+        way: from the first to the last, (3,).
+        length: of the way, metres.
+    """
+
+    start: int
+    end: int
+    way: Array
+    length: float
+
+
+def _find_stroke(rows: Array) -> _Stroke:
+    """Find the last straight motion of a plan, (N, 6) or (N, 7); a plan without one has its last segment."""
+    ways = np.diff(rows[:, :3], axis=0)
+    lengths = np.linalg.norm(ways, axis=1)
+    level = np.flatnonzero(lengths > 2 * np.abs(ways[:, 2]) + 0.01).tolist()
+    start = max(0, len(rows) - 2)
+    end = len(rows) - 1
+
+    if level:
+        last = max([i for i in level if lengths[i] > _LONG_M] or level)
+        start = last
+        while start - 1 in level:
+            along = ways[start - 1] @ ways[last]
+            if along <= 0.9 * lengths[start - 1] * lengths[last]:
+                break
+            start -= 1
+
+        end = last + 1
+
+    way = rows[end, :3] - rows[start, :3]
+    return _Stroke(start, end, way, float(np.linalg.norm(way)))
+
+
+def vary(
+    plan: SampledPlan,
+    parent: Parent,
+    analysis: SceneAnalysis,
+    rng: Generator,
+) -> SampledPlan:
+    """Change a plan at random, by the parent's scale, and keep an anchor for each waypoint.
+
+    A change that is measured makes up for what the parent's bodies fell short by.
+
+    Args:
+        plan: of the parent, or a variation of it.
+        parent: the better it was, the smaller the change.
+        analysis: of the layout that the plan is in.
+        rng: random numbers.
+    """
+    stroke = _find_stroke(plan.rows)
+    missing = _measure_missing(parent, analysis)
+    kinds = {
+        "length": 0.2,
+        "shift": 0.25,
+        "height": 0.15,
+        "yaw": 0.1,
+        "slower": 0.05,
+        "faster": 0.05,
+    }
+    if abs(missing) > 0.001 and stroke.length > 0.02:
+        kinds["measure"] = 0.25
+
+    scale = parent.scale
+    rows = plan.rows.copy()
+    match draw(kinds, rng):
+        case "length":
+            change = _lengthen(rows, stroke, rng.normal(0.0, 0.08 * scale))
+        case "measure":
+            more = (
+                missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+            )
+            change = _lengthen(rows, stroke, more)
+        case "shift":
+            shift = rng.normal(0.0, 0.02 * scale, 3) * np.array([1.0, 1.0, 0.2])
+            rows[:, :3] += shift
+            change = f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
+        case "height":
+            rise = rng.normal(0.0, 0.02 * scale)
+            rows[rng.integers(0, max(1, stroke.start + 1)) :, 2] += rise
+            higher = "higher" if rise > 0 else "lower"
+            change = f"from some waypoint on {abs(rise) * 1000:.1f} mm {higher}"
+        case "yaw":
+            turn = rng.normal(0.0, 0.2 * scale)
+            rows[:, 5] += turn
+            change = f"turned by {np.degrees(turn):.1f} degrees"
+        case "slower" if len(rows) < _MOST_ROWS:
+            return _slow_down(plan, stroke)
+        case _:
+            return _speed_up(plan, stroke)
+
+    return SampledPlan(rows, f"{plan.text}, {change}", plan.anchors)
+
+
+def _lengthen(rows: Array, stroke: _Stroke, more: float) -> str:
+    """Lengthen the stroke in the rows by ``more`` metres, and say so; what comes after it goes along.
+
+    Args:
+        rows: waypoints, which are changed.
+        stroke: of the plan.
+        more: negative to shorten it.
+    """
+    steps = np.arange(len(rows)) - stroke.start
+    shares = np.clip(steps / max(1, stroke.end - stroke.start), 0.0, 1.0)
+    rows[:, :3] += shares[:, None] * more * stroke.way / max(stroke.length, 1e-6)
+    longer = "longer" if more > 0 else "shorter"
+    return f"its stroke {longer} by {abs(more) * 1000:.1f} mm"
+
+
+def _slow_down(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
+    """Add a waypoint halfway between each two of the stroke."""
+    start = stroke.start
+    end = stroke.end
+    halfway = (plan.rows[start:end] + plan.rows[start + 1 : end + 1]) / 2
+    places = np.arange(start + 1, end + 1)
+    rows = np.insert(plan.rows, places, halfway, axis=0)
+
+    anchors = list(plan.anchors[: start + 1])
+    for i in range(start, end):
+        before = plan.anchors[i]
+        after = plan.anchors[i + 1]
+        between = after
+        if (before.name, before.toward) == (after.name, after.toward):
+            between = replace(after, share=(before.share + after.share) / 2)
+
+        anchors += [between, after]
+
+    anchors += plan.anchors[end + 1 :]
+    return SampledPlan(rows, f"{plan.text}, its stroke at half the speed", anchors)
+
+
+def _speed_up(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
+    """Leave out every second waypoint within the stroke."""
+    kept = []
+    for i in range(len(plan.rows)):
+        is_within = stroke.start < i < stroke.end
+        if not is_within or (i - stroke.start) % 2 == 0:
+            kept.append(i)
+
+    anchors = [plan.anchors[i] for i in kept]
+    text = f"{plan.text}, its stroke with fewer waypoints"
+    return SampledPlan(plan.rows[kept], text, anchors)
+
+
+def _measure_missing(parent: Parent, analysis: SceneAnalysis) -> float:
+    """Measure by how much the parent's bodies fell short on average, metres (negative: went too far); 0 if unknown.
+
+    Args:
+        parent: which moved bodies.
+        analysis: which says how far they should go; of several goals that with the least miss counts.
+    """
+    options = []
+    for goal in analysis.goals:
+        if not goal.place:
+            continue
+
+        missing = []
+        for name in goal.bodies:
+            if name in parent.moved_m:
+                here = analysis.model.solids[name].position
+                way = goal_position(here, goal) - here
+                missing.append(float(np.linalg.norm(way)) - parent.moved_m[name])
+
+        if missing:
+            options.append(min(missing) if goal.any else float(np.mean(missing)))
+
+    return min(options, key=abs, default=0.0)

@@ -1,0 +1,189 @@
+"""A layout as the designer sees it: its bodies, where the end-effector starts, and where the arm works with ease."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from core.geometry import Array, Cylinder, Mesh, Pose, Shape
+from core.interfaces import Brief
+from core.scene import Body, Scene, Soft
+from plugins.vlms.offline.boxes import Boxes
+from plugins.vlms.offline.workspace import compute_workspace
+
+T = TypeVar("T")
+
+_THINNEST_M = 1e-4  # of a box around a flat shape
+_OCTAGON = 4  # boxes, of which a cylinder's is made
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A body with collision shapes, where it is in a layout; a soft body as it is at the start.
+
+    Attributes:
+        points: the corners of its shapes in the world, (V, 3).
+        boxes: around its shapes, in the world.
+        body: as the scene has it.
+    """
+
+    points: Array
+    boxes: Boxes
+    body: Body
+
+    @property
+    def position(self) -> Array:
+        """The origin of the body's frame in the world, (3,)."""
+        return self.body.pose.position
+
+    @classmethod
+    def from_body(cls, body: Body) -> Solid:
+        """Make the corners and boxes of a body, by its collision shapes, or what is drawn of a body without any."""
+        points = []
+        placed = []
+        for part in body.collisions or body.visuals:
+            pose = body.pose @ part.pose
+            points.append(pose.apply(part.shape.to_trimesh().vertices))
+            for around, size in _boxes_around(part.shape):
+                placed.append((pose @ around, np.maximum(size, _THINNEST_M)))
+
+        return cls(np.concatenate(points), Boxes.from_poses(placed), body)
+
+
+def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
+    """Compute poses and full sides (3,) of upright boxes around a shape, in its frame.
+
+    A cylinder gets four, which form an octagon; a mesh gets the smallest one.
+
+    Returns:
+        One box, or those that cover a cylinder together.
+    """
+    if isinstance(shape, Cylinder):
+        across = 2 * shape.radius
+        size = np.array([across, across * np.tan(np.pi / 8), shape.length])
+        return [(_turned(k * np.pi / 4), size) for k in range(_OCTAGON)]
+
+    vertices = np.asarray(shape.to_trimesh().vertices)
+    turns = [Pose()]
+    if isinstance(shape, Mesh):  # one side of the smallest box is along an edge
+        flat = vertices[:, :2]
+        edges = np.diff(flat[ConvexHull(flat).simplices], axis=1)[:, 0]
+        turns += [_turned(yaw) for yaw in np.arctan2(edges[:, 1], edges[:, 0])]
+
+    boxes = [_box_around(vertices, turn) for turn in turns]
+    return [min(boxes, key=lambda box: float(np.prod(box[1])))]
+
+
+def _box_around(vertices: Array, turn: Pose) -> tuple[Pose, Array]:
+    """Compute the box along the axes of ``turn``.
+
+    Args:
+        vertices: of the shape in its own frame, (V, 3).
+        turn: which the box has in that frame.
+
+    Returns:
+        The box's pose in the shape's frame, and its full sides (3,).
+    """
+    inside = turn.inverse().apply(vertices)
+    lower = inside.min(axis=0)
+    upper = inside.max(axis=0)
+    return turn @ Pose((lower + upper) / 2), upper - lower
+
+
+def _turned(yaw: float) -> Pose:
+    """Return the pose of a frame that is turned about z, radians."""
+    return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+
+
+class SceneModel:
+    """The bodies of a layout that have collision shapes, and the arm's workspace.
+
+    Attributes:
+        scene: of the layout.
+        solids: bodies with collision shapes, and soft ones, by name.
+        boxes: those of all solids.
+        home: where the end-effector starts.
+        workspace: of the arm.
+        turned: whether everything but the robot was turned about it.
+    """
+
+    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
+        """Read a brief's layout.
+
+        With a ``turn`` everything but the robot is moved by it, so that the world's axes are those of what the bodies
+        are taken by.
+        """
+        self.scene = brief.task.scene(brief.scene_seed)
+        self.home = brief.task.home
+        self.workspace = compute_workspace(brief.task.robot)
+        self.turned = turn is not None
+
+        if turn is not None:
+            self.home = turn @ self.home
+            self.scene = _move(self.scene, turn)
+
+        self.solids: dict[str, Solid] = {}
+        for body in self.scene.bodies:
+            if body.collisions or isinstance(body, Soft):
+                self.solids[body.name] = Solid.from_body(body)
+
+        self.boxes = Boxes.concatenate(solid.boxes for solid in self.solids.values())
+        self._found: dict[Hashable, object] = {}
+
+    @property
+    def clearance_at_home(self) -> float:
+        """The height of the end-effector's home over the highest body below it, metres."""
+        tops = self.boxes.bounds[1][:, 2]
+        home = float(self.home.position[2])
+        return home - float(tops[tops < home].max(initial=-np.inf))
+
+    def find_enclosing(self, solids: Sequence[Solid]) -> list[Solid]:
+        """Find the bodies, fixed or loose, whose bounds enclose the positions of all of these.
+
+        Args:
+            solids: of which the origins count, not the shapes.
+        """
+        positions = np.array([solid.position for solid in solids])
+        enclosing = []
+        for other in self.solids.values():
+            above = positions > other.points.min(axis=0)
+            below = positions < other.points.max(axis=0)
+            if (above & below).all() and other not in solids:
+                enclosing.append(other)
+
+        return enclosing
+
+    def find_container(self, solids: Sequence[Solid]) -> str | None:
+        """Name the smallest body that encloses the positions of all of these; None: there is none."""
+        enclosing = self.find_enclosing(solids)
+        if not enclosing:
+            return None
+
+        smallest = min(enclosing, key=_bounding_volume)
+        return smallest.body.name
+
+    def find_once(self, key: Hashable, find: Callable[[], T]) -> T:
+        """Return what ``find`` found when this key was first asked for: searches by rays take long.
+
+        Args:
+            key: names what is searched for, in which bodies.
+            find: makes the search.
+        """
+        if key not in self._found:
+            self._found[key] = find()
+        return self._found[key]  # type: ignore[return-value]  # a key is of one search
+
+
+def _move(scene: Scene, turn: Pose) -> Scene:
+    """Move all bodies of a scene."""
+    bodies = tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)
+    return replace(scene, bodies=bodies)
+
+
+def _bounding_volume(solid: Solid) -> float:
+    """Compute the volume of the box along the world's axes around a body, m^3."""
+    return float(np.prod(np.ptp(solid.points, axis=0)))

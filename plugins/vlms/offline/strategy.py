@@ -1,0 +1,117 @@
+"""A strategy of a designs document: a tool and its plans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from core.design import Tool
+from core.interfaces import ToolRepresentation
+from plugins.vlms.offline.paths import SampledPlan
+from plugins.vlms.offline.sampler import FreshDesign, Sampler
+
+
+@dataclass(frozen=True, eq=False)
+class Strategy:
+    """A tool and its plans, with what the document says of them.
+
+    Attributes:
+        name: what it is, in a few words.
+        description: what it is, in a sentence.
+        tool: a new one, or the one that was given.
+        plans: for the tool.
+        parents: ids of the candidates that it comes from.
+    """
+
+    name: str
+    description: str
+    tool: Tool
+    plans: Sequence[SampledPlan]
+    parents: Sequence[str]
+
+
+def plans_of_fresh_design(
+    design: FreshDesign,
+    tool: Tool,
+    count: int,
+    sampler: Sampler,
+) -> list[SampledPlan]:
+    """Return the plan of a fresh design, and others with the same head, for a tool that has it.
+
+    Args:
+        design: which gives the first plan and the head.
+        tool: the design's own, or one that has it as a part.
+        count: of plans.
+        sampler: of the other plans.
+    """
+    plans = [design.plan]
+    while len(plans) < count:
+        plans.append(sampler.use(tool, lambda _: design.placed))
+    return plans
+
+
+def write_tool(
+    strategy: Strategy,
+    representation: ToolRepresentation,
+    *,
+    is_given: bool = False,
+) -> dict[str, Any]:
+    """Write what a designs document says of a strategy's tool.
+
+    Args:
+        strategy: with or without plans.
+        representation: how the document describes tools.
+        is_given: whether the tool is not asked for.
+    """
+    tool = strategy.tool
+    fields: dict[str, Any] = {
+        "strategy_name": strategy.name,
+        "strategy_description": strategy.description,
+    }
+    if not is_given:
+        fields["tool_name"] = tool.name
+        fields["tool_description"] = tool.description
+    fields["gripper"] = tool.gripper
+    return fields | representation.dump(tool)
+
+
+def write_strategy(
+    strategy: Strategy,
+    sampler: Sampler,
+    *,
+    is_given: bool,
+) -> dict[str, Any]:
+    """Write a strategy as in a designs document.
+
+    Args:
+        strategy: with plans.
+        sampler: which knows how plans are written.
+        is_given: whether its tool is not asked for.
+    """
+    representation = sampler.brief.representation
+    fields = write_tool(strategy, representation, is_given=is_given)
+    texts = [f"{i}: {plan.text}" for i, plan in enumerate(strategy.plans, start=1)]
+    fields["action_description"] = " | ".join(texts)
+    fields["action_sets"] = _write_plans(strategy, sampler)
+
+    if strategy.parents:
+        fields["parents"] = strategy.parents
+    return fields
+
+
+def _write_plans(strategy: Strategy, sampler: Sampler) -> list[list[Any]]:
+    """Write the plans; where guards are known, every other one has one.
+
+    Args:
+        strategy: with plans for the layout that the sampler was made for.
+        sampler: which knows whether guards may be written.
+    """
+    written = []
+    for number, plan in enumerate(strategy.plans):
+        if sampler.brief.actions.guards and number % 2 == 0:
+            written.append(sampler.writer.write_with_guard(plan, strategy.tool))
+        else:
+            written.append(sampler.writer.write(plan.rows, plan.anchors))
+
+    return written
