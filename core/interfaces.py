@@ -311,7 +311,7 @@ class EvolutionStrategy(ABC):
         UsageError: ``tie`` is negative or not finite.
     """
 
-    learns: ClassVar[bool] = True  # requests may show what earlier generations earned
+    learns: bool = True  # requests may show what earlier generations earned
     tie: float = TIE
 
     def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from core.design import Candidate
 from core.interfaces import Designer
+from core.search.assignment import Assignment
 from core.trial import Evaluation
 
 
@@ -25,7 +26,9 @@ class Team:
 
 
 class AsksTeams(Designer, Protocol):
-    """A designer that asks teams."""
+    """A designer that asks teams; its ``assignment`` is what it asks them for."""
+
+    assignment: Assignment
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """Ask the agents of all teams at once, and yield their candidates as replies arrive (`Designer.design`)."""

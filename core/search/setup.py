@@ -13,15 +13,15 @@ from omegaconf import DictConfig, OmegaConf
 from core.config.compose import part
 from core.config.trust import refuse_keys
 from core.events import Run
-from core.interfaces import EvolutionStrategy, Executor, Fitness, Reply
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Reply
 from core.plugins import EVOLUTION, EXECUTOR, MODEL, SIMULATOR, event_hub, installed
 from core.plugins.blame import Guard, add_listener, refuse_exit
 from core.search.asking import build_designer
 from core.search.designer import ModelDesigner
-from core.search.refinement import Refinement
-from core.search.variation import Variation
 from core.store.progress import CachedVLM
+from core.trial import TIE
 
+REFINED = "refined"  # the strategy that `evolution.refine` puts around any other
 # Kinds of parts whose names a run's listeners receive.
 _PARTS = ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
 
@@ -46,50 +46,25 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     Raises:
         UserError: a part or setting that can't be used.
     """
-    config = cast(
-        dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
-    )
+    container = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+    config = cast(dict[str, Any], container)
     refuse_keys(OmegaConf.create(config))
     events = event_hub()
     vlm = part(MODEL, cfg.vlm).create()
-    simulator = part(SIMULATOR, cfg.sim).create()
-    designer, fitness = build_designer(
-        cfg, CachedVLM(vlm, replies) if replies else vlm, events
-    )
-    assignment = designer.assignment
+    asked = CachedVLM(vlm, replies) if replies else vlm
+    designer, fitness = build_designer(cfg, asked, events)
     executor: Executor = part(EXECUTOR, cfg.executor).create()
-
-    strategy: EvolutionStrategy = part(EVOLUTION, cfg.evolution).create(
-        designer=designer, budget=assignment.budget
-    )
+    strategy = _build_strategy(config["evolution"], designer)
     if strategy.learns:
         events.register(designer, "designer")
-    refine = config["evolution"].get("refine", 0)
-    if refine != 0:
-        variation = Variation(
-            assignment.task,
-            assignment.representation,
-            assignment.actions,
-            assignment.seed,
-        )
-        strategy = Refinement(strategy, designer, variation, refine)
+    guards = _add_listeners(config["listener"], vlm, events)
 
-    listeners = {
-        name: installed().create("listener", name, given or {})
-        for name, given in config["listener"].items()
-    }
-    guards = [
-        add_listener(events, listener, name)
-        for name, listener in {**listeners, "vlm": vlm}.items()
-    ]
-
+    assignment = designer.assignment
     task = assignment.task
     parts = {kind: config[kind]["name"] for kind in _PARTS}
-    parts |= {
-        "robot": task.robot.name,
-        "material": assignment.representation.material.name,
-    }
     parts["task"] = task.name  # two scene files are two tasks
+    parts["robot"] = task.robot.name
+    parts["material"] = assignment.representation.material.name
     run = Run(
         folder,
         config,
@@ -99,7 +74,49 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         assignment.representation,
         assignment.budget,
         cfg.seed,
-        simulator,
+        part(SIMULATOR, cfg.sim).create(),
         designer.prompts.rollout,
     )
     return Search(run, designer, strategy, fitness, executor, events, guards)
+
+
+def _build_strategy(
+    settings: Mapping[str, Any], designer: ModelDesigner
+) -> EvolutionStrategy:
+    """Make the strategy of a search, within the one that refines what it finds if ``refine`` says so.
+
+    Raises:
+        UserError: it can't be used.
+    """
+    rollouts = settings.get("refine", 0)
+    if rollouts:
+        settings = {
+            "name": REFINED,
+            "of": dict(settings),
+            "rollouts": rollouts,
+            "tie": settings.get("tie", TIE),
+        }
+    strategy: EvolutionStrategy = part(EVOLUTION, OmegaConf.create(settings)).create(
+        designer=designer, budget=designer.assignment.budget
+    )
+    return strategy
+
+
+def _add_listeners(
+    chosen: Mapping[str, Mapping[str, Any] | None],
+    vlm: VLM,
+    events: pluggy.PluginManager,
+) -> list[Guard]:
+    """Register the listeners, and the model, which may be one too.
+
+    Raises:
+        UserError: a listener can't be used.
+    """
+    listeners = {
+        name: installed().create("listener", name, settings or {})
+        for name, settings in chosen.items()
+    }
+    listeners["vlm"] = vlm
+    return [
+        add_listener(events, listener, name) for name, listener in listeners.items()
+    ]

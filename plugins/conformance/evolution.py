@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -17,13 +16,14 @@ from core.interfaces import (
     Budget,
     Designer,
     EvolutionStrategy,
-    Numbers,
     Seen,
     Waypoints,
 )
+from core.plugins import installed
 from core.search.agent_groups import Team
+from core.search.assignment import Assignment
 from core.trial import Evaluation, tried_once
-from plugins.conformance.checking import expect, rigid
+from plugins.conformance.checking import LengthOnly, expect, rigid, some_task
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
 BUDGET = Budget(
@@ -32,10 +32,17 @@ BUDGET = Budget(
 
 
 class FreeDesigner:
-    """A designer whose candidates cost nothing, and can be varied. With ``limit`` only so many agents answer."""
+    """A designer whose candidates cost nothing. With ``limit`` only so many agents answer."""
 
     def __init__(self, limit: int | None = None) -> None:
         self.limit = limit
+        self.assignment = Assignment(
+            some_task(),
+            LengthOnly(),
+            installed().create("action", "waypoints"),
+            BUDGET,
+            seed=0,
+        )
 
     def design(
         self, generation: int, elites: Sequence[Evaluation] = ()
@@ -53,25 +60,6 @@ class FreeDesigner:
         for team in teams:
             elites |= {id(elite): elite for elite in team.elites}
         return self.design(generation, list(elites.values()))
-
-    def parameters(self, candidate: Candidate) -> Numbers:
-        return Numbers.near(_plan(candidate), 0.01, 1.0)
-
-    def vary(
-        self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]
-    ) -> Candidate:
-        generation, agent, strategy, action = key
-        named = replace(
-            candidate,
-            generation=generation,
-            agent=agent,
-            strategy=strategy,
-            action=action,
-        )
-        return replace(named, plan=Waypoints(values[None]), parents=(candidate.id,))
-
-    def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
-        return _plan(other)
 
 
 def _plan(candidate: Candidate) -> Array:

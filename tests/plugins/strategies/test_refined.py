@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, Tool
-from core.errors import UsageError
+from core.errors import UserError
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
 from core.search.orchestration import Experiment, resume
-from core.search.refinement import Refinement
 from core.trial import tried_once
+from plugins.strategies.refined.strategy import Refinement
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)
 GOAL = np.array([0.3, -0.1, 0.2, 0.0, 0.0, 0.0])
@@ -60,7 +60,7 @@ def search(rollouts, designer=None, earns=earned):
     inner = installed().create(
         "evolution", "sampling", designer=designer, budget=BUDGET
     )
-    strategy, generations = Refinement(inner, designer, designer, rollouts), []
+    strategy, generations = Refinement(inner, designer, rollouts), []
     while strategy.has_generation(len(generations), BUDGET):
         candidates = list(strategy.ask())
         generations.append(
@@ -128,12 +128,13 @@ def test_any_number_of_rollouts_is_spent_and_begins_as_a_larger_one(rollouts):
     assert few == many[:rollouts]
 
 
-@pytest.mark.parametrize("rollouts", [-1, 12.0, "12", True])
+@pytest.mark.parametrize("rollouts", [-1, 0, 12.5, "many"])
 def test_rollouts_that_mean_nothing(rollouts):
-    with pytest.raises(
-        UsageError, match=r"evolution\.refine must be a whole number from 0 on"
-    ):
-        search(rollouts)
+    settings = {"rollouts": rollouts}
+    with pytest.raises(UserError, match="rollouts"):
+        installed().create(
+            "evolution", "refined", settings, designer=Plans(), budget=BUDGET
+        )
 
 
 @pytest.mark.thorough

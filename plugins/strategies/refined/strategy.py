@@ -1,0 +1,227 @@
+"""Refine the numbers of good candidates by an evolution strategy, without asking a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from core.config.compose import listed, part
+from core.design import Candidate
+from core.errors import check_positive
+from core.geometry import Array
+from core.interfaces import (
+    Budget,
+    Designer,
+    EvolutionStrategy,
+    Numbers,
+    ToolRepresentation,
+)
+from core.plugins import EVOLUTION, installed
+from core.search.agent_groups import AsksTeams
+from core.trial import TIE, Evaluation, best_first, best_tools
+from plugins.strategies.refined.variation import Variation
+
+POPULATION = 12  # candidates that a start is given at a time
+STARTS = (4, 2, 1)  # searches side by side; the best half goes on each time
+UNTIL = (60, 120)  # rollouts after which that is so, however many there are
+MORE = 0.3  # the chance of another move in the same candidate
+TRIES = 20  # draws for a candidate that keeps the rules
+
+
+class Varies(Protocol):
+    """What varies the numbers of candidates (`plugins.strategies.refined.variation.Variation`)."""
+
+    def parameters(self, candidate: Candidate) -> Numbers: ...
+
+    def vary(
+        self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]
+    ) -> Candidate: ...
+
+    def toward(self, candidate: Candidate, other: Candidate) -> Array | None: ...
+
+
+class Refinement(EvolutionStrategy):
+    """After the generations of another strategy, refine its best candidates.
+
+    The best candidates of different tools start side by side, each with a search of its own: a (1 + 12) evolution
+    strategy (H.-G. Beyer and H.-P. Schwefel, "Evolution strategies: a comprehensive introduction", Natural Computing 1,
+    2002). Each of twelve variants of the best so far makes a random move, or a few (`Numbers.moved`), some of them
+    toward other candidates that differ in numbers alone. After 60 rollouts the better half of the searches goes on, and
+    after 120 the best one.
+
+    Args:
+        strategy: gives the first generations.
+        variation: varies the candidates.
+        rollouts: the number of candidates that are tried here.
+    """
+
+    def __init__(
+        self, strategy: EvolutionStrategy, variation: Varies, rollouts: int
+    ) -> None:
+        super().__init__(strategy.designer, strategy.budget, strategy.tie)
+        self.learns = strategy.learns
+        self._strategy = strategy
+        self._variation = variation
+        self._rollouts = rollouts
+        self._earlier: list[Evaluation] = []
+        self._searches: list[NumberSearch] | None = None  # until the other has ended
+        self._spent = 0
+        self._generation = 0
+
+    def write_archive(
+        self,
+        ranking: Sequence[Evaluation],
+        representation: ToolRepresentation,
+        folder: Path,
+    ) -> None:
+        """Pass on what the other strategy hands over."""
+        self._strategy.write_archive(ranking, representation, folder)
+
+    def has_generation(self, generation: int, budget: Budget) -> bool:
+        """Report whether the other strategy goes on, or rollouts are left."""
+        if self._searches is None:
+            return self._strategy.has_generation(generation, budget)
+        return bool(self._searches) and self._spent < self._rollouts
+
+    def ask(self) -> Iterator[Candidate]:
+        """Yield the other strategy's candidates, and later the varied ones."""
+        if self._searches is None:
+            return self._strategy.ask()
+        return islice(self._vary(self._searches), self._rollouts - self._spent)
+
+    def _vary(self, searches: Sequence[NumberSearch]) -> Iterator[Candidate]:
+        for search in searches:
+            yield from search.ask(self._generation)
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Pass the evaluations on to where their candidates came from."""
+        self._generation += 1
+        if self._searches is None:
+            self._earlier += evaluations
+            self._strategy.tell(evaluations)
+            if not self._strategy.has_generation(self._generation, self.budget):
+                self._searches = self._start()
+            return
+
+        self._spent += len(evaluations)
+        for search in self._searches:
+            search.tell([e for e in evaluations if e.candidate.agent == search.number])
+        left = STARTS[sum(self._spent >= least for least in UNTIL)]
+        ranking = sorted(self._searches, key=lambda search: search.best, reverse=True)
+        self._searches = ranking[:left]
+
+    def _start(self) -> list[NumberSearch]:
+        """Begin a search at the best candidate of each of the best tools that have numbers to vary."""
+        earned = [e.candidate for e in self._earlier if e.reward > 0]
+        searches: list[NumberSearch] = []
+        for best in best_tools(best_first(self._earlier, self.tie)):
+            if best.reward <= 0:
+                continue
+            if len(self._variation.parameters(best.candidate)) > 1:
+                number = len(searches)
+                searches.append(NumberSearch(number, self._variation, best, earned))
+            if len(searches) == STARTS[0]:
+                break
+        return searches
+
+
+class Refined(Refinement):
+    """Refine the best candidates of another strategy (`Refinement`).
+
+    Args:
+        designer: asks the model for candidates; a `core.search.agent_groups.AsksTeams`.
+        budget: see `core.interfaces.EvolutionStrategy`.
+        of: the strategy that gives the first generations: a name, or a mapping of a ``name`` and settings.
+        rollouts: the number of candidates that are tried in the refinement, at no cost in model calls.
+        tie: see `core.interfaces.EvolutionStrategy`.
+
+    Raises:
+        UserError: ``rollouts`` is below 1, or the other strategy can't be used.
+    """
+
+    def __init__(
+        self,
+        designer: Designer,
+        budget: Budget,
+        of: str | dict[str, Any] = "vlmgineer",
+        rollouts: int = 240,
+        tie: float = TIE,
+    ) -> None:
+        check_positive("evolution.", rollouts=rollouts)
+        (node,) = listed("evolution", "strategy", [of]).values()
+        inner = part(EVOLUTION, node).create(designer=designer, budget=budget)
+        variation = Variation(cast(AsksTeams, designer).assignment)
+        super().__init__(inner, variation, rollouts)
+        self.tie = tie
+
+    @classmethod
+    def observes(cls, settings: Mapping[str, Any]) -> bool:
+        inner = settings.get("of", "vlmgineer")
+        given = {"name": inner} if isinstance(inner, str) else inner
+        strategy = installed().factory("evolution", str(given["name"]))
+        return bool(getattr(strategy, "observes", super().observes)(given))
+
+
+class NumberSearch:
+    """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent.
+
+    Args:
+        number: its own.
+        variation: varies the candidate.
+        start: where it begins.
+        earned: candidates toward which it may move.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        variation: Varies,
+        start: Evaluation,
+        earned: Sequence[Candidate],
+    ) -> None:
+        self.number = number
+        self.best = start.reward
+        self._variation = variation
+        self._start = start.candidate
+        self._numbers = variation.parameters(start.candidate)
+        self._values = self._numbers.values
+        self._asked: dict[str, Array] = {}
+        others = [
+            variation.toward(start.candidate, other)
+            for other in earned
+            if other.id != start.candidate.id
+        ]
+        self._others = np.array([values for values in others if values is not None])
+        self._rng = np.random.default_rng(int(start.candidate.content[:8], 16))
+
+    def ask(self, generation: int) -> Iterator[Candidate]:
+        """Yield a population; what breaks a rule is drawn again."""
+        for strategy in range(POPULATION):
+            key = (generation, self.number, strategy, 0)
+            for _ in range(TRIES):
+                values = self._move()
+                candidate = self._variation.vary(self._start, values, key)
+                if candidate.problem is None:
+                    break
+            self._asked[candidate.id] = values
+            yield candidate
+
+    def _move(self) -> Array:
+        """Return the values after a random move, or a few."""
+        values = self._values
+        while True:
+            values = self._numbers.moved(values, self._others, self._rng)
+            if self._rng.random() >= MORE:
+                return values
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Take the rewards of a population, and go on from the best that is not worse."""
+        best = max(evaluations, key=lambda evaluation: evaluation.reward, default=None)
+        if best is not None and best.reward >= self.best:
+            self.best = best.reward
+            self._values = self._asked[best.candidate.id]
+        self._asked.clear()
