@@ -92,6 +92,7 @@ class Budget:
     stop_reward: float | None = (
         None  # the run ends when the highest reward reaches it; None: never
     )
+    n_final: int = 8  # layouts more, at most, in which finalists are tried
 
     @property
     def population(self) -> int:

@@ -366,9 +366,10 @@ class Fitness(ABC):
         """Make a score of a candidate's trials: one for each condition, in their order."""
 
     def finals(self) -> Iterator[Sequence[Condition]]:
-        """Yield further layouts, of each the conditions in all engines; they decide between candidates that earn alike.
+        """Yield further layouts without end, of each the conditions in all engines.
 
-        There may be no end to them.
+        They decide between candidates that earn alike. How many are tried is the search's setting (`Budget.n_final`).
+        Without any the distance decides.
         """
         return iter(())
 

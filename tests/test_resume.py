@@ -38,7 +38,7 @@ KILLED = {  # settings of the runs that are killed
         "fitness=layouts",
         "fitness.layouts=3",
         "fitness.unseen=0",
-        "fitness.final=0",
+        "budget.n_final=0",
     ],
 }
 TIMES = ("wall_time_s", "rollouts_per_s")

@@ -91,7 +91,11 @@ class Sampling:
 
 @dataclass
 class BudgetConfig:
-    """How many designs a run tries; ``stop_reward``: stop when the best reward reaches it (null: never)."""
+    """How many designs a run tries.
+
+    ``stop_reward``: stop when the best reward reaches it (null: never). ``n_final``: how many more layouts, at most, of
+    those that the fitness gives, decide in each engine between candidates that earn alike; 0: the shortest distance.
+    """
 
     n_agent: int = MISSING
     n_tool: int = MISSING
@@ -101,6 +105,7 @@ class BudgetConfig:
     n_iteration: int = MISSING
     name: str = MISSING
     stop_reward: float | None = None
+    n_final: int = 8
 
 
 @dataclass

@@ -19,7 +19,14 @@ from core.search.builder import DesignerParts, builder_for, check_starts
 from core.search.designer import ModelDesigner
 from core.trial import TIE
 
-LEAST = {"n_agent": 1, "n_tool": 1, "n_action": 1, "k_top": 1, "n_iteration": 0}
+LEAST = {
+    "n_agent": 1,
+    "n_tool": 1,
+    "n_action": 1,
+    "k_top": 1,
+    "n_iteration": 0,
+    "n_final": 0,
+}
 """The lowest numbers of a budget."""
 
 

@@ -75,6 +75,11 @@ class ModelDesigner:
         """The run's seed."""
         return self.assignment.seed
 
+    def scene_pictures(self) -> Iterator[Picture]:
+        """Yield the pictures of the scene that prompts show."""
+        for pictures in self.pictures.values():
+            yield from pictures
+
     def design(
         self, generation: int, elites: Sequence[Evaluation] = ()
     ) -> Iterator[Candidate]:

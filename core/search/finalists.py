@@ -2,12 +2,12 @@
 
 Successive halving (K. Jamieson and A. Talwalkar, "Non-stochastic best arm identification and hyperparameter
 optimization", AISTATS 2016): all finalists are tried a little, and the better half of them goes on, until one is left
-or the fitness has no more conditions.
+or the layouts that the run may try are spent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -22,9 +22,12 @@ from core.trial import Condition, Evaluation, Trial
 from core.values.efforts import Effort
 
 MOST = 12  # finalists
-FIRST = 2  # trials in each engine of the first round; each later round doubles what a finalist has had
+FIRST = (
+    2  # layouts of the first round; each later round doubles what a finalist has had
+)
 
 Rewards = dict[str, tuple[float, ...]]
+"""What a candidate earned, by engine."""
 
 
 def try_unseen(
@@ -40,68 +43,81 @@ def try_unseen(
 
 def finalists(result: Result, most: int = MOST) -> list[Evaluation]:
     """Return those within the tie of the highest reward that were tried, the best first, of equal designs one."""
-    highest = max((e.reward for e in result.ranking), default=0.0)
-    tried = (e for e in reversed(result.ranking) if e.reward >= highest - result.tie)
-    alike = {e.candidate.content: e for e in tried}
-    return [*reversed(alike.values())][:most] if highest > 0 else []
+    ranking = result.ranking
+    highest = max((evaluation.reward for evaluation in ranking), default=0.0)
+    if highest <= 0:
+        return []
+    alike: dict[str, Evaluation] = {}
+    for evaluation in ranking:
+        if evaluation.reward >= highest - result.tie:
+            alike.setdefault(evaluation.candidate.content, evaluation)
+    return list(alike.values())[:most]
 
 
 def choose(
-    result: Result, fitness: Fitness, trials: Trials, events: pluggy.PluginManager
+    result: Result,
+    fitness: Fitness,
+    trials: Trials,
+    events: pluggy.PluginManager,
+    most: int,
 ) -> tuple[Evaluation, dict[str, Rewards]]:
     """Return the winner of a run in which something was tried, and what finalists earned, by their ids and engine.
 
-    What counts is the mean in the engine where it is the lowest. Means within the run's tie are equal; then the order
-    of the ranking decides, that is the distance. Without `Fitness.finals`, or with one finalist, the winner is the
-    first of the ranking and nothing is tried. Listeners hear of each finalist after each round.
+    What counts is the mean in the engine where it is the lowest, of at most ``most`` layouts in each. Means within the
+    run's tie are equal; then the order of the ranking decides, that is the distance. Without `Fitness.finals`, or with
+    one finalist, the winner is the first of the ranking and nothing is tried. Listeners hear of each finalist after
+    each round.
 
     Raises:
         UserError: the machine is at fault for a trial that failed.
     """
     left = finalists(result) or result.ranking[:1]
-    more = fitness.finals()
+    layouts = islice(fitness.finals(), most)
     finals: dict[str, tuple[Trial, ...]] = {e.candidate.id: () for e in left}
-    rounds = 0
+    count = FIRST
+    tried_layouts = 0
     while len(left) > 1:
-        conditions = _next_round(more, FIRST * 2 ** max(rounds - 1, 0))
-        if not conditions:
+        drawn = list(islice(layouts, count))
+        if not drawn:
             break
-        rounds += 1
+        tried_layouts += count
+        count = tried_layouts
+        conditions = [condition for alike in drawn for condition in alike]
         tried = _try_all(trials, conditions, [e.candidate for e in left])
         for finalist in left:
             name = finalist.candidate.id
-            finals[name] = (*finals[name], *tried[name])
+            finals[name] += tried[name]
             events.hook.finalist_tried(
                 evaluation=replace(finalist, finals=finals[name])
             )
         earned = [fitness.rewards(finals[e.candidate.id]) for e in left]
-        left = _better_half(left, earned, result.tie)
+        left = _keep_better_half(left, earned, result.tie)
+
     winner = replace(left[0], finals=finals[left[0].candidate.id])
-    return winner, {name: fitness.rewards(own) for name, own in finals.items() if own}
-
-
-def _next_round(more: Iterator[Sequence[Condition]], count: int) -> list[Condition]:
-    """Take the conditions of the next round: ``count`` in each engine and task."""
-    return [condition for alike in islice(more, count) for condition in alike]
+    earned_by = {name: fitness.rewards(own) for name, own in finals.items() if own}
+    return winner, earned_by
 
 
 def _try_all(
     trials: Trials, conditions: Sequence[Condition], candidates: Sequence[Candidate]
 ) -> dict[str, tuple[Trial, ...]]:
-    return {
-        candidate.id: own for candidate, own in trials.try_in(conditions, candidates)
-    }
+    tried = trials.try_in(conditions, candidates)
+    return {candidate.id: own for candidate, own in tried}
 
 
-def _better_half(
+def _keep_better_half(
     ranked: Sequence[Evaluation], rewards: Sequence[Rewards], tie: float
 ) -> list[Evaluation]:
     """Return the better half of finalists, rounded up, the best first; ``ranked`` is the order of those alike."""
-    means = [min(float(np.mean(own)) for own in each.values()) for each in rewards]
-    left, order = list(range(len(ranked))), []
-    while left:
-        highest = max(means[n] for n in left)
-        first = next(n for n in left if means[n] >= highest - tie)
-        order.append(first)
+    means = [
+        min(float(np.mean(earned)) for earned in by_engine.values())
+        for by_engine in rewards
+    ]
+    left = list(range(len(ranked)))
+    better: list[Evaluation] = []
+    while len(better) < (len(ranked) + 1) // 2:
+        highest = max(means[number] for number in left)
+        first = next(number for number in left if means[number] >= highest - tie)
+        better.append(ranked[first])
         left.remove(first)
-    return [ranked[n] for n in order[: -(-len(order) // 2)]]
+    return better

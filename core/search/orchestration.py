@@ -39,23 +39,25 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
     search = build_search(cfg, folder, store.past.replies if store is not None else {})
-    store = store or RunStore.create(
-        folder, search.run.config
-    )  # from here on the folder is this run's
+    # From here on the folder is this run's.
+    store = store or RunStore.create(folder, search.run.config)
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     search.events.register(store, "store")
+    hint = resume_hint(folder)
     try:
         return run_search(search, store, film=cfg.film)
     except UserError as error:
-        raise UserError(f"{error}; {resume_hint(folder)}") from error
+        raise UserError(f"{error}; {hint}") from error
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(resume_hint(folder)) from None
+        raise KeyboardInterrupt(hint) from None
     except Exception as error:
-        blamed, machine = describe_failure(error), fault(error)
+        blamed = describe_failure(error)
+        machine = fault(error)
         if machine is not None:
-            raise UserError(f"{blamed or machine}; {resume_hint(folder)}") from error
-        for note in filter(None, (blamed, resume_hint(folder))):
-            error.add_note(note)
+            raise UserError(f"{blamed or machine}; {hint}") from error
+        if blamed:
+            error.add_note(blamed)
+        error.add_note(hint)
         raise
     finally:
         search.events.hook.run_ended()
@@ -67,10 +69,9 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     run = search.run
     events = search.events
     with writing(run.folder):
-        for pictures in search.designer.pictures.values():
-            for picture in pictures:
-                if picture.name == "scene":
-                    (run.folder / "scene.png").write_bytes(picture.png)
+        for picture in search.designer.scene_pictures():
+            if picture.name == "scene":
+                (run.folder / "scene.png").write_bytes(picture.png)
     events.hook.run_started(run=run)
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
@@ -84,17 +85,25 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
             store.past.expect,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
-            winner, finals = choose(result, search.fitness, trials, events)
-            result = replace(result, winner=winner, finals=finals)
-            unseen, effort = try_unseen(winner, search.fitness, trials)
-            result = replace(result, unseen=unseen, effort=effort)
+            result = _try_finalists(result, search, trials)
+
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):
         save_best(result, run, search.strategy, film=film)
     events.hook.run_finished(run=run, result=result)
-    if exited := [guard.exited for guard in search.guards if guard.exited]:
+    exited = [guard.exited for guard in search.guards if guard.exited]
+    if exited:
         raise UserError(f"{exited[0]}; the run came to its end without it")
     return result
+
+
+def _try_finalists(result: Result, search: Search, trials: Trials) -> Result:
+    """Choose the winner, and try it where no search looked."""
+    fitness = search.fitness
+    most = search.run.budget.n_final
+    winner, finals = choose(result, fitness, trials, search.events, most)
+    unseen, effort = try_unseen(winner, fitness, trials)
+    return replace(result, winner=winner, finals=finals, unseen=unseen, effort=effort)
 
 
 def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
@@ -110,29 +119,29 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         print_outcome(run(changed(config, overrides), folder), folder)
         return
     try:
-        cfg = changed(store.config, overrides)
-        ended, before = store.result, store.config["budget"]
-        more = any(
-            cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward")
-        )
-        more |= cfg.evolution.get("refine", 0) != store.config["evolution"].get(
-            "refine", 0
-        )
-        if ended is not None and ended["stopped"] is None and not more:
-            say(f"{folder} holds a run that has come to its end")
-            print_best(ended["best"], folder, unseen=ended.get("unseen"))
-            return
-        refuse_stored_receivers(store.config, overrides)
-        store.overrides = overrides
-        there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
-        if store.past.again:
-            there += (
-                f"; {len(store.past.again)} requests without an answer are sent again"
-            )
-        say(f"{folder} goes on: {there}", file=sys.stderr)
-        print_outcome(run(cfg, folder, store), folder)
+        _go_on(store, folder, overrides)
     finally:
         store.run_ended()
+
+
+def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
+    """Go on with a run whose store is open."""
+    cfg = changed(store.config, overrides)
+    more = any(cfg[key] != store.config[key] for key in ("budget", "evolution"))
+    ended = store.result
+    if ended is not None and ended["stopped"] is None and not more:
+        say(f"{folder} holds a run that has come to its end")
+        print_best(ended["best"], folder, unseen=ended.get("unseen"))
+        return
+
+    refuse_stored_receivers(store.config, overrides)
+    store.overrides = overrides
+    past = store.past
+    there = f"{len(past.replies)} replies and {len(past.candidates)} evaluated candidates are there"
+    if past.again:
+        there += f"; {len(past.again)} requests without an answer are sent again"
+    say(f"{folder} goes on: {there}", file=sys.stderr)
+    print_outcome(run(cfg, folder, store), folder)
 
 
 class Experiment:
@@ -146,10 +155,8 @@ class Experiment:
     """
 
     def __init__(self, *overrides: str, **choices: Any) -> None:
-        self.overrides = (
-            *(f"{key}={hydra_word(value)}" for key, value in choices.items()),
-            *overrides,
-        )
+        named = [f"{key}={hydra_word(value)}" for key, value in choices.items()]
+        self.overrides = (*named, *overrides)
         self.config: DictConfig = load("config", self.overrides)
         self.result: Result | None = None
         self.folder: Path | None = None
@@ -160,12 +167,9 @@ class Experiment:
         Raises:
             UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
         """
-        given = (
-            folder
-            if folder is not None
-            else new_folder(f"runs/{task_folder(self.config.task)}/{stamp()}")
-        )
-        self.folder = Path(given)
+        if folder is None:
+            folder = new_folder(f"runs/{task_folder(self.config.task)}/{stamp()}")
+        self.folder = Path(folder)
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
         self.result = run(self.config, self.folder)

@@ -18,7 +18,7 @@ from plugins.fitness.several import Combine, mean, score_by_worst_engine, worst_
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
-_MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
+_MOST_SEED = UNSEEN - 1_000  # of a run, whose designer and finalists see some more
 
 
 COMBINE: dict[str, tuple[Combine, str]] = {
@@ -42,8 +42,6 @@ class Layouts(Fitness):
         combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards; ``margin``: the mean, of which a share is for
             the least margin.
         sims: see `core.config.compose.engines`; none: the run's engine.
-        final: how many more layouts of the run's own seeds decide, in each engine of ``unseen_sims``, between
-            candidates that earn alike; 0: the shortest distance decides.
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
 
@@ -57,23 +55,16 @@ class Layouts(Fitness):
         layouts: int = 5,
         combine: str = "mean",
         sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
-        final: int = 8,
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
     ) -> None:
-        for name, count, least in (
-            ("layouts", layouts, 1),
-            ("final", final, 0),
-            ("unseen", unseen, 0),
-        ):
-            if count < least:
-                raise UsageError(
-                    f"fitness.{name} must be at least {least}, got {count}"
-                )
-        if condition.layout + layouts + final > _MOST_SEED:
-            what = "seed, fitness.layouts and fitness.final together"
+        if layouts < 1:
+            raise UsageError(f"fitness.layouts must be at least 1, got {layouts}")
+        if unseen < 0:
+            raise UsageError(f"fitness.unseen must be at least 0, got {unseen}")
+        if condition.layout + layouts > _MOST_SEED:
             raise UsageError(
-                f"{what} must be at most {_MOST_SEED}; those after are unseen"
+                f"seed and fitness.layouts together must be at most {_MOST_SEED}; those after are unseen"
             )
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
@@ -85,7 +76,6 @@ class Layouts(Fitness):
                 f"fitness=layouts: all layouts of {task.name} are the same; {mend}"
             )
         self._condition = condition
-        self._final = final
         self._unseen = unseen
         self._sims: Mapping[str, Part[Simulator]] = (
             engines(sims, condition.sim)
@@ -125,12 +115,12 @@ class Layouts(Fitness):
             drawn=describe_ranges(self._condition.task.shared().ranges),
             noise=self._condition.settings.perception,
             counts=self._counts,
-            final=self._final,
             unseen=self._unseen,
         )
 
     def finals(self) -> Iterator[list[Condition]]:
-        for seed in range(self._seeds.stop, self._seeds.stop + self._final):
+        """Yield the layouts after the search's, in the engines of the unseen ones."""
+        for seed in range(self._seeds.stop, UNSEEN):
             yield self._in_layouts([seed], self._unseen_sims)
 
     def unseen(self) -> list[Condition]:

@@ -23,7 +23,7 @@ class Lean(Layouts):
     0.5 + 0.5 s / (1 + s), so that the reference earns 0.75, and no design 1. What does not hold earns half its mean.
 
     Args:
-        condition: see `Layouts`, as for ``layouts``, ``sims``, ``final``, ``unseen`` and ``unseen_sims``.
+        condition: see `Layouts`, as for ``layouts``, ``sims``, ``unseen`` and ``unseen_sims``.
         references: of each task the effort of its reference: time of the motion, s; mass, kg; margin, or null.
     """
 
@@ -33,11 +33,10 @@ class Lean(Layouts):
         references: dict[str, list[float | None]] = {},  # noqa: B006 - read as a configuration's default
         layouts: int = 5,
         sims: list[str | dict[str, Any]] = [],  # noqa: B006
-        final: int = 8,
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
     ) -> None:
-        super().__init__(condition, layouts, "mean", sims, final, unseen, unseen_sims)
+        super().__init__(condition, layouts, "mean", sims, unseen, unseen_sims)
         task = condition.task.shared().name
         form = f"[SECONDS, KILOGRAMS, MARGIN], as in +fitness.references.{task}=[8,0.2,0.5]"
         if task not in references:

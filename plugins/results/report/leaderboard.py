@@ -221,7 +221,9 @@ def check(entry: Entry) -> Entry:
         raise UserError(
             f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}"
         )
-    tried = [entry.settings.get(f"fitness.{name}", "") for name in ("layouts", "final")]
+    tried = [
+        entry.settings.get(name, "") for name in ("fitness.layouts", "budget.n_final")
+    ]
     layouts = sum(int(count) for count in tried if re.fullmatch(r"\d{1,9}", count))
     for run in entry.runs:
         if run.seed + max(layouts, 1) > FIRST_UNSEEN:

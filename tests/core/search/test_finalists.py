@@ -1,5 +1,6 @@
 """Of candidates that earn alike, more trials choose the winner."""
 
+import itertools
 import json
 
 import numpy as np
@@ -39,9 +40,6 @@ def earn(condition, candidates):
 
 
 class Several(Fitness):
-    def __init__(self, count=8):
-        self.count = count
-
     def conditions(self):
         raise AssertionError
 
@@ -49,7 +47,7 @@ class Several(Fitness):
         raise AssertionError
 
     def finals(self):
-        for layout in range(self.count):
+        for layout in itertools.count():
             yield [Condition(Named(), Named(engine), layout) for engine in ("a", "b")]
 
 
@@ -71,7 +69,7 @@ def result(*designs):
 
 def winner(*designs, count=8):
     best, earned = choose(
-        result(*designs), Several(count), Trials(Inline(), play=earn), event_hub()
+        result(*designs), Several(), Trials(Inline(), play=earn), event_hub(), count
     )
     return best.candidate.agent, earned
 
@@ -144,7 +142,7 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     stored = {}
     found = result(*designs)
     winner, finals = choose(
-        found, Several(), Trials(Inline(), stored.__setitem__, play=earn), hub
+        found, Several(), Trials(Inline(), stored.__setitem__, play=earn), hub, 8
     )
     assert {e.candidate.id: len(e.finals) for e in hears.heard} == {
         name: sum(map(len, engines.values())) for name, engines in finals.items()
@@ -156,6 +154,7 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
         Several(),
         Trials(Inline(), tried.__setitem__, kept, play=earn),
         event_hub(),
+        8,
     )
     assert (again[0].candidate.id, again[1]) == (winner.candidate.id, finals)
     assert len(tried) == len(stored) - 7
@@ -169,7 +168,7 @@ WORDS = [
     "fitness.unseen=0",
 ]
 WORDS += [
-    "fitness.final=2",
+    "budget.n_final=2",
     "budget.n_agent=1",
     "budget.n_tool=1",
     "budget.n_action=3",
