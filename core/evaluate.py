@@ -6,22 +6,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import check_seed, load, node, part, task_part, tool_part
+from core.config.compose import load, task_part, tool_part
 from core.design import Candidate
 from core.designs.feedback import combined_figures, describe
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError
-from core.interfaces import Fitness, RolloutSettings, Task
-from core.plugins import EXECUTOR, SIMULATOR
+from core.interfaces import Task
 from core.plugins.blame import refuse_exit
-from core.search.builder import builder_for, check_starts
-from core.search.trials import Trials
+from core.search.judging import build_fitness, try_all
 from core.simulation.play import find_problems
 from core.support.cli import arguments, command, print_table, say, write_bytes
 from core.support.text import by_reason, clean
@@ -29,6 +27,8 @@ from core.trial import Evaluation
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
+MISSES = ("ik_error_m", "ik_error_rad", "tracking_error_rad")
+MAX_REMARK = 2000  # characters
 
 
 @refuse_exit()
@@ -38,90 +38,63 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     Raises:
         UserError: the file can't be used, or a part or setting is wrong.
     """
-    check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
-    part(
-        SIMULATOR, cfg.sim
-    ).create()  # a wrong setting is reported here, once, rather than by each worker
-    task = task_part(cfg).create()
-    check_starts(task)
-    fitness = _build_fitness(cfg)
-    evaluations = try_all(
-        cfg, read_designs(document, tool_part(cfg).create(), task), fitness
-    )
-    return sorted(evaluations, key=lambda e: e.candidate.key)
-
-
-def try_all(
-    cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness
-) -> list[Evaluation]:
-    """Try candidates with the configured executor, judged by ``fitness``."""
-    with part(EXECUTOR, cfg.executor).create() as executor:
-        return list(Trials(executor).evaluate(candidates, fitness))
-
-
-def _build_fitness(cfg: DictConfig) -> Fitness:
-    builder = builder_for(task_part(cfg))
-    return builder.build_fitness(cfg, node(cfg.rollout, RolloutSettings))
+    fitness = build_fitness(cfg)
+    return try_all(cfg, _read_candidates(cfg, document), fitness)
 
 
 def check_all(cfg: DictConfig) -> Iterator[str]:
     """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each; see `evaluate`."""
-    fitness = _build_fitness(cfg)
-    conditions = fitness.conditions()
+    conditions = build_fitness(cfg).conditions()
     document = load_designs(Path(cfg.designs))
-    for candidate in read_designs(
-        document, tool_part(cfg).create(), task_part(cfg).create()
-    ):
-        found: list[tuple[str, str]] = []
-        for condition in conditions:
-            place = f"layout {condition.layout}"
-            found += [
-                (place, problem) for problem in find_problems(condition, candidate)
-            ]
-        lines = (
-            by_reason(found)
-            if len(conditions) > 1
-            else dict.fromkeys(problem for _, problem in found)
-        )
-        said = clean("; ".join(lines), 2000) or "nothing found"
-        yield f"strategy {candidate.strategy} plan {candidate.action}: {said}"
+    for candidate in _read_candidates(cfg, document):
+        found = [
+            (f"layout {condition.layout}", problem)
+            for condition in conditions
+            for problem in find_problems(condition, candidate)
+        ]
+        alone = list(dict.fromkeys(problem for _, problem in found))
+        lines = by_reason(found) if len(conditions) > 1 else alone
+        problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
+        yield f"strategy {candidate.strategy} plan {candidate.action}: {problems}"
+
+
+def _read_candidates(cfg: DictConfig, document: object) -> list[Candidate]:
+    return read_designs(document, tool_part(cfg).create(), task_part(cfg).create())
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
-    """One entry of the output file."""
-    figures = {
-        name: getattr(evaluation, name)
-        for name in ("reward", "distance_m", "status", "reason")
-    }
+    """Make one entry of the output file. Numbers that are not known are null."""
     shown = evaluation.shown
-    for name in ("ik_error_m", "ik_error_rad", "tracking_error_rad"):
-        figures[name] = math.nan if shown is None else getattr(shown, name)
+    misses = {
+        name: None if shown is None else _known(getattr(shown, name)) for name in MISSES
+    }
     warnings = list(evaluation.warnings)
-    lag_rad = figures["tracking_error_rad"]
-    if lag_rad > STOPPED_RAD:
+    lag_rad = misses["tracking_error_rad"]
+    if lag_rad is not None and lag_rad > STOPPED_RAD:
         warnings.append(
             f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"
         )
-    return {
+    entry = {
         "strategy": evaluation.candidate.strategy,
         "plan": evaluation.candidate.action,
-        **{
-            k: None if isinstance(v, float) and not math.isfinite(v) else v
-            for k, v in figures.items()
-        },  # JSON: no nan
+        "reward": evaluation.reward,
+        "distance_m": _known(evaluation.distance_m),
+        "status": evaluation.status,
+        "reason": evaluation.reason,
+        **misses,
         "warnings": warnings,
-        **(
-            {"observed": describe(evaluation)}
-            if evaluation.observation is not None
-            else {}
-        ),
-        **(
-            {"details": combined}
-            if (combined := combined_figures(evaluation, task))
-            else {}
-        ),
     }
+    if evaluation.observation is not None:
+        entry["observed"] = describe(evaluation)
+    details = combined_figures(evaluation, task)
+    if details:
+        entry["details"] = details
+    return entry
+
+
+def _known(number: float) -> float | None:
+    return number if math.isfinite(number) else None
 
 
 def main(words: list[str]) -> None:
@@ -139,40 +112,35 @@ def main(words: list[str]) -> None:
     show(records)
 
 
-def show(records: list[dict[str, Any]]) -> None:
+def show(records: Sequence[Mapping[str, Any]]) -> None:
     """Print a table, and below it what is to be said of single plans."""
     numbers = ("strategy", "plan", "reward", "distance m", "IK miss mm", "lag rad")
-    rows = [
-        (
-            *(
-                str(r["strategy"]),
-                str(r["plan"]),
-                f"{r['reward']:.3f}",
-                _number(r["distance_m"], 2),
-            ),
-            *(
-                _number(r["ik_error_m"], 0, 1000),
-                _number(r["tracking_error_rad"], 3),
-                r["status"],
-            ),
-        )
-        for r in records
-    ]
-    print_table((*numbers, "status"), rows, numbers)
-    for r in records:
-        engines = r.get("details", {}).get("engines", {})
-        tried = [
-            f"{engine}: {' '.join(f'{x:.2f}' for x in of['rewards'])}"
-            for engine, of in engines.items()
-        ]
-        for remark in filter(
-            None, (r["reason"], *r["warnings"], r.get("observed"), *tried)
-        ):
-            say(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}")
+    print_table((*numbers, "status"), [_row(entry) for entry in records], numbers)
+    for entry in records:
+        engines = entry.get("details", {}).get("engines", {})
+        remarks = [entry["reason"], *entry["warnings"], entry.get("observed")]
+        for engine, figures in engines.items():
+            rewards = " ".join(f"{reward:.2f}" for reward in figures["rewards"])
+            remarks.append(f"{engine}: {rewards}")
+        for remark in filter(None, remarks):
+            name = f"strategy {entry['strategy']} plan {entry['plan']}"
+            say(f"{name}: {clean(remark, MAX_REMARK)}")
 
 
-def _number(value: float | None, digits: int, scale: float = 1) -> str:
-    return "" if value is None else f"{scale * value:.{digits}f}"
+def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        str(entry["strategy"]),
+        str(entry["plan"]),
+        f"{entry['reward']:.3f}",
+        _format(entry["distance_m"], ".2f"),
+        _format(entry["ik_error_m"], ".0f", 1000),
+        _format(entry["tracking_error_rad"], ".3f"),
+        entry["status"],
+    )
+
+
+def _format(value: float | None, form: str, scale: float = 1) -> str:
+    return "" if value is None else format(scale * value, form)
 
 
 if __name__ == "__main__":

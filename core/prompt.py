@@ -16,20 +16,17 @@ from core.config.compose import load
 from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
-from core.evaluate import try_all
 from core.interfaces import (
     VLM,
     Estimate,
-    Fitness,
     Picture,
     Request,
-    Task,
-    ToolRepresentation,
 )
 from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
 from core.search.asking import build_designer
+from core.search.judging import try_all
 from core.support.cli import arguments, command, say, write_bytes
 from core.trial import Evaluation, best_first
 
@@ -65,41 +62,32 @@ def requests(cfg: DictConfig) -> list[Request]:
     """
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
-    designer, fitness = build_designer(
-        cfg, NoModel(installed().factory("vlm", cfg.vlm.name)), event_hub()
-    )
-    elites: list[Evaluation] = []
-    if cfg.designs is not None:
-        elites, designer.tried = elites_of(
-            cfg,
-            designer.assignment.task,
-            designer.assignment.representation,
-            fitness,
-        )
-    (first,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
-    best = elites[0] if elites else None
-    return [first, *designer.follow_ups(first, best)]
+    model = NoModel(installed().factory("vlm", cfg.vlm.name))
+    designer, fitness = build_designer(cfg, model, event_hub())
+    if cfg.designs is None:
+        (first,) = designer.requests(0, Team([cfg.agent]))
+        return [first, *designer.follow_ups(first, None)]
 
-
-def elites_of(
-    cfg: DictConfig, task: Task, representation: ToolRepresentation, fitness: Fitness
-) -> tuple[list[Evaluation], list[Evaluation]]:
-    """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first; and all.
-
-    Raises:
-        UserError: the file can't be used, or nothing in it can be tried.
-    """
-    candidates = read_designs(load_designs(Path(cfg.designs)), representation, task)
-    evaluations = try_all(cfg, candidates, fitness)
-    best: dict[int, Evaluation] = {}
-    for evaluation in best_first(evaluations):
-        best.setdefault(evaluation.candidate.strategy, evaluation)
-    if not best:
-        reason = next(e.reason for e in evaluations if e.reason)
+    assignment = designer.assignment
+    document = load_designs(Path(cfg.designs))
+    candidates = read_designs(document, assignment.representation, assignment.task)
+    designer.tried = try_all(cfg, candidates, fitness)
+    elites = _choose_elites(designer.tried)[: cfg.budget.k_top]
+    if not elites:
+        reason = next(e.reason for e in designer.tried if e.reason)
         raise UserError(
             f"{cfg.designs}: none of its designs can be an elite; the first reason: {reason}"
         )
-    return list(best.values())[: cfg.budget.k_top], evaluations
+    (first,) = designer.requests(1, Team([cfg.agent], elites))
+    return [first, *designer.follow_ups(first, elites[0])]
+
+
+def _choose_elites(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+    """Return the best plan of each tool, the best first."""
+    best: dict[int, Evaluation] = {}
+    for evaluation in best_first(evaluations):
+        best.setdefault(evaluation.candidate.strategy, evaluation)
+    return list(best.values())
 
 
 def estimate_cost(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
@@ -141,28 +129,32 @@ def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
+def _describe_generation(
+    cfg: DictConfig, request: Request, follow_ups: Sequence[Request], estimate: Estimate
+) -> str:
+    """Say how many requests a generation has where others follow the first, and what they cost."""
+    agents = cfg.budget.n_agent
+    tools = request.brief.n_tool
+    later = [estimate_cost(cfg, other)[1].prompt_tokens for other in follow_ups]
+    count = agents * (1 + tools * len(later))
+    tokens = agents * (estimate.prompt_tokens + tools * sum(later))
+    paid = estimate.usd_per_prompt_token
+    cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
+    return (
+        f"a generation has at most {count} requests with some {tokens} tokens{cost}: "
+        f"of each agent one for {tools} tools, then {len(later)} for each tool"
+    )
+
+
 def main(words: list[str]) -> None:
     cfg = load("prompt", arguments(USAGE, words))
     OmegaConf.resolve(cfg)
-    request, *plans = requests(cfg)
+    request, *follow_ups = requests(cfg)
     model, estimate = estimate_cost(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
-    if plans:
-        tools, agents, paid = (
-            request.brief.n_tool,
-            cfg.budget.n_agent,
-            estimate.usd_per_prompt_token,
-        )
-        tokens = agents * (
-            estimate.prompt_tokens
-            + tools * sum(estimate_cost(cfg, of)[1].prompt_tokens for of in plans)
-        )
-        cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
-        most = f"at most {agents * (1 + tools * len(plans))} requests with some {tokens} tokens{cost}"
-        say(
-            f"a generation has {most}: of each agent one for {tools} tools, then {len(plans)} for each tool"
-        )
+    if follow_ups:
+        say(_describe_generation(cfg, request, follow_ups, estimate))
     if cfg.prompt.critic:
         say(
             f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"
