@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Any, cast
 
 import pluggy
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.config.schemas import PromptSettings, Sampling
 from core.designs.composer import PromptComposer
 from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
-from core.plugins import ACTION, SIMULATOR, installed
+from core.plugins import ACTION, EVOLUTION, SIMULATOR
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.builder import DesignerParts, builder_for, check_starts
 from core.search.designer import ModelDesigner
@@ -98,6 +97,6 @@ def _read_budget(cfg: DictConfig) -> Budget:
 
 def _strategy_observes(cfg: DictConfig) -> bool:
     """Report whether the strategy needs observations, which is settled before it is made."""
-    strategy = installed().factory("evolution", cfg.evolution.name)
-    settings = cast(dict[str, Any], OmegaConf.to_container(cfg.evolution))
-    return bool(getattr(strategy, "observes", EvolutionStrategy.observes)(settings))
+    strategy = part(EVOLUTION, cfg.evolution)
+    observes = strategy.declared("observes", EvolutionStrategy.observes)
+    return bool(observes(dict(strategy.settings)))

@@ -32,52 +32,49 @@ def save_best(
     if best is None or run.simulator is None:
         return
 
-    whole = run.folder / "best"
+    folder = run.folder / "best"
     archive = run.folder / "archive"
-    for old in (whole, archive):
-        if old.is_symlink():
-            old.unlink()
-        shutil.rmtree(
-            old, ignore_errors=True
-        )  # a resumed run has those of an earlier end
+    _remove(folder)
+    _remove(archive)
     strategy.write_archive(result.ranking, run.representation, archive)
 
-    several = len(run.task.parts) > 1
-    if several:
-        save_design(best.candidate, run.representation, whole)
-    for task in run.task.parts:
-        folder = whole / task.name if several else whole
-        _save_motion(
-            best.candidate.of(task.name),
-            task,
-            run,
-            folder,
-            film=film and result.stopped != INTERRUPTED,
-        )
+    film = film and result.stopped != INTERRUPTED
+    tasks = run.task.parts
+    if len(tasks) == 1:
+        _save_motion(best.candidate, tasks[0], run, folder, film=film)
+        return
+    save_design(best.candidate, run.representation, folder)
+    for task in tasks:
+        _save_motion(best.candidate, task, run, folder / task.name, film=film)
+
+
+def _remove(folder: Path) -> None:
+    """Remove what a resumed run left at an earlier end."""
+    if folder.is_symlink():
+        folder.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _save_motion(
     candidate: Candidate, task: Task, run: Run, folder: Path, *, film: bool
 ) -> None:
-    """Write a design with its plan for one task."""
+    """Write a design with its plan for a task."""
+    candidate = candidate.of(task.name)
     if candidate.problem is not None:
         report_missing(f"motion for {task.name}", UserError(candidate.problem))
         return
 
-    plan = resolve(candidate.plan, task, run.seed, run.settings)
-    motion = plan_task_motion(plan, task, run.settings)
+    settings = run.settings
+    plan = resolve(candidate.plan, task, run.seed, settings)
+    motion = plan_task_motion(plan, task, settings)
     save_design(candidate, run.representation, folder)
     for export in installed().factories("export").values():
         export(candidate, task.robot, motion, folder)
-    if film and run.simulator is not None:
-        try:
-            save_film(
-                task,
-                run.simulator,
-                candidate,
-                run.seed,
-                run.settings,
-                folder / "rollout.gif",
-            )
-        except RAISED as error:  # a film that fails costs the film, never the run
-            report_missing("film", error)
+    simulator = run.simulator
+    if not film or simulator is None:
+        return
+    file = folder / "rollout.gif"
+    try:
+        save_film(task, simulator, candidate, run.seed, settings, file)
+    except RAISED as error:  # a film that fails costs the film, never the run
+        report_missing("film", error)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 
 import numpy as np
 
@@ -33,25 +31,21 @@ class Critic:
     prompts: PromptComposer
     temperature: float
     film: Callable[[Evaluation], Picture | None] | None
-    _asked: dict[str, int] = field(default_factory=dict)  # generations by candidate
+    _shown: set[str] = field(default_factory=set)  # candidates, by their ids
     _words: dict[str, str] = field(default_factory=dict)  # by candidate
 
     def requests(self, brief: Brief) -> list[Request]:
-        """Compose the requests before a generation: ``brief`` has its elites, and all that was tried before.
+        """Compose the requests before a generation, at most `PromptSettings.critic` of them.
 
-        At most `PromptSettings.critic` of them belong to a generation.
+        ``brief`` has its elites, and all that was tried before.
         """
-        first = Counter(self._asked.values())[brief.generation]
-        left = max(0, self.prompts.settings.critic - first)
         telling = most_telling(brief.elites, last_generation(brief.tried))
-        unseen = [e for e in telling if e.candidate.id not in self._asked]
-        return [
-            self._request(brief, number, shown)
-            for number, shown in enumerate(islice(unseen, left), first)
-        ]
+        new = [e for e in telling if e.candidate.id not in self._shown]
+        chosen = new[: self.prompts.settings.critic]
+        return [self._request(brief, *numbered) for numbered in enumerate(chosen)]
 
     def _request(self, brief: Brief, number: int, shown: Evaluation) -> Request:
-        self._asked[shown.candidate.id] = brief.generation
+        self._shown.add(shown.candidate.id)
         tool = shown.candidate.tool
         task, elite = shown_in(brief.task, shown)
         rng = np.random.default_rng([brief.seed, _CRITIC + number])

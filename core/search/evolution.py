@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -39,49 +38,49 @@ def evolve(
     candidates = CheckedCandidates(strategy, robot or installed().default_robot, expect)
     arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
+
+    def evaluate(asked: Iterable[Candidate]) -> None:
+        for evaluation in trials.evaluate(asked, fitness):
+            events.hook.candidate_evaluated(evaluation=evaluation)
+            arrived[-1].append(evaluation)
+
     try:
-        for index in itertools.takewhile(
-            lambda number: strategy.has_generation(number, budget), itertools.count()
-        ):
-            events.hook.generation_started(index=index)
+        while strategy.has_generation(len(generations), budget):
+            events.hook.generation_started(index=len(generations))
             arrived.append([])
-            for evaluation in trials.evaluate(candidates, fitness):
-                events.hook.candidate_evaluated(evaluation=evaluation)
-                arrived[-1].append(evaluation)
+            evaluate(candidates)
             if candidates.limit is not None:
                 break
-            joined = fitness.recombine(
-                [evaluation for generation in arrived for evaluation in generation]
-            )
-            for evaluation in trials.evaluate(joined, fitness):
-                events.hook.candidate_evaluated(evaluation=evaluation)
-                arrived[-1].append(evaluation)
-            generation = _generation(index, arrived[-1], strategy.tie)
+            tried = [evaluation for earlier in arrived for evaluation in earlier]
+            evaluate(fitness.recombine(tried))
+            generation = _generation(len(generations), arrived[-1], strategy.tie)
             strategy.tell(generation.evaluations)
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
-            reached = generation.best_reward
-            if (
-                budget.stop_reward is not None
-                and reached is not None
-                and reached >= budget.stop_reward
-            ):
+            if _reaches_goal(generation, budget):
                 break
         stopped = candidates.limit
     except KeyboardInterrupt:  # the caller finds it in the result
         stopped = INTERRUPTED
-    for index in range(len(generations), len(arrived)):  # the one that was cut short
-        if arrived[index]:
-            generations.append(_generation(index, arrived[index], strategy.tie))
+
+    cut_short = arrived[len(generations) :]
+    if cut_short and cut_short[0]:
+        generation = _generation(len(generations), cut_short[0], strategy.tie)
+        generations.append(generation)
     return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
 
 
 def _generation(
     index: int, evaluations: Iterable[Evaluation], tie: float
 ) -> Generation:
-    return Generation(
-        index, tuple(sorted(evaluations, key=lambda e: e.candidate.key)), tie
-    )
+    ordered = sorted(evaluations, key=lambda evaluation: evaluation.candidate.key)
+    return Generation(index, tuple(ordered), tie)
+
+
+def _reaches_goal(generation: Generation, budget: Budget) -> bool:
+    goal = budget.stop_reward
+    best = generation.best_reward
+    return goal is not None and best is not None and best >= goal
 
 
 class CheckedCandidates:
@@ -97,9 +96,8 @@ class CheckedCandidates:
         self._robot = robot
         self._expect = expect
         self.limit: str | None = None
-        self._sound: Tool | None = (
-            None  # the last that was checked; candidates in a row share one
-        )
+        # The last tool that was checked: candidates in a row share one.
+        self._sound: Tool | None = None
 
     def __iter__(self) -> Iterator[Candidate]:
         """Raise UserError where the strategy gives something else; it names the strategy."""
@@ -115,25 +113,21 @@ class CheckedCandidates:
                     wrong = f"ask gave {shorten(repr(candidate))} among its candidates"
                     raise UserError(f"{name}: {wrong}; expected a Candidate")
                 self._expect(candidate)
-                yield self._checked(candidate)
+                yield self._check(candidate)
         except LimitReached as limit:
             self.limit = str(limit)
 
-    def _checked(self, candidate: Candidate) -> Candidate:
+    def _check(self, candidate: Candidate) -> Candidate:
         """Add a problem to a candidate whose tool breaks a rule: a strategy may build tools without the designer."""
         tool = candidate.tool
-        if (
-            candidate.problem is None
-            and tool is not None
-            and tool.components
-            and tool is not self._sound
-        ):
-            try:
-                check_tool(tool, self._robot)
-            except DesignError as error:
-                return replace(
-                    candidate,
-                    problem=f"{describe_part(self._strategy)} built a wrong tool: {error}",
-                )
-            self._sound = tool
+        if candidate.problem is not None or tool is None or not tool.components:
+            return candidate
+        if tool is self._sound:
+            return candidate
+        try:
+            check_tool(tool, self._robot)
+        except DesignError as error:
+            name = describe_part(self._strategy)
+            return replace(candidate, problem=f"{name} built a wrong tool: {error}")
+        self._sound = tool
         return candidate

@@ -50,12 +50,13 @@ def print_best(
         UserError: there is none.
     """
     if best is None:
-        raise UserError(
-            f"no candidate could be tried{why and f'; the first reason: {why}'}"
-        )
-    figures = f"best reward {best['reward']:.3f}"
+        reason = f"; the first reason: {why}" if why else ""
+        raise UserError(f"no candidate could be tried{reason}")
+    figures = [f"best reward {best['reward']:.3f}"]
     if best["distance_m"] is not None:  # of joined plans it is not known
-        figures += f", distance {best['distance_m']:.2f} m"
+        figures.append(f"distance {best['distance_m']:.2f} m")
     if unseen is not None:
-        figures += f", in {unseen['layouts']} unseen layouts mean {unseen['mean']:.3f}, worst {unseen['worst']:.3f}"
-    say(f"{figures}, candidate {best['candidate']}", str(folder / "best"))
+        mean = f"mean {unseen['mean']:.3f}, worst {unseen['worst']:.3f}"
+        figures.append(f"in {unseen['layouts']} unseen layouts {mean}")
+    figures.append(f"candidate {best['candidate']}")
+    say(", ".join(figures), str(folder / "best"))

@@ -1,9 +1,9 @@
 """Try candidates in conditions: the scheduler of trials.
 
-Each pair of a design and a condition is tried once in a run. So an equal plan, a tool's plan for another of several
-tasks, a finalist and a resumed run cost nothing twice. Chunks of one condition and one tool's candidates are dealt to
-an executor's workers, so layouts of one candidate run side by side. A trial is stored when it ends, before its
-candidate has all of its trials.
+Each pair of a design and a condition is tried once in a run. So an equal plan, a tool's plan for one task of a design
+that was tried in others, a finalist and a resumed run cost nothing twice. Chunks of one condition and one tool's
+candidates are dealt to an executor's workers, so layouts of one candidate run side by side. A trial is stored when it
+ends, before its candidate has all of its trials.
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ from core.trial import Condition, Evaluation, Score, Trial, TrialKey
 
 LINGER_S = 0.2  # how long a chunk waits for one more candidate, for an engine with large batches
 
+Play = Callable[[Condition, Sequence[Candidate]], list[Trial]]
+"""Tries candidates in a condition (`core.simulation.play.play`)."""
+Tried = tuple[Candidate, tuple[Trial, ...]]
+"""A candidate with its trials in all conditions."""
+
 
 @dataclass(frozen=True)
 class Chunk:
@@ -39,9 +44,10 @@ class Chunk:
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)
 
-
-Play = Callable[[Condition, Sequence[Candidate]], list[Trial]]
-"""Tries candidates in a condition (`core.simulation.play.play`)."""
+    def split(self, size: int) -> Iterator[Chunk]:
+        """Yield chunks of at most ``size`` candidates."""
+        for begin in range(0, len(self), size):
+            yield Chunk(self.condition, self.candidates[begin : begin + size])
 
 
 @dataclass(frozen=True)
@@ -64,10 +70,9 @@ class _Player:
 
 @dataclass(eq=False)
 class _Waiting:
-    """A candidate until all of its trials have ended."""
+    """A candidate until all of its trials have ended; ``keys`` are those of all, and ``missing`` are under way."""
 
     candidate: Candidate
-    conditions: Sequence[Condition]
     keys: list[TrialKey]
     missing: int = 0
 
@@ -93,6 +98,8 @@ class Trials:
     def __post_init__(self) -> None:
         self._lock = threading.Lock()
         self._waiting: dict[TrialKey, list[_Waiting]] = {}
+        # What needs no trial of its own, until the caller's thread yields it.
+        self._settled: deque[Tried] = deque()
 
     def evaluate(
         self, candidates: Iterable[Candidate], fitness: Fitness
@@ -100,47 +107,63 @@ class Trials:
         """Yield the evaluation of each candidate by a fitness, when its last trial has ended."""
         conditions = tuple(fitness.conditions())
         for candidate, trials in self.try_in(conditions, candidates):
-            yield Evaluation(
-                candidate,
-                trials,
-                fitness.score(candidate, trials) if trials else Score(0.0),
-            )
+            score = fitness.score(candidate, trials) if trials else Score(0.0)
+            yield Evaluation(candidate, trials, score)
 
     def try_in(
-        self,
-        conditions: Sequence[Condition],
-        candidates: Iterable[Candidate],
-    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+        self, conditions: Sequence[Condition], candidates: Iterable[Candidate]
+    ) -> Iterator[Tried]:
         """Yield each candidate with its trials in all conditions, as they end; no trials where it breaks a rule."""
         batch = min((condition.batch for condition in conditions), default=1)
-        settled: deque[tuple[Candidate, tuple[Trial, ...]]] = deque()
-        chunks = self._chunks(conditions, candidates, batch, settled)
         player = _Player(self.play, tuple(conditions), batch)
+        chunks = self._chunks(conditions, candidates, batch)
         broken: list[Chunk] = []
         try:
-            for chunk, result in self.executor.map(player, chunks):
-                yield from _drain(settled)
-                if isinstance(result, Exception):
-                    broken.append(chunk)
-                else:
-                    yield from self._take(chunk, result)
-            yield from self._retry(player, broken)
-            yield from _drain(settled)
+            yield from self._play(player, chunks, broken)
+            if batch > 1:
+                chunks = (
+                    piece for chunk in list(broken) for piece in chunk.split(CHUNK)
+                )
+                broken = []
+                yield from self._play(player, chunks, broken)
+            alone = (piece for chunk in broken for piece in chunk.split(1))
+            yield from self._play(player, alone, None)
+            yield from self._drain()
             if self._waiting:
                 raise UserError(
                     f"{describe_part(self.executor)}: map gave no result for {len(self._waiting)} trials"
                 )
-        finally:
-            self._waiting.clear()  # of trials that an error or an interrupt cut short
+        finally:  # of what an error or an interrupt cut short
+            self._waiting.clear()
+            self._settled.clear()
+
+    def _play(
+        self, player: _Player, chunks: Iterable[Chunk], broken: list[Chunk] | None
+    ) -> Iterator[Tried]:
+        """Have chunks played, and yield the candidates that have all of their trials then.
+
+        Chunks that fail are appended to ``broken``, to be tried again in smaller ones. None: they have one candidate,
+        which has failed.
+
+        Raises:
+            UserError: the machine is at fault.
+        """
+        for chunk, result in self.executor.map(player, chunks):
+            yield from self._drain()
+            if not isinstance(result, Exception):
+                yield from self._take(chunk, result)
+            elif broken is not None:
+                broken.append(chunk)
+            else:
+                yield from self._take(chunk, [_fail(chunk, result)])
 
     def _chunks(
         self,
         conditions: Sequence[Condition],
         candidates: Iterable[Candidate],
         batch: int,
-        settled: deque[tuple[Candidate, tuple[Trial, ...]]],
     ) -> Iterator[Chunk]:
-        """Yield what is to be tried; candidates that need no trial go to ``settled`` at once."""
+        """Yield what is to be tried; candidates that need no trial are settled at once."""
         groups = _gather(candidates, batch) if batch > 1 else _group_by_tool(candidates)
         for group in groups:
             to_try: dict[Condition, list[Candidate]] = {
@@ -148,70 +171,48 @@ class Trials:
             }
             for candidate in group:
                 if candidate.problem is not None:
-                    settled.append((candidate, ()))
-                    continue
-                waiting = self._register(candidate, conditions, to_try)
-                if waiting.missing == 0:
-                    settled.append((candidate, self._trials_of(waiting)))
+                    self._settled.append((candidate, ()))
+                else:
+                    self._register(candidate, to_try)
             for condition, members in to_try.items():
                 if members:
                     yield Chunk(condition, tuple(members))
 
     def _register(
-        self,
-        candidate: Candidate,
-        conditions: Sequence[Condition],
-        to_try: dict[Condition, list[Candidate]],
-    ) -> _Waiting:
+        self, candidate: Candidate, to_try: dict[Condition, list[Candidate]]
+    ) -> None:
         """Note which trials of a candidate are missing, and add it where nobody is tried for it yet."""
-        keys = [key_of(candidate, condition) for condition in conditions]
-        waiting = _Waiting(candidate, conditions, keys)
+        keys = [key_of(candidate, condition) for condition in to_try]
+        waiting = _Waiting(candidate, keys)
         with self._lock:
-            for condition, key in zip(conditions, keys, strict=True):
+            for members, key in zip(to_try.values(), keys, strict=True):
                 if key in self.known:
                     continue
                 waiting.missing += 1
-                if key in self._waiting:
-                    self._waiting[key].append(waiting)
-                else:
-                    self._waiting[key] = [waiting]
-                    to_try[condition].append(candidate)
-        return waiting
+                if key not in self._waiting:
+                    self._waiting[key] = []
+                    members.append(candidate)
+                self._waiting[key].append(waiting)
+        if waiting.missing == 0:
+            self._settled.append((candidate, self._trials_of(waiting)))
 
-    def _take(
-        self, chunk: Chunk, result: Sequence[Trial]
-    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+    def _take(self, chunk: Chunk, result: Sequence[Trial]) -> Iterator[Tried]:
         """Keep the trials of a chunk, and yield the candidates that have all of theirs now."""
-        for candidate, trial in zip(chunk.candidates, result, strict=True):
+        for candidate, trial in zip(chunk, result, strict=True):
             key = key_of(candidate, chunk.condition)
             self.tell(key, trial)
             with self._lock:
                 self.known[key] = trial
                 waiting = self._waiting.pop(key)
-                for each in waiting:
-                    each.missing -= 1
-                ended = [each for each in waiting if each.missing == 0]
-            for each in ended:
-                yield each.candidate, self._trials_of(each)
+                for other in waiting:
+                    other.missing -= 1
+                ended = [other for other in waiting if other.missing == 0]
+            for other in ended:
+                yield other.candidate, self._trials_of(other)
 
-    def _retry(
-        self, player: _Player, broken: list[Chunk]
-    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
-        """Try chunks that failed again in smaller ones, at last one by one; a candidate that fails then has failed.
-
-        Raises:
-            UserError: the machine is at fault.
-        """
-        for size in (CHUNK, 1) if player.batch > 1 else (1,):
-            pieces = [piece for chunk in broken for piece in _split(chunk, size)]
-            broken = []
-            for chunk, result in self.executor.map(player, pieces):
-                if not isinstance(result, Exception):
-                    yield from self._take(chunk, result)
-                elif size > 1:
-                    broken.append(chunk)
-                else:
-                    yield from self._take(chunk, [_failed(chunk, result)])
+    def _drain(self) -> Iterator[Tried]:
+        while self._settled:
+            yield self._settled.popleft()
 
     def _trials_of(self, waiting: _Waiting) -> tuple[Trial, ...]:
         return tuple(self.known[key] for key in waiting.keys)
@@ -223,7 +224,7 @@ def key_of(candidate: Candidate, condition: Condition) -> TrialKey:
     return candidate.of(where.task).content, where
 
 
-def _failed(chunk: Chunk, error: Exception) -> Trial:
+def _fail(chunk: Chunk, error: Exception) -> Trial:
     """Make the trial of the chunk's only candidate, for which its worker failed.
 
     Raises:
@@ -236,30 +237,17 @@ def _failed(chunk: Chunk, error: Exception) -> Trial:
             f"candidate {candidate.id} can't be tried: {machine}; this is a fault of the machine, not of the design, "
             "which stays untried: see that there is room on its disks and in its memory"
         )
-    why = (
-        str(error)
-        if isinstance(error, PluginError)
-        else f"{type(error).__name__}: {error}"
-    )
-    return Trial(chunk.condition.where, candidate.id, "failed", reason=why)
-
-
-def _split(chunk: Chunk, size: int) -> Iterator[Chunk]:
-    for begin in range(0, len(chunk), size):
-        yield Chunk(chunk.condition, chunk.candidates[begin : begin + size])
-
-
-def _drain(
-    settled: deque[tuple[Candidate, tuple[Trial, ...]]],
-) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
-    while settled:
-        yield settled.popleft()
+    reason = str(error)
+    if not isinstance(error, PluginError):
+        reason = f"{type(error).__name__}: {reason}"
+    return Trial(chunk.condition.where, candidate.id, "failed", reason=reason)
 
 
 def _group_by_tool(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
     """Group candidates in a row that share a tool, at most `CHUNK` of them."""
     group: list[Candidate] = []
-    for candidate in candidates:  # not groupby by id: a tool of an earlier reply is gone, and its id may come again
+    # Not groupby by id: a tool of an earlier reply is gone, and its id may come again.
+    for candidate in candidates:
         if group and (len(group) == CHUNK or candidate.tool is not group[-1].tool):
             yield group
             group = []
