@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from core.search.orchestration import Experiment
+    from core.search.experiment import Experiment
 
 __all__ = ["Experiment"]
 
@@ -12,6 +12,6 @@ def __getattr__(name: str) -> Any:
     """Import `Experiment` when it is first used; most commands do not need it."""
     if name != "Experiment":
         raise AttributeError(f"module 'core' has no attribute {name!r}")
-    from core.search.orchestration import Experiment
+    from core.search.experiment import Experiment
 
     return Experiment

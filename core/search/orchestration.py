@@ -1,4 +1,4 @@
-"""Run a search from a configuration, or resume one: what ``python -m core.run`` and `Experiment` do."""
+"""Run a search from a configuration, or resume one: what ``python -m core.run`` does."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from omegaconf import DictConfig
 
-from core.config.compose import load
 from core.config.resume import changed, hydra_config, refuse_stored_receivers
-from core.config.sources import new_folder, stamp, task_folder
 from core.errors import UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins.blame import describe_failure, refuse_exit
@@ -25,7 +22,6 @@ from core.search.trials import Trials
 from core.store.database import writing
 from core.store.recorder import RunStore
 from core.support.cli import say
-from core.support.text import hydra_word
 
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
@@ -142,35 +138,3 @@ def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
         there += f"; {len(past.again)} requests without an answer are sent again"
     say(f"{folder} goes on: {there}", file=sys.stderr)
     print_outcome(run(cfg, folder, store), folder)
-
-
-class Experiment:
-    """A run, composed when it is created, and started by `run`.
-
-    ``Experiment("budget.n_agent=2", task="BringCube", seed=1)``: positional arguments are the words of the command
-    line. Config groups and top-level keys can be keyword arguments.
-
-    Raises:
-        UserError: a wrong choice, key or type; the message says what is possible.
-    """
-
-    def __init__(self, *overrides: str, **choices: Any) -> None:
-        named = [f"{key}={hydra_word(value)}" for key, value in choices.items()]
-        self.overrides = (*named, *overrides)
-        self.config: DictConfig = load("config", self.overrides)
-        self.result: Result | None = None
-        self.folder: Path | None = None
-
-    def run(self, folder: str | Path | None = None) -> Result:
-        """Run in ``folder``, by default ``runs/<task>/<time>``, and leave there the files that the command leaves.
-
-        Raises:
-            UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
-        """
-        if folder is None:
-            folder = new_folder(f"runs/{task_folder(self.config.task)}/{stamp()}")
-        self.folder = Path(folder)
-        with writing(self.folder):
-            self.folder.mkdir(parents=True, exist_ok=True)
-        self.result = run(self.config, self.folder)
-        return self.result

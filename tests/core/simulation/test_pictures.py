@@ -9,7 +9,8 @@ from core.design import Candidate, Tool
 from core.interfaces import RolloutSettings
 from core.plugins import Offer, installed
 from core.scene import table
-from core.search.orchestration import Experiment, resume, run
+from core.search.experiment import Experiment
+from core.search.orchestration import resume, run
 from core.simulation.pictures import FILM_HZ, png, save_film
 from plugins.conformance.worlds import Bodies, cube, stick
 from tests import toys

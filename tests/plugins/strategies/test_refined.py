@@ -10,7 +10,8 @@ from core.design import Candidate, Tool
 from core.errors import UserError
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
-from core.search.orchestration import Experiment, resume
+from core.search.experiment import Experiment
+from core.search.orchestration import resume
 from core.trial import tried_once
 from plugins.strategies.refined.strategy import Refinement
 

@@ -12,7 +12,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.prompt import compose
 from core.scene import Box, Cylinder, Sphere
-from core.search.orchestration import Experiment
+from core.search.experiment import Experiment
 from core.values.messages import Text
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.told.arm import describe_arm

@@ -1,0 +1,169 @@
+"""Try designs on several arms and in several engines, in the scene as it is and perturbed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from omegaconf import DictConfig
+from rich.console import Console
+from rich.progress import Progress
+
+from core.config.compose import listed, part, robot_part, task_part, tool_part
+from core.design import Candidate
+from core.designs.feedback import statistics
+from core.errors import UserError
+from core.interfaces import RolloutSettings, Simulator, Task
+from core.plugins import EXECUTOR, PluginPart, RobotPart
+from core.robot.kinematics import arm_of
+from core.search.trials import Trials
+from core.store.reader import chosen_evaluations
+from core.trial import Change, Condition, Evaluation, Trial
+from plugins.fitness.several import score_by_worst_engine
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Where designs are tried, beside the robot.
+
+    Attributes:
+        task: the task.
+        sims: the engines, by the names under which they are shown.
+        changes: perturbations of the scene; it is tried as it is, too.
+        layout: the seed of the layout.
+        settings: how plans are executed.
+    """
+
+    task: PluginPart[Task]
+    sims: Mapping[str, PluginPart[Simulator]]
+    changes: Sequence[Change]
+    layout: int
+    settings: RolloutSettings
+
+    def conditions(self, robot: RobotPart) -> list[Condition]:
+        """Return the conditions of a robot's trials."""
+        task = replace(self.task, robot=robot)
+        return [
+            Condition(task, sim, self.layout, self.settings, change, engine)
+            for engine, sim in self.sims.items()
+            for change in (None, *self.changes)
+        ]
+
+
+def make_robots(
+    entries: Sequence[str | Mapping[str, Any]], chosen: RobotPart
+) -> dict[str, RobotPart]:
+    """Make the robots, by the names under which they are shown: entries as those of `engines`; none: ``chosen`` alone.
+
+    Raises:
+        UserError: a robot does not exist or can't be made, or is repeated.
+    """
+    nodes = listed("robot", "robot", entries or [chosen.name], chosen)
+    found = {shown: robot_part(node) for shown, node in nodes.items()}
+    for robot in found.values():
+        robot.create()  # so that a fault is reported once
+    return found
+
+
+def read_on_each(
+    cfg: DictConfig, task: PluginPart[Task], robots: Mapping[str, RobotPart]
+) -> dict[str, list[Candidate]]:
+    """Read the designs for each robot, by its rules and with the names of mounts that ``cfg.robot`` has.
+
+    On a robot that can't even start the task, each design has that as its problem.
+
+    Raises:
+        UserError: no robot can start it, or the designs can't be read; one line.
+    """
+    aliases = task_part(cfg).create().robot.aliases
+    read: dict[str, list[Candidate]] = {}
+    problems: dict[str, str] = {}
+    for name, robot in robots.items():
+        try:
+            read[name] = _read_on(cfg, replace(task, robot=robot), aliases)
+        except UserError as error:
+            problems[name] = str(error)
+    if not read:
+        raise UserError("; ".join(dict.fromkeys(problems.values())))
+
+    some = next(iter(read.values()))
+    for name, problem in problems.items():
+        read[name] = [replace(candidate, problem=problem) for candidate in some]
+    return {name: read[name] for name in robots}
+
+
+def _read_on(
+    cfg: DictConfig, task: PluginPart[Task], aliases: Sequence[str]
+) -> list[Candidate]:
+    """Read the designs for the robot of a task; ``aliases`` are names of mounts.
+
+    Raises:
+        UserError: the robot can't start the task, or the designs can't be read.
+    """
+    arm = task.create().robot
+    if not {*aliases} <= {*arm.aliases}:
+        arm = replace(arm, aliases=(*arm.aliases, *aliases))
+    stage = task.create(robot=arm)
+    arm_of(arm).home_for(stage.home)  # an arm that can't start is reported once
+    chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), stage)
+    return [evaluation.candidate.of(stage.name) for evaluation in chosen]
+
+
+def try_on_each(
+    cfg: DictConfig,
+    bench: Bench,
+    robots: Mapping[str, RobotPart],
+    candidates: Mapping[str, Sequence[Candidate]],
+) -> list[dict[str, Any]]:
+    """Try each robot's candidates, and return an entry for each, in the order of the designs and the robots."""
+    console = Console(stderr=True)
+    progress = Progress(
+        console=console, transient=True, disable=not console.is_terminal
+    )
+    designs: list[dict[str, Any]] = []
+    with part(EXECUTOR, cfg.executor).create() as executor, progress:
+        for name, robot in robots.items():
+            conditions = bench.conditions(robot)
+            own = candidates[name]
+            bar = progress.add_task(f"trials on {name}", total=len(own))
+            trials = Trials(executor)  # a robot's own: trials don't say which it is
+            for candidate, tried in trials.try_in(conditions, own):
+                progress.advance(bar)
+                tried = tried or _reject(candidate, conditions)
+                designs.append(record(candidate, name, tried))
+    some = next(iter(candidates.values()))
+    order = {candidate.id: number for number, candidate in enumerate(some)}
+    return sorted(designs, key=lambda design: order[design["design"]])
+
+
+def _reject(candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Trial, ...]:
+    """Make the trials of a candidate that breaks a rule in any condition."""
+    reason = candidate.problem or ""
+    return tuple(
+        Trial(condition.where, candidate.id, "rejected", reason=reason)
+        for condition in conditions
+    )
+
+
+def record(candidate: Candidate, robot: str, tried: Sequence[Trial]) -> dict[str, Any]:
+    """Make the entry of one design on one robot in the output file."""
+    nominal = {trial.engine: trial.reward for trial in tried if trial.change is None}
+    changed = tuple(trial for trial in tried if trial.change is not None)
+    robust = Evaluation(candidate, changed, score_by_worst_engine(changed))
+    missed_m = changed[robust.score.shown].ik_error_m
+    return {
+        "design": candidate.id,
+        "robot": robot,
+        "name": candidate.strategy_name,
+        "robust": robust.reward,
+        "status": robust.status,
+        "reason": robust.reason,
+        "ik_error_m": None if math.isnan(missed_m) else missed_m,
+        "engines": {
+            engine: {"nominal": nominal[engine], **statistics(rewards)}
+            for engine, rewards in robust.by_engine.items()
+        },
+        "warnings": list(robust.warnings),
+    }
