@@ -41,11 +41,10 @@ def build_designer(
     builder = builder_for(task_part(cfg))
     assignment = _read_assignment(cfg)
     settings = node(cfg.rollout, RolloutSettings)
-    given = assignment.representation.given(assignment.task)
-    shows_rollouts = (
-        cfg.prompt.feedback != "paper" or cfg.prompt.critic or given is not None
-    )
-    if shows_rollouts or _strategy_observes(cfg):
+    shows_rollouts = cfg.prompt.feedback != "paper" or cfg.prompt.critic
+    # Plans for a known tool are shown with what was observed of them.
+    asks_for_plans = assignment.given is not None or builder.asks_for_plans
+    if shows_rollouts or asks_for_plans or _strategy_observes(cfg):
         settings = replace(settings, observe=True)
     fitness = builder.build_fitness(cfg, settings)
     prompts = PromptComposer(
@@ -81,7 +80,7 @@ def _read_assignment(cfg: DictConfig) -> Assignment:
     assignment = Assignment(
         task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds
     )
-    if representation.given(task) is not None:
+    if assignment.given is not None:
         return replace(assignment, budget=replace(budget, n_tool=1))
     return replace(assignment, tool_kinds=borne_kinds(kinds, task.robot))
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+from core.design import Tool
 from core.errors import UserError, choices
 from core.interfaces import (
     ActionRepresentation,
@@ -41,6 +43,15 @@ class Assignment:
         for name in self.tool_kinds:
             if name not in TOOL_KINDS:
                 raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
+
+    @cached_property
+    def given(self) -> Tool | None:
+        """The tool that the representation gives; None: agents design tools.
+
+        Raises:
+            UserError: there is no tool for this task.
+        """
+        return self.representation.given(self.task)
 
 
 def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:

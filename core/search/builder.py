@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import pluggy
 from omegaconf import DictConfig
@@ -64,6 +65,8 @@ class DesignerParts:
 
 class SearchBuilder:
     """Builds the fitness and the designer of a search. A task may name a builder of its own (`Task.builder`)."""
+
+    asks_for_plans: ClassVar[bool] = False  # for tools that the model designed before
 
     def build_fitness(self, cfg: DictConfig, settings: RolloutSettings) -> Fitness:
         """Make the fitness that a configuration names.

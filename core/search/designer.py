@@ -67,7 +67,6 @@ class ModelDesigner:
     tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.given = self.assignment.representation.given(self.assignment.task)
         self._replies: list[Reply] = []  # of the generation that is being asked for
 
     @property
@@ -205,7 +204,7 @@ class ModelDesigner:
     ) -> tuple[Brief, float]:
         """Make an agent's assignment, and draw its temperature."""
         assignment = self.assignment
-        given = self.given
+        given = assignment.given
         rng = np.random.default_rng([assignment.seed, generation, agent])
         kinds = assignment.tool_kinds
         kind = kinds[int(rng.integers(len(kinds)))]

@@ -167,14 +167,15 @@ class SeveralDesigner(ModelDesigner):
             tools = [
                 elite.candidate
                 for elite in team.elites
-                if self.given is not None or len(self._held(elite)) < len(self.tasks)
+                if self.assignment.given is not None
+                or len(self._held(elite)) < len(self.tasks)
             ]
-            if not tools and self.given is not None:
-                tools = [Candidate(self.given, NO_PLANS)]
+            if not tools and self.assignment.given is not None:
+                tools = [Candidate(self.assignment.given, NO_PLANS)]
             if not tools:
                 continue
             for agent in team.agents:
-                if self.given is not None or (agent + generation) % 2:
+                if self.assignment.given is not None or (agent + generation) % 2:
                     kept[agent] = self._renew(tools, generation, agent, team)
         return kept
 

@@ -25,6 +25,8 @@ from plugins.several.plans import TaskActions
 class SeveralSearch(SearchBuilder):
     """Builds a fitness of those in each task, and a designer that asks for plans for each."""
 
+    asks_for_plans = True
+
     def build_fitness(self, cfg: DictConfig, settings: RolloutSettings) -> Fitness:
         by_task = {
             task.shared().name: build_fitness_in(task, cfg, settings)

@@ -23,7 +23,7 @@ class Variation:
         self._tools = assignment.representation
         self._actions = assignment.actions
         self._start = SpawnRules(assignment.task, assignment.seed)
-        self._given = self._tools.given(self._task) is not None
+        self._given = assignment.given is not None
 
     def parameters(self, candidate: Candidate) -> Numbers:
         """Return the N numbers of a candidate's tool and plan that a refinement may vary."""
