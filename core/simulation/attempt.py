@@ -40,26 +40,26 @@ def prepare(
     Raises:
         ValueError: the candidate has no tool (it was rejected), or its plan means nothing in this layout.
     """
-    if candidate.tool is None:
+    tool = candidate.tool
+    plan = candidate.plan
+    if tool is None:
         raise ValueError(
             f"candidate {candidate.id} has no tool to try: {candidate.problem}"
         )
-    waypoints = resolve(candidate.plan, task, seed, settings, scene)
-    motion = (_motion if isinstance(task, Hashable) else plan_task_motion)(
-        waypoints, task, settings
-    )
+    if scene is None:
+        scene = task.scene(seed)
+    waypoints = resolve(plan, task, seed, settings, scene)
+    plan_motion = _motion if isinstance(task, Hashable) else plan_task_motion
+    motion = plan_motion(waypoints, task, settings)
     guards = None
     if waypoints.guards:
-        guards = PlannedGuards(
-            candidate.plan, waypoints, motion, task, seed, settings, scene
-        )
-    hold_s = max(settings.hold_s, task.hold_s)
+        guards = PlannedGuards(plan, waypoints, motion, task, seed, settings, scene)
     job = Rollout(
-        candidate.tool,
+        tool,
         motion.trajectory,
         seed,
         settings.settle_s,
-        hold_s,
+        max(settings.hold_s, task.hold_s),
         record_hz,
         guards=guards,
         scene=scene,
@@ -110,41 +110,57 @@ class Attempt:
     """A candidate that is tried, on its way through a batch.
 
     Attributes:
+        candidate: what is tried; ``tool`` is the candidate's.
+        motion: its plan in this layout.
+        job: what the simulator plays.
+        warnings: what is to be said of it so far.
+        outcome: what the simulator made of it.
+        findings: what was unphysical.
         contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
+        problem: why its motion, as planned or as guards changed it, is refused.
     """
 
-    candidate: Candidate  # what is tried
-    tool: Tool  # the candidate's
-    motion: Motion  # its plan in this layout
-    job: Rollout  # what the simulator plays
-    warnings: tuple[str, ...] = ()  # what is to be said of it so far
-    outcome: Outcome | None = None  # what the simulator made of it
-    findings: Sequence[Finding] = ()  # what was unphysical
+    candidate: Candidate
+    tool: Tool
+    motion: Motion
+    job: Rollout
+    warnings: tuple[str, ...] = ()
+    outcome: Outcome | None = None
+    findings: Sequence[Finding] = ()
     contacts: Contacts | None = None
-    problem: str | None = None  # what came of its guards that is not allowed
+    problem: str | None = None
 
 
 def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt | Trial:
     """Plan a candidate's motion; a trial: it is rejected."""
-    own = candidate.of(stage.task.name)
+    planned = candidate.of(stage.task.name)
     try:
-        motion, job = _prepare_job(stage, own)
+        motion, job = _prepare_job(stage, planned)
     except DesignError as error:
-        return _reject(stage, own, str(error))
+        return _reject(stage, planned, str(error))
 
-    warnings: tuple[str, ...] = ()
-    met = (
-        _self_collision(stage.task.robot, job.tool, motion.trajectory)
-        if stage.checks
-        else None
-    )
-    if met is not None:
-        warnings = (met.describe(motion.arrivals),)
-        if stage.forbids:
-            return _reject(stage, own, f"{warnings[0]}; {met.mend}")
     if stage.task.reads_trace:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
-    return Attempt(own, job.tool, motion, job, warnings)
+    attempt = Attempt(planned, job.tool, motion, job)
+    _check_self_collision(stage, attempt)
+    if attempt.problem is not None:
+        return _reject(stage, planned, attempt.problem)
+    return attempt
+
+
+def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
+    """Warn of where the motion drives the arm through itself, and refuse it, if that is forbidden."""
+    if not stage.checks:
+        return
+    motion = attempt.motion
+    robot = stage.task.robot
+    collision = _self_collision(robot, attempt.tool, motion.trajectory)
+    if collision is None:
+        return
+    warning = collision.describe(motion.arrivals)
+    attempt.warnings += (warning,)
+    if stage.forbids:
+        attempt.problem = f"{warning}; {collision.mend}"
 
 
 def _reject(stage: Stage, candidate: Candidate, reason: str) -> Trial:
@@ -173,14 +189,13 @@ def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
             "the plan has guards ('until'), and this engine can't play them"
         )
     duration = motion.trajectory.duration
-    most_s = stage.settings.max_motion_s
-    if duration > most_s:
-        took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
+    most = stage.settings.max_motion_s
+    if duration > most:
+        took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most:.0f} s"
         raise DesignError(f"{took}; use fewer waypoints")
     if stage.checks or stage.settings.observe:
-        hz = sample_hz(
-            stage.task.robot, job.tool, job.trajectory, thinnest(stage.scene)
-        )
+        thin = thinnest(stage.scene)
+        hz = sample_hz(stage.task.robot, job.tool, job.trajectory, thin)
         check_work(job.tool, duration, hz)
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
     return motion, job
@@ -203,13 +218,4 @@ def follow_guards(stage: Stage, attempt: Attempt) -> None:
     attempt.motion = guards.motion
     if guards.problem:
         attempt.warnings += (guards.problem,)
-    met = (
-        find_self_collision(stage.task.robot, attempt.tool, attempt.motion.trajectory)
-        if stage.checks
-        else None
-    )
-    if met:
-        attempt.warnings += (met.describe(attempt.motion.arrivals),)
-        attempt.problem = (
-            f"{attempt.warnings[-1]}; {met.mend}" if stage.forbids else None
-        )
+    _check_self_collision(stage, attempt)

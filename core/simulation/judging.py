@@ -26,45 +26,41 @@ _WARNINGS = 10  # findings of a rollout that are listed
 def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> list[Trial]:
     """Check what was played, and reward it."""
     failures = [_find_failure(stage, attempt) for attempt in attempts]
-    finished = [
-        attempt
-        for attempt, failure in zip(attempts, failures, strict=True)
-        if failure is None
-    ]
-    rewarded = iter(_reward(stage, finished) if finished else [])
-    return [
-        next(rewarded)
-        if why is None
-        else Trial(stage.where, attempt.candidate.id, "failed", reason=why)
-        for attempt, why in zip(attempts, failures, strict=True)
-    ]
+    pairs = list(zip(attempts, failures, strict=True))
+    finished = [attempt for attempt, failure in pairs if failure is None]
+    rewarded = iter(_reward(stage, finished))
+    trials = []
+    for attempt, failure in pairs:
+        if failure is None:
+            trials.append(next(rewarded))
+        else:
+            name = attempt.candidate.id
+            trials.append(Trial(stage.where, name, "failed", reason=failure))
+    return trials
 
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
     """Find what was unphysical and what touched; say why a rollout failed; None: it did not."""
     outcome = attempt.outcome
-    wanted = stage.task.reads_trace or stage.settings.observe
-    if outcome is not None and (recording := outcome.recording) is not None:
+    if outcome is None:
+        return attempt.problem or "the simulator returned no state"
+    recording = outcome.recording
+    if recording is not None:
+        parts = stage.scene, stage.task.robot, attempt.tool, recording
         try:
             if stage.checks:
-                attempt.findings = findings(
-                    stage.scene, stage.task.robot, attempt.tool, recording
-                )
+                attempt.findings = findings(*parts)
         except Explosion as explosion:
             return attempt.problem or f"the simulation blew up: {explosion}"
+        wanted = stage.task.reads_trace or stage.settings.observe
         if wanted and outcome.error is None and is_finite(recording):
-            attempt.contacts = find_contacts(
-                stage.scene, stage.task.robot, attempt.tool, recording
-            )
-    if attempt.problem is not None:
-        return attempt.problem
-    if (
-        outcome is None
-        or outcome.error is not None
-        or outcome.start is None
-        or outcome.end is None
-    ):
-        return (outcome and outcome.error) or "the simulator returned no state"
+            attempt.contacts = find_contacts(*parts)
+
+    failure = attempt.problem or outcome.error
+    if failure is not None:
+        return failure
+    if outcome.start is None or outcome.end is None:
+        return "the simulator returned no state"
     if stage.task.reads_trace and attempt.contacts is None:
         return "the reward reads a trace, and the simulator returned no recording of finite states"
     return None
@@ -72,23 +68,22 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
 
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
     """Yield the trials of what came to its end."""
-    scene = stage.scene
-    outcomes = [attempt.outcome for attempt in finished]
-    starts, ends = (
-        scene.complete(State.stack([getattr(outcome, end) for outcome in outcomes]))
-        for end in ("start", "end")
-    )
-    shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
-    contacts = [
-        attempt.contacts for attempt in finished if attempt.contacts is not None
-    ]
-    trace = make_trace(scene, contacts) if stage.task.reads_trace else None
-    rewards = _rewards(stage.task, starts, ends, trace)
-    for number, (attempt, reward, moved) in enumerate(
-        zip(finished, rewards.tolist(), shifts.tolist(), strict=True)
-    ):
-        film = trace[number] if trace is not None else None
-        margins = margins_of(stage.task, starts[number], ends[number], film, reward)
+    if not finished:
+        return
+    task = stage.task
+    starts = _stack(stage, finished, "start")
+    ends = _stack(stage, finished, "end")
+    trace = None
+    if task.reads_trace:
+        found = [attempt.contacts for attempt in finished]
+        trace = make_trace(stage.scene, [each for each in found if each is not None])
+    rewards = _rewards(task, starts, ends, trace).tolist()
+    shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1).tolist()
+    for number, attempt in enumerate(finished):
+        start = starts[number]
+        end = ends[number]
+        film = None if trace is None else trace[number]
+        reward = rewards[number]
         motion = attempt.motion
         outcome = attempt.outcome
         assert outcome is not None
@@ -102,55 +97,48 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
             ik_error_rad=motion.ik_error_rad,
             tracking_error_rad=outcome.tracking_error_rad,
             motion_s=float(motion.trajectory.duration),
-            moved_m=dict(zip(starts.names, moved, strict=True)),
+            moved_m=dict(zip(starts.names, shifts[number], strict=True)),
             warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
-            margins=margins,
-            goals=shares_of(stage.task, starts[number], ends[number], film),
+            margins=margins_of(task, start, end, film, reward),
+            goals=shares_of(task, start, end, film),
         )
         if not 0.0 <= reward <= 1.0:
-            reason = f"task {stage.task.name}: the reward {reward} is not in [0, 1]"
+            reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
             trial = replace(trial, status="failed", reward=0.0, reason=reason)
-        yield judge(
-            _observe(stage, trial, attempt), attempt.findings, forbid=stage.forbids
-        )
+        observed = _observe(stage, trial, attempt)
+        yield judge(observed, attempt.findings, forbid=stage.forbids)
+
+
+def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
+    """Stack the states of all worlds at a ``moment``: start or end."""
+    states = [getattr(attempt.outcome, moment) for attempt in finished]
+    return stage.scene.complete(State.stack(states))
 
 
 def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     """Add what was observed of a rollout, if that is asked for."""
-    if (
-        not stage.settings.observe
-        or attempt.contacts is None
-        or attempt.outcome is None
-    ):
+    outcome = attempt.outcome
+    contacts = attempt.contacts
+    if not stage.settings.observe or contacts is None or outcome is None:
         return trial
-    seen = observe(
-        stage.task,
-        stage.scene,
-        attempt.motion,
-        attempt.outcome,
-        trial.reward,
-        attempt.contacts,
-    )
-    outcome = f"{seen.result} {seen.what}".strip()
-    return replace(trial, touch_m=seen.touch_m, outcome=outcome, observation=seen)
+    motion = attempt.motion
+    seen = observe(stage.task, stage.scene, motion, outcome, trial.reward, contacts)
+    text = f"{seen.result} {seen.what}".strip()
+    return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 
 
 def judge(trial: Trial, found: Sequence[Finding], *, forbid: bool) -> Trial:
     """Add findings to a trial's warnings; with ``forbid``, penetration sets its reward to 0."""
     texts = [finding.text for finding in found]
-    more = (
-        [f"{len(texts) - _WARNINGS} more such findings"]
-        if len(texts) > _WARNINGS
-        else []
-    )
-    warned = replace(trial, warnings=(*trial.warnings, *texts[:_WARNINGS], *more))
+    if len(texts) > _WARNINGS:
+        texts[_WARNINGS:] = [f"{len(texts) - _WARNINGS} more such findings"]
+    warned = replace(trial, warnings=(*trial.warnings, *texts))
 
     penetrations = [finding.text for finding in found if finding.penetration]
     if not (forbid and penetrations and trial.reward > 0):
         return warned
-    reason = (
-        f"{penetrations[0]}, so that its reward of {trial.reward:.2f} does not count"
-    )
+    counts = f"so that its reward of {trial.reward:.2f} does not count"
+    reason = f"{penetrations[0]}, {counts}"
     return replace(warned, reward=0.0, reason=trial.reason or reason)
 
 
