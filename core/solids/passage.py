@@ -5,7 +5,7 @@ dynamic simulation of rigid body systems", PhD thesis, Berkeley 1996, section 2.
 
 The search remembers from which side a solid got into another, and how deep it is along that direction. The shortest
 way out of a body does not show that a thin sheet cuts through it: of a sheet in its lowest layer, the shortest way out
-is downward, and no longer than the sheet is thick. docs/checks.md has the steps.
+is downward, and no longer than the sheet is thick. The steps stand in docs/physics_explained.md.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Find what the engine let happen and the real world would not: solids that pass through each other, bodies flung away.
 
-Only recordings are read, so engines need not know of it. docs/checks.md has the steps.
+Only recordings are read, so engines need not know of it. The steps stand in docs/physics_explained.md.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Find where a joint trajectory drives the arm through itself, or the tool through the arm.
 
 Engines can't say: in none of them do the arm's links touch each other. All is computed from the robot's description
-and its collision shapes, with Pinocchio and Coal, so that the answer is the same for every engine. docs/checks.md has
-the steps.
+and its collision shapes, with Pinocchio and Coal, so that the answer is the same for every engine. The steps stand in
+docs/physics_explained.md.
 """
 
 from __future__ import annotations
