@@ -75,8 +75,8 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
     ends = _stack(stage, finished, "end")
     trace = None
     if task.reads_trace:
-        found = [attempt.contacts for attempt in finished]
-        trace = make_trace(stage.scene, [each for each in found if each is not None])
+        contacts = [attempt.contacts for attempt in finished]
+        trace = make_trace(stage.scene, [found for found in contacts if found])
     rewards = _rewards(task, starts, ends, trace).tolist()
     shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1).tolist()
     for number, attempt in enumerate(finished):

@@ -62,31 +62,33 @@ class Contacts:
 
     def _describe(self, key: Key) -> Contact:
         """Describe a contact; its force is the largest normal force, N, and a component has that of the tool."""
-        kind, one, other = key
+        kind, first, second = key
         times = self.taken.times[self.touching[key]].tolist()
         force = None
         if forces := self.taken.forces:
-            one_there = "tool" if kind == "tool" else one
-            values = forces.get((one_there, other), forces.get((other, one_there)))
+            one_there = "tool" if kind == "tool" else first
+            values = forces.get((one_there, second), forces.get((second, one_there)))
             force = 0.0
             if values is not None:
                 force = float((values * self.touching[key]).max())
-        return Contact(kind, one, other, times[0], times[-1], self.depths[key], force)  # type: ignore[arg-type]
+        return Contact(
+            kind, first, second, times[0], times[-1], self.depths[key], force
+        )  # type: ignore[arg-type]
 
     def with_robot(self, body: str) -> Flags:
         """Report at which samples (T,) the arm or the tool touches a body."""
         touched = np.zeros(len(self.taken.times), dtype=bool)
-        for (kind, _, other), flags in self.touching.items():
-            if kind != "body" and other == body:
+        for (kind, _, second), flags in self.touching.items():
+            if kind != "body" and second == body:
                 touched |= flags
         return touched
 
     def held(self, body: str) -> Flags:
         """Report at which samples (T,) the robot touches a body, or another body that touches it."""
         held = self.with_robot(body)
-        for (kind, one, other), flags in self.touching.items():
-            if kind == "body" and body in (one, other):
-                held |= flags & self.with_robot(other if one == body else one)
+        for (kind, first, second), flags in self.touching.items():
+            if kind == "body" and body in (first, second):
+                held |= flags & self.with_robot(second if first == body else first)
         return held
 
 
@@ -100,27 +102,27 @@ def find_contacts(
     links = len(robots) - len(tool.parts)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    first: tuple[int, Pair] | None = None  # of the tool with a body that can move
+    earliest: tuple[int, Pair] | None = None  # of the tool with a body that can move
     for number, pair, touched, depth in _find_touches(scene, tracks, taken):
         kind = "arm"
         if number >= len(robots):
             kind = "body"
-        elif number >= links or pair.one.name in tool.mounts:
+        elif number >= links or pair.first.name in tool.mounts:
             kind = "tool"
-        key = (kind, pair.one.name, pair.other.name)
+        key = (kind, pair.first.name, pair.second.name)
         touching[key] = touching.get(key, False) | touched
         depths[key] = max(depth, depths.get(key, depth))
-        if kind == "tool" and not scene[pair.other.owner].fixed:
+        if kind == "tool" and not scene[pair.second.owner].fixed:
             sample = int(touched.argmax())
-            if first is None or sample < first[0]:
-                first = sample, pair
+            if earliest is None or sample < earliest[0]:
+                earliest = sample, pair
 
     bodies = {body.name for body in scene.bodies}
     softs = {soft.name for soft in scene.softs}
-    for (one, other), force in taken.forces.items():
-        if softs & {one, other}:  # engines alone know what soft bodies touch
-            kind = "tool" if one == "tool" and tool.components else "arm"
-            key = ("body" if one in bodies else kind, one, other)
+    for (first, second), force in taken.forces.items():
+        if softs & {first, second}:  # engines alone know what soft bodies touch
+            kind = "tool" if first == "tool" and tool.components else "arm"
+            key = ("body" if first in bodies else kind, first, second)
             touching[key] = force > 0
             depths[key] = 0.0
 
@@ -130,7 +132,7 @@ def find_contacts(
         for key, touched in touching.items()
         if key[0] == "body" and touched[:settled].any()
     ]
-    missed = bodies - {other for kind, _, other in touching if kind != "body"}
+    missed = bodies - {second for kind, _, second in touching if kind != "body"}
     gaps = nearest(robots, [track for track in tracks if track.owner in missed])
     return Contacts(
         taken,
@@ -138,7 +140,7 @@ def find_contacts(
         frozenset(resting),
         depths,
         {name: gap for name, (gap, _) in gaps.items()},
-        None if first is None else _measure_touch(robot, tool, taken, *first),
+        None if earliest is None else _measure_touch(robot, tool, taken, *earliest),
     )
 
 
@@ -163,11 +165,11 @@ def _find_touches(
     hit = may_meet(tracks, pairs, within, strikes[pairs].any(axis=1))
 
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
-        one, other = pairs[number].tolist()
-        pair = Pair(tracks[one], tracks[other])
+        first, second = pairs[number].tolist()
+        pair = Pair(tracks[first], tracks[second])
         touched, depth = _touch(pair, most[number], near[number], hit[number])
         if touched.any():
-            yield one, pair, touched, depth
+            yield first, pair, touched, depth
 
 
 def _touch(pair: Pair, most: float, near: Flags, hit: Flags) -> tuple[Flags, float]:
@@ -198,7 +200,7 @@ def _measure_touch(
     robot: Robot, tool: Tool, taken: Recording, sample: int, pair: Pair
 ) -> float:
     """Measure the distance from the mount's origin to a contact at a sample: the nearest point of the tool, metres."""
-    name = pair.one.name
+    name = pair.first.name
     mount = name if name in tool.mounts else tool.placed()[name][0]
     frames = link_frames(robot, tool, taken.arm[[sample]], taken.fingers[[sample]])
     _, positions = frames[mount]

@@ -59,19 +59,19 @@ def may_meet(
     for axis in (2, 1, 0):  # along z first, since most moves sideways
         low = rows.low[:, axis]
         high = rows.high[:, axis]
-        one = tracks.row(pairs[met, 0], interval)
-        other = tracks.row(pairs[met, 1], interval)
-        depth = np.minimum(high[one] - low[other], high[other] - low[one])
+        first = tracks.row(pairs[met, 0], interval)
+        second = tracks.row(pairs[met, 1], interval)
+        depth = np.minimum(high[first] - low[second], high[second] - low[first])
         deep = depth >= least[met] - ROUNDING_M
         met = met[deep]
         interval = interval[deep]
 
-    one, other = pairs[met].T
-    aside = rows.aside[tracks.row(one, interval)]
-    aside += rows.aside[tracks.row(other, interval)]
+    first, second = pairs[met].T
+    aside = rows.aside[tracks.row(first, interval)]
+    aside += rows.aside[tracks.row(second, interval)]
     gaps = np.maximum(
-        _bound_gaps(tracks, one, other, interval),
-        _bound_gaps(tracks, other, one, interval),
+        _bound_gaps(tracks, first, second, interval),
+        _bound_gaps(tracks, second, first, interval),
     )
     deep = aside - gaps >= least[met] - ROUNDING_M
     may = np.zeros_like(within)
@@ -80,7 +80,7 @@ def may_meet(
 
 
 def _bound_gaps(
-    tracks: Tracks, one: Indices, other: Indices, interval: Indices
+    tracks: Tracks, first: Indices, second: Indices, interval: Indices
 ) -> Array:
     """Bound from below the gaps (N,) between N pairs of solids in an interval each, by boxes along the second's axes.
 
@@ -89,20 +89,20 @@ def _bound_gaps(
     come nearer.
     """
     rows = tracks.rows
-    here = tracks.row(one, interval)
-    there = tracks.row(other, interval)
+    here = tracks.row(first, interval)
+    there = tracks.row(second, interval)
     apart = rows.positions[here] - rows.positions[there]
-    here_after = tracks.row(one, interval + 1)
-    there_after = tracks.row(other, interval + 1)
+    here_after = tracks.row(first, interval + 1)
+    there_after = tracks.row(second, interval + 1)
     apart_after = rows.positions[here_after] - rows.positions[there_after]
     gaps = np.minimum(
-        _box_gaps(tracks, one, other, here, there),
-        _box_gaps(tracks, one, other, here_after, there_after),
+        _box_gaps(tracks, first, second, here, there),
+        _box_gaps(tracks, first, second, here_after, there_after),
     ).max(axis=0)
 
     # From the straight way a point gets as far as an eighth of its acceleration, in units of the interval.
     moved = lengths(apart_after - apart)
-    reach = tracks.solids.reaches[one]
+    reach = tracks.solids.reaches[first]
     turned = rows.turned[here]
     others_turned = rows.turned[there]
     far = lengths(apart) + moved + reach
@@ -112,7 +112,7 @@ def _bound_gaps(
 
 
 def _box_gaps(
-    tracks: Tracks, one: Indices, other: Indices, here: Indices, there: Indices
+    tracks: Tracks, first: Indices, second: Indices, here: Indices, there: Indices
 ) -> Array:
     """Measure the gaps (6, N) along the second solids' axes, either way, between N boxes in rows ``here`` and others.
 
@@ -124,6 +124,6 @@ def _box_gaps(
     apart = rows.middles[here] - rows.middles[there]
     ahead = np.einsum("nij,nj->in", back, apart)
     widths = np.abs(back @ rows.rotations[here])
-    extents = np.einsum("nij,nj->in", widths, solids.halves[one])
-    extents = np.minimum(extents, solids.radii[one]) + solids.halves[other].T
+    extents = np.einsum("nij,nj->in", widths, solids.halves[first])
+    extents = np.minimum(extents, solids.radii[first]) + solids.halves[second].T
     return np.concatenate([ahead - extents, -ahead - extents])

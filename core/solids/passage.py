@@ -90,9 +90,9 @@ class Depths(NamedTuple):
 
 def choose_depths(solids: Solids, pairs: Indices) -> Depths:
     """Choose the depths for pairs (P, 2) of solids, of which the first one may be the robot's."""
-    one, other = solids.widths[pairs.T]
-    across = one + other
-    thick = 2 * np.minimum(one, other)
+    first, second = solids.widths[pairs.T]
+    across = first + second
+    thick = 2 * np.minimum(first, second)
     pressed = np.maximum(
         np.minimum(across / 2, thick), np.minimum(THIN_M, 0.9 * across)
     )
@@ -220,10 +220,10 @@ def turned_with(before: Look, now: Look) -> tuple[Array, Array]:
 
 def overlap(pair: Pair, instant: Instant, direction: Array) -> float:
     """How far the first would have to go back along a direction (3,) until the two are apart, at most, metres."""
-    here, rotation = pair.one.at(*instant)
-    there, others_rotation = pair.other.at(*instant)
-    far = _extent(pair.one, -(direction @ rotation))
-    far += _extent(pair.other, direction @ others_rotation)
+    here, rotation = pair.first.at(*instant)
+    there, others_rotation = pair.second.at(*instant)
+    far = _extent(pair.first, -(direction @ rotation))
+    far += _extent(pair.second, direction @ others_rotation)
     return far - float((here.getTranslation() - there.getTranslation()) @ direction)
 
 
@@ -302,14 +302,14 @@ def relative_ways(tracks: Tracks, pairs: Indices, near: Flags) -> Array:
     """
     rows = tracks.rows
     pair, interval = np.nonzero(near)
-    one, other = pairs[pair].T
+    first, second = pairs[pair].T
     ends = interval + np.array([[0], [1]])  # (2, N)
-    here = tracks.row(one, ends)
-    there = tracks.row(other, ends)
+    here = tracks.row(first, ends)
+    there = tracks.row(second, ends)
     back = rows.rotations[there].swapaxes(2, 3)
     apart = rows.positions[here] - rows.positions[there]
     seen = np.einsum("knij,knj->kni", back, apart)
     turned = angles(*(back @ rows.rotations[here]))
     ways = np.full(near.shape, _ELSEWHERE_M)
-    ways[near] = lengths(seen[1] - seen[0]) + tracks.solids.reaches[one] * turned
+    ways[near] = lengths(seen[1] - seen[0]) + tracks.solids.reaches[first] * turned
     return ways

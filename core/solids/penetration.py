@@ -20,7 +20,6 @@ from core.solids.near_pairs import Flags, may_meet, neighbours
 from core.solids.passage import (
     DEEP_S,
     Depths,
-    Passage,
     choose_depths,
     find_passage,
     relative_ways,
@@ -142,9 +141,9 @@ def _count_looks(meetings: _Meetings) -> Array:
     """
     tracks = meetings.tracks
     pair, interval = np.nonzero(meetings.near)
-    one, other = meetings.pairs[pair].T
+    first, second = meetings.pairs[pair].T
     aside = tracks.rows.aside
-    away = aside[tracks.row(one, interval)] + aside[tracks.row(other, interval)]
+    away = aside[tracks.row(first, interval)] + aside[tracks.row(second, interval)]
     ways = meetings.ways[pair, interval] + 2 * away  # there and back
     looks = np.zeros(tracks.samples - 1)
     np.maximum.at(looks, interval, np.maximum(ways / meetings.depths.thick[pair], 1.0))
@@ -156,20 +155,20 @@ def _count_looks(meetings: _Meetings) -> Array:
 
 def _find_passages(meetings: _Meetings, times: Array) -> list[Finding]:
     """Find the first passage of each two things."""
-    passages: dict[tuple[str, str], Passage] = {}
+    passages: dict[tuple[str, str], tuple[float, str]] = {}
     tracks = meetings.tracks
     depths = np.array(meetings.depths).T.tolist()
-    for number, (one, other) in enumerate(meetings.pairs.tolist()):
-        pair = Pair(tracks[one], tracks[other])
+    for number, (first, second) in enumerate(meetings.pairs.tolist()):
+        pair = Pair(tracks[first], tracks[second])
         near = np.flatnonzero(meetings.near[number])
         ways = meetings.ways[number]
         passage = find_passage(pair, near, ways, depths[number], times)
         if passage is not None:
-            names = pair.one.name, pair.other.name
+            names = pair.first.name, pair.second.name
             passages[names] = min(passages.get(names, passage), passage)
     return [
-        Finding(f"{one!r} {passage.text.format(repr(other))}", True)
-        for (one, other), passage in passages.items()
+        Finding(f"{first!r} {text.format(repr(second))}", penetration=True)
+        for (first, second), (_, text) in passages.items()
     ]
 
 

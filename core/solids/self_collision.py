@@ -83,7 +83,9 @@ class SolidPairs:
         solids: Sequence[Solid],
         limits: dict[tuple[int, int], float],
     ) -> None:
-        self.names = [(solids[one].name, solids[other].name) for one, other in limits]
+        self.names = [
+            (solids[first].name, solids[second].name) for first, second in limits
+        ]
         self.deep = np.array(list(limits.values()))
         self._robot = robot
         self._geometry = pin.GeometryModel()
@@ -150,10 +152,10 @@ def find_self_collision(
             deepest = float(later)
             depth = now
 
-    part, other = pairs.names[pair]
+    part, second = pairs.names[pair]
     time = float(np.interp(deepest, numbers, trajectory.times))
     with_tool = part not in robot_model(robot, Tool(gripper=tool.gripper)).links
-    return SelfCollision(time, part, other, depth, with_tool)
+    return SelfCollision(time, part, second, depth, with_tool)
 
 
 def _choose_rows(trajectory: JointTrajectory) -> Array:
@@ -177,16 +179,16 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
     mounted = [solid for solid in tool_solids(robot, tool) if solid.name not in loose]
     count = len(mounted)
     limits = {
-        (one + count, other + count): deep
-        for (one, other), deep in _link_limits(robot, jointed(tool)).items()
+        (first + count, second + count): deep
+        for (first, second), deep in _link_limits(robot, jointed(tool)).items()
     }
-    for one, part in enumerate(mounted):
-        for other, link in enumerate(links, start=count):
+    for first, part in enumerate(mounted):
+        for second, link in enumerate(links, start=count):
             before = model.supports[part.frame]
             behind = model.supports[link.frame]
             on_two_fingers = before - behind and behind - before
             if part.frame != link.frame and not on_two_fingers:
-                limits[one, other] = DEEP_M
+                limits[first, second] = DEEP_M
     return SolidPairs(model, [*mounted, *links], limits)
 
 
@@ -197,12 +199,12 @@ def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
     links = link_solids(robot, tool)
     arm = {solid.name for solid in robot_solids(robot, False)}
     limits = {}
-    for (one, part), (other, link) in combinations(enumerate(links), 2):
+    for (first, part), (second, link) in combinations(enumerate(links), 2):
         between = model.supports[part.frame] ^ model.supports[link.frame]
         apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
         of_arm = {part.name, link.name} <= arm
         if apart >= (_APART if of_arm else _APART_ON_FLANGE):
-            limits[one, other] = DEEP_M if apart >= _APART else DEEP_NEAR_M
+            limits[first, second] = DEEP_M if apart >= _APART else DEEP_NEAR_M
 
     fingers = finger_values(robot, tool, np.array([robot.opening_m]))
     home = joint_values(robot, tool, np.array([robot.home]), fingers)[0]

@@ -140,16 +140,16 @@ class Pair:
         travel: (T,) how far the two have moved since the first sample, metres, at most.
     """
 
-    def __init__(self, one: Track, other: Track) -> None:
-        self.one = one
-        self.other = other
-        self.travel = one.travel + other.travel
-        self._measure = coal.ComputeDistance(other.geometry, one.geometry)
+    def __init__(self, first: Track, second: Track) -> None:
+        self.first = first
+        self.second = second
+        self.travel = first.travel + second.travel
+        self._measure = coal.ComputeDistance(second.geometry, first.geometry)
 
     def look(self, k: int, share: float = 0.0) -> Look:
         """Measure the two at an instant (see `Track.at`)."""
-        here, rotation = self.one.at(k, share)
-        there, others_rotation = self.other.at(k, share)
+        here, rotation = self.first.at(k, share)
+        there, others_rotation = self.second.at(k, share)
         result = coal.DistanceResult()
         gap = float(self._measure(there, here, _REQUEST, result))
         return Look(-gap, rotation, others_rotation, result)

@@ -123,15 +123,16 @@ class Perception:
     height: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("position", self.position),
-            ("yaw", self.yaw),
-            ("height", self.height),
-        ):
-            if not 0 <= value <= 1:
-                raise UsageError(
-                    f"rollout.perception.{name} must be between 0 and 1, got {value}"
-                )
+        _check_range("perception.position", self.position, 1)
+        _check_range("perception.yaw", self.yaw, 1)
+        _check_range("perception.height", self.height, 1)
+
+
+def _check_range(name: str, value: float, most: float, unit: str = "") -> None:
+    if not 0 <= value <= most:
+        raise UsageError(
+            f"rollout.{name} must be between 0 and {most}{unit}, got {value}"
+        )
 
 
 @dataclass(unsafe_hash=True)
@@ -150,10 +151,7 @@ class Feel:
 
     def __post_init__(self) -> None:
         check_positive("rollout.feel.", threshold=self.threshold, stall=self.stall)
-        if not 0 <= self.noise <= 10:
-            raise UsageError(
-                f"rollout.feel.noise must be between 0 and 10 N m, got {self.noise}"
-            )
+        _check_range("feel.noise", self.noise, 10, " N m")
 
 
 PENETRATION_MODES = ("forbid", "warn", "ignore")
@@ -190,11 +188,8 @@ class RolloutSettings:
             speed=self.speed,
             max_motion_s=self.max_motion_s,
         )
-        for name, seconds in (("settle_s", self.settle_s), ("hold_s", self.hold_s)):
-            if not 0 <= seconds <= 60:
-                raise UsageError(
-                    f"rollout.{name} must be between 0 and 60 seconds, got {seconds}"
-                )
+        _check_range("settle_s", self.settle_s, 60, " seconds")
+        _check_range("hold_s", self.hold_s, 60, " seconds")
         if self.speed > 1:
             raise UsageError(
                 f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}"
