@@ -89,41 +89,29 @@ def _bound_gaps(
     come nearer.
     """
     rows = tracks.rows
-    here = tracks.row(first, interval)
-    there = tracks.row(second, interval)
-    apart = rows.positions[here] - rows.positions[there]
-    here_after = tracks.row(first, interval + 1)
-    there_after = tracks.row(second, interval + 1)
-    apart_after = rows.positions[here_after] - rows.positions[there_after]
-    gaps = np.minimum(
-        _box_gaps(tracks, first, second, here, there),
-        _box_gaps(tracks, first, second, here_after, there_after),
-    ).max(axis=0)
+    solids = tracks.solids
+    ends = interval + np.array([[0], [1]])
+    here = tracks.row(first, ends)  # (2, N)
+    there = tracks.row(second, ends)
+
+    # The gaps along three axes either way, (6, 2, N). A ball extends as far as its radius, however it is turned.
+    back = rows.rotations[there].swapaxes(2, 3)
+    middles = rows.middles[here] - rows.middles[there]
+    ahead = np.einsum("knij,knj->ikn", back, middles)
+    widths = np.abs(back @ rows.rotations[here])
+    extents = np.einsum("knij,nj->ikn", widths, solids.halves[first])
+    extents = np.minimum(extents, solids.radii[first])
+    extents += solids.halves[second].T[:, None]
+    gaps = np.concatenate([ahead - extents, -ahead - extents])
+    gaps = gaps.min(axis=1).max(axis=0)
 
     # From the straight way a point gets as far as an eighth of its acceleration, in units of the interval.
-    moved = lengths(apart_after - apart)
-    reach = tracks.solids.reaches[first]
-    turned = rows.turned[here]
-    others_turned = rows.turned[there]
-    far = lengths(apart) + moved + reach
+    begin, end = rows.positions[here] - rows.positions[there]
+    moved = lengths(end - begin)
+    reach = solids.reaches[first]
+    turned = rows.turned[here[0]]
+    others_turned = rows.turned[there[0]]
+    far = lengths(begin) + moved + reach
     bend = others_turned**2 * far + turned**2 * reach
     bend += 2 * others_turned * (moved + reach * turned)
     return gaps - bend / 8
-
-
-def _box_gaps(
-    tracks: Tracks, first: Indices, second: Indices, here: Indices, there: Indices
-) -> Array:
-    """Measure the gaps (6, N) along the second solids' axes, either way, between N boxes in rows ``here`` and others.
-
-    None extends farther from its middle than its radius: that of a ball, infinite for others.
-    """
-    rows = tracks.rows
-    solids = tracks.solids
-    back = rows.rotations[there].swapaxes(1, 2)
-    apart = rows.middles[here] - rows.middles[there]
-    ahead = np.einsum("nij,nj->in", back, apart)
-    widths = np.abs(back @ rows.rotations[here])
-    extents = np.einsum("nij,nj->in", widths, solids.halves[first])
-    extents = np.minimum(extents, solids.radii[first]) + solids.halves[second].T
-    return np.concatenate([ahead - extents, -ahead - extents])
