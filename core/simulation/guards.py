@@ -91,7 +91,7 @@ class PlannedGuards:
         self._number = guarded[0] if guarded else None
         if self._number is None:
             return
-        leaves = arrivals
+        leaves: Array = arrivals
         if self._waypoints.tempo is not None:
             leaves = arrivals + self._waypoints.tempo.waits[: len(arrivals)]
         self.since = float(leaves[self._number - 1]) if self._number else 0.0
@@ -137,8 +137,8 @@ class PlannedGuards:
             torques += jacobian.T @ np.concatenate([forces.sum(axis=0), moment])
         square = jacobian @ jacobian.T
         square += _DAMPING * np.trace(square) * np.eye(len(square))
-        wrench: Array = np.linalg.solve(square, jacobian @ torques)
-        return wrench[:3]
+        wrench = np.linalg.solve(square, jacobian @ torques)
+        return np.asarray(wrench[:3], dtype=np.float64)
 
     def _has_fired(self, guard: Guard, time: float, arm: Array, force: Array) -> bool:
         """Report whether a guard fires: by the force at the flange (3,), or by how far the arm lags."""
@@ -277,7 +277,7 @@ def _bring_to_rest(
     course = begin + lasts * velocity * shares * (1 - shares) ** 2
     course = course + way * shares**2 * (3 - 2 * shares)
     before = trajectory.times < time
-    times = [trajectory.times[before], [time], time + lasts * shares[:, 0]]
+    times = [trajectory.times[before], np.array([time]), time + lasts * shares[:, 0]]
     joints = [
         trajectory.arm[before],
         targets[1:],

@@ -30,7 +30,8 @@ from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
 from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Scene, State
-from core.solids.contacts import Contacts, Flags, make_trace
+from core.solids.contacts import Contacts, make_trace
+from core.solids.near_pairs import Flags
 from core.values.joints import rotate, rotate_back
 from core.values.observations import Class, Moved, Offset, Point
 

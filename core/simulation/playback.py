@@ -36,8 +36,9 @@ class Schedule:
         self.settle = round(job.settle_s / time_step)
         moving = int(np.ceil(job.trajectory.duration / time_step))
         count = self.settle + moving + round(job.hold_s / time_step)
-        self.times = np.arange(-self.settle, count - self.settle) * time_step
-        self.ends = self.times + time_step
+        steps = np.arange(-self.settle, count - self.settle, dtype=np.float64)
+        self.times: Array = steps * time_step
+        self.ends: Array = self.times + time_step
         self.every = 0
         self.samples = np.empty(0, dtype=int)
         if job.record_hz > 0:

@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +63,7 @@ class Contacts:
 
     def _describe(self, key: Key) -> Contact:
         """Describe a contact; its force is the largest normal force, N, and a component has that of the tool."""
+        kind: Any  # one of three literals
         kind, first, second = key
         times = self.taken.times[self.touching[key]].tolist()
         force = None
@@ -71,9 +73,8 @@ class Contacts:
             force = 0.0
             if values is not None:
                 force = float((values * self.touching[key]).max())
-        return Contact(
-            kind, first, second, times[0], times[-1], self.depths[key], force
-        )  # type: ignore[arg-type]
+        depth = self.depths[key]
+        return Contact(kind, first, second, times[0], times[-1], depth, force)
 
     def with_robot(self, body: str) -> Flags:
         """Report at which samples (T,) the arm or the tool touches a body."""
@@ -162,7 +163,8 @@ def _find_touches(
     never = np.zeros(tracks.samples - 1, dtype=bool)
     strikes = np.array([struck.get(owner, never) for owner in solids.owners])
     within = np.full(len(pairs), -STRUCK_M)
-    hit = may_meet(tracks, pairs, within, strikes[pairs].any(axis=1))
+    either = strikes[pairs[:, 0]] | strikes[pairs[:, 1]]
+    hit = may_meet(tracks, pairs, within, either)
 
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
         first, second = pairs[number].tolist()
@@ -233,7 +235,8 @@ def nearest(
 
 def _extents(track: Track) -> Array:
     """Half lengths (T, 3) of the bounding boxes along the world's axes, metres."""
-    return np.abs(track.rotations) @ track.box
+    extents: Array = np.abs(track.rotations) @ track.box
+    return extents
 
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
@@ -293,7 +296,7 @@ class _Clock:
         self._nearest = np.clip(numbers, 0, len(instants) - 1)
         self._begun = skipped >= 0
 
-    def read(self, values: Array, *, early: bool) -> Array:
+    def read(self, values: Array | Flags, *, early: bool) -> Any:
         """Read values (T,), or flags: (N,). Of samples between two instants the largest counts at the nearest one.
 
         With ``early`` those before the motion began count too.

@@ -114,4 +114,5 @@ def _bound_gaps(
     far = lengths(begin) + moved + reach
     bend = others_turned**2 * far + turned**2 * reach
     bend += 2 * others_turned * (moved + reach * turned)
-    return gaps - bend / 8
+    bounds: Array = gaps - bend / 8
+    return bounds

@@ -129,7 +129,7 @@ def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
     moves = np.zeros((len(tracks), tracks.samples - 1), dtype=bool)
     moves[tracks.moving] = np.diff(steps, axis=1, prepend=0.0) > 0
     moves[tracks.moving] |= aside > _STILL_M / 2
-    marked: Flags = moves[pairs].any(axis=1)
+    marked: Flags = moves[pairs[:, 0]] | moves[pairs[:, 1]]
     marked[:, :1] = True
     return marked
 
