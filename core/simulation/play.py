@@ -30,17 +30,7 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
         PluginError: the code of the task or the simulator raised something; names the plugin.
     """
     try:
-        trials = _play(Stage(condition), candidates)
-        examiner = condition.examiner
-        if examiner is None:
-            return trials
-        pairs = zip(candidates, trials, strict=True)
-        return [
-            examiner.examine(condition, candidate, trial)
-            if trial.status == "ok"
-            else trial
-            for candidate, trial in pairs
-        ]
+        return _play(Stage(condition), candidates)
     except (UserError, MemoryError):
         raise
     except RAISED as error:  # a plugin's code may raise anything
@@ -60,45 +50,50 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
         return [planned.reason]
 
     motion = planned.motion
-    out_of_reach = [
-        f"the arm misses the way to waypoint {k + 1} by {1000 * metres:.0f} mm, {radians:.2f} rad"
-        for k, (metres, radians) in enumerate(motion.misses.tolist())
-        if metres > MISSED_M or radians > MISSED_RAD
-    ]
-    return [*out_of_reach, *motion.slowdowns(), *planned.warnings]
+    problems = []
+    for number, (metres, radians) in enumerate(motion.misses.tolist(), start=1):
+        if metres > MISSED_M or radians > MISSED_RAD:
+            miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
+            problems.append(f"the arm misses the way to waypoint {number} by {miss}")
+    return [*problems, *motion.slowdowns(), *planned.warnings]
 
 
 def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try each candidate, and return their trials, in order."""
-    steps = [plan_attempt(stage, candidate) for candidate in candidates]
-    attempts = [step for step in steps if isinstance(step, Attempt)]
-    outcomes = _outcomes(
-        stage.simulator, stage.task, [attempt.job for attempt in attempts]
-    )
+    planned = [plan_attempt(stage, candidate) for candidate in candidates]
+    attempts = [step for step in planned if isinstance(step, Attempt)]
+    jobs = [attempt.job for attempt in attempts]
+    outcomes = _run_engine(stage.simulator, stage.task, jobs)
     for attempt, outcome in zip(attempts, outcomes, strict=True):
         attempt.outcome = outcome
         follow_guards(stage, attempt)
-    judged = iter(judge_attempts(stage, attempts))
-    return [next(judged) if isinstance(step, Attempt) else step for step in steps]
+    played = iter(judge_attempts(stage, attempts))
+
+    condition = stage.condition
+    examiner = condition.examiner
+    trials = []
+    for candidate, step in zip(candidates, planned, strict=True):
+        trial = next(played) if isinstance(step, Attempt) else step
+        if examiner is not None and trial.status == "ok":
+            trial = examiner.examine(condition, candidate, trial)
+        trials.append(trial)
+    return trials
 
 
-def _outcomes(
+def _run_engine(
     simulator: Simulator, task: Task, jobs: Sequence[Rollout]
 ) -> list[Outcome]:
-    """Play the jobs, one outcome for each.
+    """Let the engine play the jobs, one outcome for each.
 
     Raises:
         PluginError: the simulator returned something else; names it.
     """
     outcomes = simulator.rollout(task, jobs)
-    if not isinstance(outcomes, list) or not all(
-        isinstance(outcome, Outcome) for outcome in outcomes
-    ):
-        raise PluginError(
-            f"{describe_part(simulator)}: rollout gave {shorten(repr(outcomes))}; expected a list of Outcome"
-        )
+    listed = isinstance(outcomes, list)
+    if not listed or not all(isinstance(outcome, Outcome) for outcome in outcomes):
+        got = f"{shorten(repr(outcomes))}; expected a list of Outcome"
+        raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
     if len(outcomes) != len(jobs):
-        raise PluginError(
-            f"{describe_part(simulator)}: rollout gave {len(outcomes)} outcomes for {len(jobs)} jobs"
-        )
+        got = f"{len(outcomes)} outcomes for {len(jobs)} jobs"
+        raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
     return outcomes
