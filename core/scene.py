@@ -24,7 +24,6 @@ from core.geometry import (
     Shape,
     Sphere,
     Vector,
-    frozen_array,
 )
 from core.values.joints import Drive, Joint, Latch, PlacedJoint
 from core.values.margins import Margin
@@ -46,7 +45,6 @@ __all__ = [
     "Filling",
     "Form",
     "Geom",
-    "Inertia",
     "Joint",
     "Latch",
     "Margin",
@@ -71,15 +69,6 @@ class Geom:
     shape: Shape
     pose: Pose = field(default_factory=Pose)
     color: Color = (0.7, 0.7, 0.7, 1.0)
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """Mass, the principal axes at the centre of mass (as a pose in the body's frame), and principal moments (3,)."""
-
-    mass: float
-    frame: Pose
-    moments: Array
 
 
 @dataclass(frozen=True)
@@ -155,34 +144,6 @@ class Body:
     def launched(self) -> bool:
         """Whether it gets a velocity when the motion begins."""
         return any((*self.velocity, *self.spin))
-
-    def inertia(self) -> Inertia:
-        """Compute the inertia of all collision parts together, at one density."""
-        meshes = []
-        for part in self.collisions:
-            mesh = part.shape.to_trimesh()
-            if isinstance(part.shape, Mesh):
-                mesh = mesh.convex_hull
-            meshes.append(mesh.apply_transform(part.pose.matrix))
-
-        density = self.mass / sum(mesh.volume for mesh in meshes)
-        first_moment = sum(mesh.volume * mesh.center_mass for mesh in meshes)
-        center = first_moment * density / self.mass
-        tensor = np.zeros((3, 3))
-        for mesh in meshes:
-            arm = mesh.center_mass - center
-            shift = np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm)
-            tensor += density * (mesh.moment_inertia + mesh.volume * shift)
-
-        moments = np.diag(tensor)
-        if np.abs(tensor - np.diag(moments)).max() < 1e-9 * np.trace(tensor):
-            return Inertia(self.mass, Pose(center), frozen_array(moments))
-        moments, axes = np.linalg.eigh(tensor)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
-        matrix = np.eye(4)
-        matrix[:3, :3] = axes
-        matrix[:3, 3] = center
-        return Inertia(self.mass, Pose.from_matrix(matrix), frozen_array(moments))
 
 
 @dataclass(frozen=True)

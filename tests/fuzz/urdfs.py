@@ -32,6 +32,7 @@ from core.robot.solids import robot_solids
 from plugins.conformance.worlds import BARE, Bodies, still
 from plugins.robots import hulls
 from plugins.robots.reading import read_robot
+from plugins.simulators.inertia import inertia_of
 from plugins.tasks.file.imports import read_urdf, solids
 from tests import outside_arm
 from tests.plugins.tasks.file.imports.conftest import called
@@ -199,7 +200,7 @@ def read_scene(rng: random.Random, file: Path) -> None:
     task = Bodies(*made.bodies, joints=made.joints)
     state, inertias = (
         task.scene(0).state(),
-        [body.inertia() for body in made.bodies if not body.fixed],
+        [inertia_of(body) for body in made.bodies if not body.fixed],
     )
     numbers = [
         *state.arrays,

@@ -9,9 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
-from core.scene import Body, Inertia, Scene, Soft, State
+from core.scene import Body, Scene, Soft, State
 from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from plugins.simulators.forces import latch_force
+from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element, add_body

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
-from core.scene import Inertia
+from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 
 Element = Any  # of an MjSpec

@@ -10,8 +10,9 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Guards, JointTrajectory, Outcome, Robot, Rollout
 from core.robot.description import assembled, joint_name
-from core.scene import Inertia, Scene, Soft, State
+from core.scene import Scene, Soft, State
 from core.simulation.playback import Schedule, begin_guards
+from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
@@ -35,7 +36,7 @@ _STATE = (
 def inertias_of(scene: Scene) -> dict[str, Inertia]:
     """Compute the inertias of the free rigid bodies, by name."""
     return {
-        body.name: body.inertia() for body in scene.free if not isinstance(body, Soft)
+        body.name: inertia_of(body) for body in scene.free if not isinstance(body, Soft)
     }
 
 

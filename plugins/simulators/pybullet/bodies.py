@@ -11,7 +11,7 @@ import trimesh
 
 from core.geometry import Mesh, Pose, Shape
 from core.robot.description import write
-from core.scene import Body, Inertia
+from core.scene import Body
 from core.support.scratch import write_once
 from core.values.descriptions import (
     Description,
@@ -23,6 +23,7 @@ from core.values.descriptions import (
     rounded,
     rounded_shape,
 )
+from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.rolling import rollers
 
@@ -49,7 +50,7 @@ class PreparedBody:
     @classmethod
     def of(cls, body: Body, folder: Path) -> PreparedBody:
         """Prepare a body; its files are written to ``folder``."""
-        inertia = None if body.fixed else body.inertia()
+        inertia = None if body.fixed else inertia_of(body)
         link = RobotLink("body", inertial(inertia), collisions_of(body, folder))
         return cls(
             body.name,

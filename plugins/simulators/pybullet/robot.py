@@ -10,9 +10,8 @@ import numpy as np
 
 from core.design import Tool
 from core.robot.description import assembled, write
-from core.scene import Inertia
 from core.values.robots import Robot
-from plugins.simulators.links import principal
+from plugins.simulators.inertia import Inertia, principal
 from plugins.simulators.pybullet.bodies import inertial, text_file
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.robot.description import write
-from core.scene import Body, Inertia, Joint, Scene
+from core.scene import Body, Joint, Scene
 from core.values.descriptions import (
     Description,
     Limits,
@@ -23,6 +23,7 @@ from core.values.descriptions import (
     rounded,
 )
 from plugins.simulators.forces import latch_force
+from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.pybullet.bodies import (
     DIGITS,
     collisions_of,
@@ -138,7 +139,7 @@ class PreparedTree:
             bodies.append(root)
             frames[root.name] = root.pose
             links[root.name] = _ROOT
-        inertias = {body.name: body.inertia() for body in bodies}
+        inertias = {body.name: inertia_of(body) for body in bodies}
         made = {_ROOT: RobotLink(_ROOT)} if root is None else {}
         for body in bodies:
             name = links[body.name]

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Cylinder
-from core.scene import Inertia, Scene, State
+from core.scene import Scene, State
 from core.values.joints import rotate
+from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.rolling import rollers
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.joints import apart
@@ -50,7 +51,7 @@ class Weighed:
 
     @cached_property
     def inertias(self) -> dict[str, Inertia]:
-        return {body.name: body.inertia() for body in self.scene.free}
+        return {body.name: inertia_of(body) for body in self.scene.free}
 
     @cached_property
     def radii(self) -> dict[str, float]:

@@ -13,10 +13,9 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Pose, Shape
 from core.robot.description import assembled, merged
-from core.scene import Inertia
 from core.values.descriptions import RobotJoint, Weight
 from core.values.robots import Robot
-from plugins.simulators.links import principal
+from plugins.simulators.inertia import Inertia, principal
 
 
 @dataclass(frozen=True, eq=False)

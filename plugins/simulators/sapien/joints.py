@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError
 from core.geometry import Array, Pose
-from core.scene import Drive, Inertia, Joint, Scene
+from core.scene import Drive, Joint, Scene
 from plugins.simulators.forces import latch_force
+from plugins.simulators.inertia import Inertia
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import to_sapien
 

@@ -23,6 +23,7 @@ from plugins.conformance.worlds import (
     start,
     still,
 )
+from plugins.simulators.inertia import inertia_of
 
 pytest.importorskip("mujoco")
 
@@ -206,7 +207,7 @@ def test_states_are_what_mujoco_makes_of_positions_and_speeds(seed, kinds):
     model = compiled(
         PANDA,
         scene,
-        {body.name: body.inertia() for body in scene.free},
+        {body.name: inertia_of(body) for body in scene.free},
         BARE,
         0.0025,
         50.0,

@@ -15,8 +15,9 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
-from core.scene import Inertia, Scene, State
+from core.scene import Scene, State
 from core.values.robots import Robot
+from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.moving import state
 from plugins.simulators.mujoco.robot import set_gains

@@ -1,0 +1,52 @@
+"""Compute the inertia of bodies, as engines are given it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Mesh, Pose, frozen_array
+from core.scene import Body
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass, the principal axes at the centre of mass (as a pose in the body's frame), and principal moments (3,)."""
+
+    mass: float
+    frame: Pose
+    moments: Array
+
+
+def inertia_of(body: Body) -> Inertia:
+    """Compute the inertia of all collision parts of a body together, at one density."""
+    meshes = []
+    for part in body.collisions:
+        mesh = part.shape.to_trimesh()
+        if isinstance(part.shape, Mesh):
+            mesh = mesh.convex_hull
+        meshes.append(mesh.apply_transform(part.pose.matrix))
+
+    density = body.mass / sum(mesh.volume for mesh in meshes)
+    first_moment = sum(mesh.volume * mesh.center_mass for mesh in meshes)
+    center = first_moment * density / body.mass
+    tensor = np.zeros((3, 3))
+    for mesh in meshes:
+        arm = mesh.center_mass - center
+        shift = np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm)
+        tensor += density * (mesh.moment_inertia + mesh.volume * shift)
+
+    moments = np.diag(tensor)
+    if np.abs(tensor - np.diag(moments)).max() < 1e-9 * np.trace(tensor):
+        return Inertia(body.mass, Pose(center), frozen_array(moments))
+    return principal(body.mass, center, tensor)
+
+
+def principal(mass: float, center: Array, tensor: Array) -> Inertia:
+    """Make an inertia of a mass, kg, with its centre (3,) and its tensor (3, 3) about that."""
+    moments, axes = np.linalg.eigh(tensor)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    frame = Pose.from_rotation(center, Rotation.from_matrix(axes))
+    return Inertia(mass, frame, moments)
