@@ -205,11 +205,6 @@ class Soft(Body):
             pinned=tuple(pinned),
         )
 
-    def in_words(self) -> str:
-        """Say how stiff it is, and whether it is held."""
-        held = f"; held at {len(self.pinned)} of its nodes" if self.pinned else ""
-        return self.elastic.in_words() + held
-
     @property
     def placed(self) -> Array:
         """The nodes (N, 3) in the world at spawn."""

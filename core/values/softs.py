@@ -20,12 +20,6 @@ Elements = npt.NDArray[np.int64]
 MAX_NODES = 150  # the time of a step grows with them
 SKIN_M = 0.002  # the thickness of a solid's skin, which collides; others are at least as thick
 _CORNERS = 8  # of a rope's cross-section, as it is drawn
-_STIFF = (
-    (2e4, "very soft, as dough"),
-    (2e5, "soft, as a sponge"),
-    (2e6, "as soft rubber"),
-    (2e7, "as rubber"),
-)
 
 
 @dataclass(frozen=True)
@@ -61,13 +55,6 @@ class Elastic:
             value = getattr(self, name)
             problem = f"{name} must be from {low:g} to {high:g}, got {value}"
             refuse("", {problem: not low <= value <= high})
-
-    def in_words(self) -> str:
-        """Say how stiff it is."""
-        for most, words in _STIFF:
-            if self.young < most:
-                return words
-        return "stiff, as plastic"
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,13 @@ _FRICTIONS: Words = (  # by the coefficient
     (0.8, "as wood"),
     (np.inf, "as rubber"),
 )
+_STIFFNESS: Words = (  # by Young's modulus, Pa
+    (2e4, "very soft, as dough"),
+    (2e5, "soft, as a sponge"),
+    (2e6, "as soft rubber"),
+    (2e7, "as rubber"),
+    (np.inf, "stiff, as plastic"),
+)
 _NUMBERED = re.compile(r"_?\d+$")
 
 
@@ -71,7 +78,7 @@ def bodies_table(task: Task, seed: int) -> str:
 def _kind(body: Body) -> str:
     """Say how a body without a joint moves."""
     if isinstance(body, Soft):
-        return f"soft {body.form.kind}, {body.in_words()}"
+        return f"soft {body.form.kind}, {softness(body)}"
     if body.mass:
         return "free"
     return "fixed" if body.collisions else "mark"
@@ -80,6 +87,14 @@ def _kind(body: Body) -> str:
 def _choose(words: Words, number: float) -> str:
     """Choose the word for a number."""
     return next(word for limit, word in words if number < limit)
+
+
+def softness(body: Soft) -> str:
+    """Say in words how stiff a soft body is, and whether it is held."""
+    stiff = _choose(_STIFFNESS, body.elastic.young)
+    if body.pinned:
+        return f"{stiff}; held at {len(body.pinned)} of its nodes"
+    return stiff
 
 
 def weight(body: Body) -> str:

@@ -13,7 +13,7 @@ from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Soft
 from core.support.text import short_number, short_numbers, table
-from plugins.vlms.told.bodies import bounds, slip, weight
+from plugins.vlms.told.bodies import bounds, slip, softness, weight
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = (
@@ -111,7 +111,7 @@ def _describe_body(body: Body, is_alone: bool) -> str:
     if isinstance(body, Soft):
         form = body.form
         size = short_numbers(np.ptp(form.nodes, axis=0), 3)
-        return f"soft {form.kind}, {size}, {form.thickness:g} thick; {body.in_words()}"
+        return f"soft {form.kind}, {size}, {form.thickness:g} thick; {softness(body)}"
 
     if not body.collisions:
         return "a mark: nothing touches it"
