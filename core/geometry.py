@@ -188,7 +188,8 @@ class _Solid:
                     [2 * radius, 2 * radius, length + 2 * radius]
                 )
         corners = cast("Mesh", self.drawn).vertices
-        low, high = corners.min(axis=0), corners.max(axis=0)
+        low = corners.min(axis=0)
+        high = corners.max(axis=0)
         return (low + high) / 2, high - low
 
     def to_trimesh(self) -> trimesh.Trimesh:
@@ -233,36 +234,34 @@ class Box(_Solid):
         object.__setattr__(self, "size", (x, y, z))
 
 
+class _Round(_Solid):
+    """A shape whose fields are lengths."""
+
+    def __post_init__(self) -> None:
+        _positive(**vars(self))
+
+
 @dataclass(frozen=True)
-class Sphere(_Solid):
+class Sphere(_Round):
     """A sphere centred on its frame."""
 
     radius: float
 
-    def __post_init__(self) -> None:
-        _positive(radius=self.radius)
-
 
 @dataclass(frozen=True)
-class Cylinder(_Solid):
+class Cylinder(_Round):
     """A cylinder along z, centred on its frame."""
 
     radius: float
     length: float
 
-    def __post_init__(self) -> None:
-        _positive(radius=self.radius, length=self.length)
-
 
 @dataclass(frozen=True)
-class Capsule(_Solid):
+class Capsule(_Round):
     """A cylinder along z, centred on its frame, with half a sphere on each end; ``length`` is without these."""
 
     radius: float
     length: float
-
-    def __post_init__(self) -> None:
-        _positive(radius=self.radius, length=self.length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,11 +386,12 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
         case Mesh():
             return _stretched(shape, *shape.bounds, np.array([x, y, z]))
         case Compound(surface, parts):
-            around = *surface.bounds, np.array([x, y, z])
-            return Compound(
-                _stretched(surface, *around),
-                tuple(_stretched(part, *around) for part in parts),
+            middle, before = surface.bounds
+            after = np.array([x, y, z])
+            outside, *inside = (
+                _stretched(mesh, middle, before, after) for mesh in (surface, *parts)
             )
+            return Compound(outside, tuple(inside))
 
 
 def _stretched(mesh: Mesh, middle: Array, before: Array, after: Array) -> Mesh:
