@@ -28,38 +28,39 @@ class Task(ABC):
     Args:
         variation: what differs between layouts: ``none``, or a key of ``variations``.
 
+    Attributes:
+        description: one paragraph, for the model.
+        in_words: the same without places, sizes and masses, for a model that is told less.
+        goals: the same, for programs.
+        every: whether all goals to reach count; else one is enough.
+        hold_s: the least time after the plan, s; the rollout's own setting may be longer.
+        home: the end-effector's pose in the world at the start.
+        success_reward: from here on the task counts as solved.
+        variations: by name, what `draw` draws at random, and from which range.
+        tool_kinds: that a tool for it may have, where its configuration names none.
+        combine: of the rewards of its parts: mean or worst.
+        language: of the source that a model is shown.
+        robot: the arm that performs the task; the program makes a task for one.
+
     Raises:
         UsageError: the task has no such variation.
     """
 
     name: ClassVar[str]
-    description: ClassVar[str]  # one paragraph, for the model
-    in_words: ClassVar[str] = (
-        ""  # the same without places, sizes and masses, for a model that is told less
-    )
-    goals: ClassVar[tuple[Goal, ...]]  # the same, for programs
-    every: ClassVar[bool] = False  # whether all goals count; else one is enough
-    hold_s: ClassVar[float] = (
-        0.0  # the least time after the plan, s; the rollout's own setting may be longer
-    )
-    home: ClassVar[Pose] = Pose(
-        np.array([0.5, 0.0, 0.5])
-    )  # the end-effector's pose in the world at the start
+    description: ClassVar[str]
+    in_words: ClassVar[str] = ""
+    goals: ClassVar[tuple[Goal, ...]]
+    every: ClassVar[bool] = False
+    hold_s: ClassVar[float] = 0.0
+    home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))
     camera: ClassVar[Camera] = Camera()
-    success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
-    variations: ClassVar[
-        Mapping[str, Ranges]
-    ] = {}  # by name: what `draw` draws at random, and from which range
+    success_reward: ClassVar[float] = 0.95
+    variations: ClassVar[Mapping[str, Ranges]] = {}
     variation: str = NONE
-    tool_kinds: Sequence[
-        str
-    ] = ()  # that a tool for it may have, where its configuration names none
-    sources: Sequence[Any] = ()  # what makes its `parts`, where there are several
-    builder: ClassVar[type | None] = (
-        None  # of its searches; None: `core.search.builder.SearchBuilder`
-    )
-    language: ClassVar[str] = "python"  # of the source that a model is shown
-    robot: Robot  # the arm that performs the task; the program makes a task for one
+    tool_kinds: Sequence[str] = ()
+    combine: str = "mean"
+    language: ClassVar[str] = "python"
+    robot: Robot
 
     def __init__(self, variation: str = NONE) -> None:
         if variation not in (NONE, *self.variations):
@@ -149,12 +150,15 @@ NOTHING_TOLD: dict[str, Any] = dict.fromkeys(
 
 
 class Level(ABC):
-    """How much a model is told of a task's scene: ``prompt.told=NAME``."""
+    """How much a model is told of a task's scene: ``prompt.told=NAME``.
 
-    numbers: ClassVar[bool] = (
-        True  # of bodies, in texts; else pictures show them, and feedback has none either
-    )
-    in_words: ClassVar[bool] = True  # a task needs `Task.in_words`
+    Attributes:
+        numbers: whether texts have numbers of bodies; else pictures show them, and feedback has none either.
+        in_words: whether a task needs `Task.in_words`.
+    """
+
+    numbers: ClassVar[bool] = True
+    in_words: ClassVar[bool] = True
 
     @abstractmethod
     def values(self, task: Task, seed: int) -> dict[str, Any]:
@@ -177,17 +181,19 @@ class Level(ABC):
 
 @lru_cache(maxsize=256)
 def _reads_trace(kind: type[Task]) -> bool:
-    _, *given = inspect.signature(kind.reward).parameters.values()
+    signature = inspect.signature(kind.reward)
+    _, *given = signature.parameters.values()
     reads = len(given) > 2 and given[2].name == "trace"
     needed = [
-        p
-        for p in given
-        if p.default is p.empty and p.kind is not p.VAR_KEYWORD and p.name != "trace"
+        parameter
+        for parameter in given
+        if parameter.default is parameter.empty
+        and parameter.kind is not parameter.VAR_KEYWORD
+        and parameter.name != "trace"
     ]
     if len(needed) != 2:
-        wrong = f"reward{inspect.signature(kind.reward)}"
         raise UsageError(
-            f"task {kind.name}: {wrong} must be reward(self, start, end) or (self, start, end, trace)"
+            f"task {kind.name}: reward{signature} must be reward(self, start, end) or (self, start, end, trace)"
         )
     return reads
 
@@ -213,12 +219,8 @@ def margins_of(
         return least_first(task.margins(start, end, trace))
     try:
         margins = least_first(task.margins(start, end, trace))
-    except (
-        AttributeError,
-        KeyError,
-        ValueError,
-    ):  # goals that don't fit the scene cost the margins, not the rollout
-        return ()
+    except (AttributeError, KeyError, ValueError):
+        return ()  # goals that don't fit the scene cost the margins, not the rollout
     if not margins and task.success_reward < 1:
         far = 1 - task.success_reward
         return least_first(
@@ -237,5 +239,5 @@ def shares_of(
     """Return how far each of a task's goals was fulfilled in one world, if all of them count."""
     try:
         return goals_shares(task, start, end, trace)
-    except (AttributeError, KeyError, ValueError):  # goals are a hint, as above
-        return ()
+    except (AttributeError, KeyError, ValueError):
+        return ()  # goals are a hint, as for `margins_of`
