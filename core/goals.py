@@ -716,15 +716,24 @@ def goals_margins(
 ) -> list[Margin]:
     """Say how far one world stayed from the limits of a task's goals; of goals one of which is enough, the best's."""
     evidence = Evidence(start, end, trace, task.goals)
-    found = [
-        margin for limit in limits(task.goals) for margin in limit.margins(evidence)
-    ]
+    found = limits_margins(task, start, end, trace)
     groups = [goal.margins(evidence) for goal in reaches(task.goals)]
     groups = [group for group in groups if group]
     if groups and not task.every:
         groups = [max(groups, key=lambda group: min(margin.margin for margin in group))]
     for group in groups:
         found += group
+    return found
+
+
+def limits_margins(
+    task: Aim, start: State, end: State, trace: Trace | None = None
+) -> list[Margin]:
+    """Say how far one world stayed from the limits alone, for tasks that measure themselves what is reached."""
+    evidence = Evidence(start, end, trace, task.goals)
+    found = list[Margin]()
+    for limit in limits(task.goals):
+        found += limit.margins(evidence)
     return found
 
 

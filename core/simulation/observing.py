@@ -31,9 +31,9 @@ from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Scene, State
 from core.solids.contacts import Contacts, make_trace
-from core.solids.near_pairs import Flags
 from core.values.joints import rotate, rotate_back
 from core.values.observations import Class, Moved, Offset, Point
+from core.values.traces import Flags
 
 MISSED_M = 0.02
 MISSED_RAD = 0.1

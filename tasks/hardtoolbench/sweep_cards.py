@@ -1,7 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
-from core.goals import Kept, Placed, Untouched
+from core.goals import Kept, Placed, Untouched, limits_margins
 from core.interfaces import Task
 from core.scene import (
     Body,
@@ -100,8 +100,8 @@ class SweepCards(Task):
             by_s=BY_S,
         ),
         Untouched(("vase",)),
-        Kept(("vase",), kept_m=NUDGED_M),
         Untouched(("board",), max_force_n=PRESS_N),
+        Kept(("vase",), kept_m=NUDGED_M),
     )
     variations = {
         "near": around("board", PLACE, 0.03, 0.15),
@@ -175,16 +175,7 @@ class SweepCards(Task):
     def margins(
         self, start: State, end: State, trace: Trace | None = None
     ) -> list[Margin]:
-        assert trace is not None
-        gap = 0.0 if trace.touched("vase", "robot") else float(trace.clearances["vase"])
-        shift = float(np.linalg.norm(end.position("vase") - start.position("vase")))
-        return [
-            Margin.clearance("vase", gap),
-            Margin.at_most(
-                "force on board", float(trace.force_n("board", "robot")), PRESS_N, "N"
-            ),
-            Margin.at_most("vase moved", shift, NUDGED_M, "m"),
-        ]
+        return limits_margins(self, start, end, trace)
 
     @staticmethod
     def inside(state: State, name: str) -> Array:

@@ -1,7 +1,7 @@
 import numpy as np
 
 from core.geometry import Array
-from core.goals import Untouched
+from core.goals import Untouched, limits_margins
 from core.interfaces import Task
 from core.scene import (
     Box,
@@ -104,16 +104,13 @@ class SpreadSlab(Task):
     def margins(
         self, start: State, end: State, trace: Trace | None = None
     ) -> list[Margin]:
-        assert trace is not None
         flat, wide = (float(share) for share in self.shares(start, end))
+        height = 1 - (1 - FLAT) * flat
+        area = 1 + (WIDER - 1) * wide
         return [
-            Margin.at_most(
-                "force on slab", float(trace.force_n("slab", "robot")), PRESS_N, "N"
-            ),
-            Margin.at_most("height", 1 - (1 - FLAT) * flat, FLAT, "of the start's"),
-            Margin.at_least(
-                "area", 1 + (WIDER - 1) * wide, WIDER, "of the start's", 0.1
-            ),
+            *limits_margins(self, start, end, trace),
+            Margin.at_most("height", height, FLAT, "of the start's"),
+            Margin.at_least("area", area, WIDER, "of the start's", 0.1),
         ]
 
     @staticmethod
