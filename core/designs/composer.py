@@ -30,6 +30,7 @@ from core.interfaces import (
     Text,
 )
 from core.plugins import installed
+from core.task import Level
 from core.trial import TIE
 
 REPAIR = "repair"
@@ -64,7 +65,9 @@ class PromptComposer:
         self.settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
         _check_settings(self.settings)
-        self.level = installed().factory("level", self.settings.told, "prompt.told")()
+        self.level: Level = installed().factory(
+            "level", self.settings.told, "prompt.told"
+        )()
         parts = _list_parts(self.settings)
         folder = Path(self.settings.dir) if self.settings.dir else None
         self._templates = PromptTemplates(folder, parts)

@@ -69,7 +69,10 @@ def _describe_design(
     elite: Evaluation, representation: ToolRepresentation
 ) -> dict[str, Any]:
     candidate = elite.candidate
-    entry = {"id": candidate.id, "reward": round(elite.reward, 4)}
+    entry: dict[str, Any] = {
+        "id": candidate.id,
+        "reward": round(elite.reward, 4),
+    }
     entry |= dump_names(candidate)
     for name in ("strategy_description", "tool_description"):
         entry[name] = clean(entry[name], _LONGEST)
@@ -85,10 +88,7 @@ def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
         "distance_m": elite.distance_m,
     }
     described: dict[str, Any] = _round_numbers(figures)
-    shown = elite.shown
-    if shown is not None and shown.observation is not None:
-        several = len(elite.tasks) > 1
-        described |= elite_feedback(shown, shown.observation, sight, several)
+    described |= elite_feedback(elite, sight)
     described["warnings"] = [sight.text(warning) for warning in elite.warnings]
     return described
 

@@ -179,27 +179,25 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     if evaluation.status != "ok":
         return f"{evaluation.status}: {reason}"
 
-    trial = evaluation.shown
-    if trial is None or trial.observation is None:
+    seen = evaluation.observation
+    if seen is None:
         return f"{evaluation.reward:.3f} {reason}".rstrip()
 
-    several = len(evaluation.tasks) > 1
-    found = elite_feedback(trial, trial.observation, sight, several)
+    found = elite_feedback(evaluation, sight)
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
-    touches = _first_touches(trial.observation, sight)
+    touches = _first_touches(seen, sight)
     return _say("line", evaluation.reward, reason, trials, found, touches)
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     """Say what became of each trial: those that are alike in one line, the worst first."""
-    several = len(evaluation.tasks) > 1
     places: dict[str, list[str]] = {}
     for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
         outcome = trial.outcome
         if trial.status != "ok" or trial.reason:
             outcome = f"{trial.status}: {trial.reason}"
         text = f"{trial.reward:.3f} {sight.text(clean(outcome, _OUTCOME))}".rstrip()
-        places.setdefault(text, []).append(_name_trial(trial, several))
+        places.setdefault(text, []).append(_name_trial(trial, evaluation))
 
     lines = []
     for text, names in places.items():
@@ -212,15 +210,18 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     return lines
 
 
-def elite_feedback(
-    trial: Trial, seen: Observation, sight: Sight = ALL, several: bool = False
-) -> dict[str, Any]:
-    """Describe what was observed of an elite's trial, as JSON. ``several``: its fitness tries several tasks."""
+def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
+    """Describe what was observed of the trial that stands for an elite, as JSON; empty: nothing was."""
+    trial = elite.shown
+    seen = elite.observation
+    if trial is None or seen is None:
+        return {}
+
     contacts = sorted(
         seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
     )
     described: dict[str, Any] = {
-        "trial": _name_trial(trial, several),
+        "trial": _name_trial(trial, elite),
         "result": sight.text(_say("result", seen)),
         # Rounded down, since 100 % means all of it.
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
@@ -260,10 +261,10 @@ def _path(points: Iterable[Sequence[float]]) -> str:
     return " ".join(f"({short_numbers(point, 3, ', ')})" for point in points)
 
 
-def _name_trial(trial: Trial, several: bool) -> str:
+def _name_trial(trial: Trial, evaluation: Evaluation) -> str:
     """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
     name = f"{trial.engine} layout {trial.layout}"
-    if several:
+    if len(evaluation.tasks) > 1:
         name = f"{trial.task} {name}"
     return name if trial.change is None else f"{name} change {trial.change}"
 

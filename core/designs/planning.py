@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -44,8 +44,6 @@ _MACHINE = {
 _NOISE = 7
 _HEIGHT = 8
 
-T = TypeVar("T")
-
 
 def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
     """Make the representation that a strategy of a designs file names; of those without a name, literal waypoints.
@@ -69,9 +67,7 @@ def _actions(name: str) -> ActionRepresentation:
     return installed().create(ACTION, name)
 
 
-def call_part(
-    part: object, method: str, wanted: type[T], *args: Any, **named: Any
-) -> T:
+def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any) -> Any:
     """Call a method of a plugin's part that reads a design: a bug there costs the design, not the run.
 
     Raises:
@@ -101,7 +97,8 @@ def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> Act
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
-    return call_part(actions, "parse", ActionPlan, raw, gripper=gripper)
+    plan: ActionPlan = call_part(actions, "parse", ActionPlan, raw, gripper=gripper)
+    return plan
 
 
 def look(
@@ -141,6 +138,7 @@ def resolve(
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
     """
     rise = _rise(seed, settings.perception)
+    waypoints: Waypoints
     if isinstance(plan, Waypoints):
         waypoints = plan
     else:

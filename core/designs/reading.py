@@ -186,7 +186,7 @@ def _read_tool(
     """
     name = _read_text(fields, "tool_name")
     description = _read_text(fields, "tool_description")
-    tool = call_part(representation, "parse", Tool, fields, gripper=gripper)
+    tool: Tool = call_part(representation, "parse", Tool, fields, gripper=gripper)
     if tool.gripper != gripper:
         mount = "for the fingers" if tool.gripper else "for the flange"
         raise DesignError(

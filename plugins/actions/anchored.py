@@ -358,10 +358,10 @@ class AnchoredActions(ActionRepresentation):
         assert isinstance(plan, AnchoredPlan)
         count = 6 * len(plan.steps)
         rows = np.round(values[:count], _DIGITS).reshape(-1, 2, 3).tolist()
-        steps = [
-            replace(step, offset=tuple(offset), rpy=tuple(rpy))
-            for step, (offset, rpy) in zip(plan.steps, rows, strict=True)
-        ]
+        steps = []
+        for step, (offset, rpy) in zip(plan.steps, rows, strict=True):
+            place: dict[str, Any] = {"offset": tuple(offset), "rpy": tuple(rpy)}
+            steps.append(replace(step, **place))
         tempi = np.exp(values[count:]).tolist()
         for (number, name, _), value in zip(_tempi(plan), tempi, strict=True):
             tempo: dict[str, Any] = {name: round(value, _DIGITS)}

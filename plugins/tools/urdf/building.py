@@ -103,10 +103,10 @@ def build_tool(
         parent = tree.joints[name].parent
         parents[name] = aliases.get(parent, parent)
     for name in parents_first(parents, mounts, "link"):
-        link = tree.links[name]
+        held = tree.links[name]
         joint = tree.joints[name]
-        shapes = _boxes(link)
-        mass = link.inertial.mass
+        shapes = _boxes(held)
+        mass = held.inertial.mass
         if name not in weighed:
             mass = _usual_mass(shapes)
         moving = _moving(joint, loose)

@@ -123,12 +123,12 @@ def test_an_elite_has_its_least_margins_with_their_limits():
         Margin.clearance(name, gap)
         for name, gap in (("vase", 0.004), ("cup", 0.01), ("pan", 0.02))
     )
-    found = elite_feedback(trial(observation=SEEN, margins=margins), SEEN)
+    found = elite_feedback(tried_in(trial(observation=SEEN, margins=margins)))
     assert found["margins"][:2] == [
         "clearance to vase 0.004 m, limit 0 m",
         "clearance to cup 0.01 m, limit 0 m",
     ]
-    assert "margins" not in elite_feedback(trial(observation=SEEN), SEEN)
+    assert "margins" not in elite_feedback(tried_in(trial(observation=SEEN)))
 
 
 def test_a_line_says_what_happened():
@@ -182,9 +182,8 @@ def test_of_several_bodies_those_that_are_not_in_place_come_first():
     assert (
         "missed, 3 of 5 in place; dust_2 by (0.2, 0, 0) to (1, 0, 0); dust_1 by" in line
     )
-    found = elite_feedback(
-        trial(), replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))
-    )
+    many = replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))
+    found = elite_feedback(tried(seen=many))
     assert [*found["moved"].items()][-1] == ("1 others", "moved too")
 
 
@@ -215,7 +214,7 @@ def test_of_several_goals_that_count_each_has_its_share_and_no_number_of_a_body(
     )
     (line,) = lines(tried_in(half))
     assert "0.500 missed; of the goals door 99 %, cube (goal 1) 0 %; cube by" in line
-    assert elite_feedback(half, SEEN)["goals"] == {
+    assert elite_feedback(tried_in(half))["goals"] == {
         "door": "99 %",
         "cube (goal 1)": "0 %",
     }
@@ -304,7 +303,7 @@ def test_what_is_said_of_an_elite():
     elite = tried_in(
         replace(trial(observation=SEEN), where=Where("Slide", "mujoco", 0, change=2))
     )
-    found = elite_feedback(elite.shown, elite.observation)
+    found = elite_feedback(elite)
     assert found == {
         "trial": "mujoco layout 0 change 2",
         "result": "missed",

@@ -135,10 +135,7 @@ def test_an_observation_survives_the_store():
         resumed = replace(evaluation, trials=trials)
         assert resumed.trials == evaluation.trials
         assert describe(resumed) == describe(evaluation)
-        both = [
-            elite_feedback(each.shown, each.observation)
-            for each in (resumed, evaluation)
-        ]
+        both = [elite_feedback(each) for each in (resumed, evaluation)]
         assert json.dumps(both[0]) == json.dumps(both[1])
     assert tried_once(evaluation.candidate, "ok").observation is None
 
