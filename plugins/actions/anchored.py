@@ -35,15 +35,30 @@ from core.support.text import kind, shorten
 from plugins.actions.waypoints import MOST, STEPS
 
 WORLD = "world"
+"""The anchor of what stands in the world's frame."""
+
 HERE = "here"
-MAX_GUARDS = 6  # of a plan
+"""The anchor where the last guard ended."""
+
+MAX_GUARDS = 6
+"""The most guards of a plan."""
+
 MAX_NEWTONS = 200.0
+"""The largest force that a guard may wait for."""
+
 MAX_CORRECTED = 50
+"""The most bodies that a touch may correct."""
+
 MAX_BEYOND_M = 0.2
-STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
+"""How far a waypoint may lie beyond the place where contact is expected."""
+
+STEP_LOG = 0.2
+"""A small change of a speed or time, as a logarithm."""
+
 # The arm's limits are lower, and slow the motion.
 MAX_SPEED = 10.0
 MAX_SECONDS = 60.0
+
 _DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
@@ -101,7 +116,11 @@ class Step:
     ] = 0.0
 
     def frame(self, seen: Seen, where: str) -> Pose:
-        """The frame of the offset in the world.
+        """Return the frame of the offset in the world.
+
+        Args:
+            seen: where bodies and marks are.
+            where: words for the waypoint, for an error.
 
         Raises:
             DesignError: an anchor is not there, or gives no direction.
@@ -114,6 +133,7 @@ class Step:
 
         way = _place(self.toward, seen, where).position - anchor.position
         origin = anchor.position + self.share * way
+
         if self.axes == "anchor":
             return Pose(origin, anchor.quaternion)
         if math.hypot(way[0], way[1]) < _APART_M:
@@ -127,7 +147,11 @@ class Step:
     ) -> dict[str, Pose]:
         """Return where the bodies in ``corrects`` are, as the arm ended at ``missed`` (3,) from the waypoint.
 
-        ``way`` (3,) leads there from the waypoint before, metres.
+        Args:
+            seen: where bodies and marks were taken to be.
+            way: (3,) leads there from the waypoint before, metres.
+            missed: (3,) from the waypoint to where the arm ended, metres.
+            where: words for the waypoint, for an error.
 
         Raises:
             DesignError: a name is not there, or there is no way.
@@ -171,13 +195,22 @@ _STEPS = TypeAdapter(Step)
 
 @dataclass(frozen=True)
 class AnchoredPlan(ActionPlan):
-    """Steps, and whether they move the gripper."""
+    """A plan of steps.
+
+    Attributes:
+        steps: the waypoints as written.
+        gripper: whether they move the gripper.
+    """
 
     action: ClassVar[str] = "anchored"
     steps: tuple[Step, ...]
     gripper: bool = False
 
     def resolve(self, seen: Seen) -> Waypoints:
+        """Place the steps in a layout, one after another: what a guard felt moves those that follow.
+
+        Where it is not known yet what a guard feels, it ends at its waypoint.
+        """
         rows: list[list[float]] = []
         known = seen
         felt = list(seen.felt)
@@ -214,6 +247,7 @@ class AnchoredPlan(ActionPlan):
         )
 
     def _tempo(self) -> Tempo | None:
+        """Return what the steps say of time; None: nothing."""
         steps = self.steps
         if not any(
             step.speed or step.seconds or step.through or step.wait for step in steps
@@ -280,6 +314,7 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(
                 f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
             )
+
         steps = []
         guards = 0
         for number, item in enumerate(data, start=1):
@@ -290,6 +325,7 @@ class AnchoredActions(ActionRepresentation):
                 )
             guards += bool(step.until)
             steps.append(step)
+
         if guards > MAX_GUARDS:
             raise DesignError(
                 f"the action plan has {guards} guards; at most {MAX_GUARDS} are allowed"
@@ -324,6 +360,7 @@ class AnchoredActions(ActionRepresentation):
             )
             if guard:
                 step = replace(step, **vars(guard))
+
             pose = Pose.xyz_rpy(row[:3], row[3:6])
             numbers = row[:6]
             if anchor != Anchor():
@@ -426,7 +463,16 @@ _FAULTS: tuple[tuple[Callable[[Step], object], str], ...] = (
 
 
 def _read_step(data: object, where: str, gripper: bool) -> Step:
-    """Read a waypoint that a model wrote."""
+    """Read a waypoint that a model wrote.
+
+    Args:
+        data: what was written.
+        where: words for the waypoint, for an error.
+        gripper: whether the tool hangs from the fingers.
+
+    Raises:
+        DesignError: names the field and its fault.
+    """
     if not isinstance(data, dict):
         raise DesignError(f"{where} must be an object with an offset, not {kind(data)}")
     if "grip" in data and not gripper:
@@ -446,7 +492,12 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
 
 
 def _place(name: str, seen: Seen, where: str) -> Pose:
-    """The pose of an anchor.
+    """Return the pose of an anchor.
+
+    Args:
+        name: of a body or mark, ``world`` or ``here``.
+        seen: where bodies and marks are.
+        where: words for the waypoint, for an error.
 
     Raises:
         DesignError: it is not there.

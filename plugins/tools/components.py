@@ -27,9 +27,11 @@ from core.support.text import kind, shorten
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
 
-# Far above every length, angle and mass of a tool; keeps products finite.
 MAX_NUMBER = 1000.0
-DIGITS = 5  # hundredths of a millimetre
+"""Far above every length, angle and mass of a tool; keeps products finite."""
+
+DIGITS = 5
+"""Of what is written, after the point: hundredths of a millimetre."""
 
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 _KEYS = frozenset({"name", "parent", "position", "rpy", "mass", "color"})
@@ -124,6 +126,10 @@ class ComponentTools(VariedTools):
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
         """Read a tool; components may come in any order.
 
+        Args:
+            data: the fields of a design.
+            gripper: whether the tool hangs from the fingers.
+
         Raises:
             DesignError: says what is wrong, where, and how to mend it.
         """
@@ -140,6 +146,7 @@ class ComponentTools(VariedTools):
             raise DesignError(
                 f"{self.field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed"
             )
+
         tool = Tool(gripper=gripper)
         for read_shape in self.readers():
             tool = Tool(tuple(self._read(items, read_shape, tool.mounts)), gripper)
@@ -171,7 +178,14 @@ class ComponentTools(VariedTools):
         read_shape: ReadShape,
         mounts: tuple[str, ...],
     ) -> Component:
-        """Read a component, with its pose in the mount's frame."""
+        """Read a component, with its pose in the mount's frame.
+
+        Args:
+            name: of the component, which was read already.
+            item: what a model wrote.
+            read_shape: reads its shape.
+            mounts: what the tool may hang from.
+        """
         where = f"component {name!r}"
         known = {*_KEYS, *self.keys}
         if self.joints:
@@ -206,6 +220,7 @@ class ComponentTools(VariedTools):
         return {self.field: items}
 
     def _write(self, component: Component, pose: Pose) -> dict[str, Any]:
+        """Write a component at a pose in the mount's frame."""
         shares = component.color[:3]
         item = {
             "name": component.name,
@@ -226,6 +241,7 @@ class ComponentTools(VariedTools):
 
 
 def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a component in short: without its colour, and what is as usual."""
     short = {}
     for key, value in item.items():
         if key == "color" or value in (_NO_TURN, "box"):
@@ -237,6 +253,7 @@ def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _object(properties: dict[str, Any]) -> dict[str, Any]:
+    """Make the JSON schema of an object that has all of these properties and no others."""
     return {
         "type": "object",
         "properties": properties,
@@ -263,7 +280,12 @@ def default_mass(volume: float) -> float:
 def parents_first(
     parents: Mapping[str, str], mounts: tuple[str, ...], what: str
 ) -> Iterator[str]:
-    """Yield the names of ``parents`` so that parents come before their children; ``what`` each is, for an error.
+    """Yield names so that parents come before their children.
+
+    Args:
+        parents: the parent's name by name.
+        mounts: what stands at the beginning.
+        what: what has these names, for an error.
 
     Raises:
         DesignError: parents do not lead to a mount.
@@ -299,7 +321,10 @@ def robot_names(robot: Robot) -> frozenset[str]:
 
 
 def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
-    """Read the joint of a component at this pose in the frame of its mount."""
+    """Read the joint of a component at this pose in the frame of its mount.
+
+    Axis and place are written in the mount's frame; what is returned has them in the component's.
+    """
     if item is None:
         return None
     if not isinstance(item, Mapping):
@@ -310,6 +335,7 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
         raise DesignError(
             f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}'
         )
+
     axis = read_numbers(item.get("axis"), 3, f"{where}: axis")
     x, y, z = pose.rotation.inv().apply(axis)
     place = pose.position
@@ -329,6 +355,7 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
 
 
 def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
+    """Write the joint of a component at this pose in the frame of its mount."""
     if joint is None:
         return None
     axis = pose.rotation.apply(joint.axis)
@@ -350,7 +377,11 @@ def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None
 
 
 def read_number(value: object, where: str) -> float:
-    """Read a number of at most `MAX_NUMBER` in size."""
+    """Read a number of at most `MAX_NUMBER` in size.
+
+    Raises:
+        DesignError: it is none, or larger.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DesignError(f"{where} must be a number, not {describe(value)}")
     # Also refuses nan, and integers that are too large for a float.
@@ -362,7 +393,11 @@ def read_number(value: object, where: str) -> float:
 
 
 def read_numbers(value: object, count: int, where: str) -> list[float]:
-    """Read a list of ``count`` numbers."""
+    """Read a list of ``count`` numbers.
+
+    Raises:
+        DesignError: it is none, or a number of it can't be read.
+    """
     if not isinstance(value, list) or len(value) != count:
         raise DesignError(
             f"{where} must be a list of {count} numbers, not {describe(value)}"
@@ -405,6 +440,7 @@ def rounded_rpy(pose: Pose) -> list[float]:
 def _read_name(
     item: object, where: str, taken: Mapping[str, object], reserved: frozenset[str]
 ) -> str:
+    """Read the name of a component, which neither the tool nor the robot has already."""
     if not isinstance(item, Mapping):
         raise DesignError(f"{where} must be an object, not {kind(item)}")
     name = item.get("name")
@@ -428,6 +464,7 @@ def _read_name(
 def _read_color(
     item: Mapping[str, Any], where: str
 ) -> tuple[float, float, float, float]:
+    """Read a colour; without one it is the usual."""
     text = item.get("color")
     if text is None:
         return Component.color

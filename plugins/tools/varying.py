@@ -13,14 +13,23 @@ from core.interfaces import Numbers, ToolRepresentation
 from core.robot.solids import closest, solids_of
 from core.values.plans import content_of
 
-# Of a side, as a logarithm.
 GROWTH = 0.1
+"""A small growth of a side, as a logarithm."""
+
 MOST_GROWTH = 1.0
-# Along the parent's surface, or into it.
+"""The largest growth of a side, as a logarithm."""
+
 SLIDE_M = 0.01
+"""A small slide along the parent's surface, or into it."""
+
 MOST_SLIDE_M = 0.2
+"""The largest slide."""
+
 TURN_RAD = 0.05
+"""A small turn."""
+
 MOST_TURN_RAD = 0.5
+"""The largest turn."""
 
 
 def tool_numbers(design: Tool) -> Numbers:
@@ -43,19 +52,27 @@ def vary_tool(design: Tool, values: Array) -> Tool:
 
     A component grows about the point where it touches its parent, slides on the parent with that point, and turns
     about it; so the two go on touching. On the mount it does not slide. Compounds don't grow. Densities stay.
+
+    Args:
+        design: the tool as it is.
+        values: (9 C,) of each of C components in turn: the logarithms of its sides' growth, its slide in the parent's
+            frame, metres, and its turn in its own frame, a rotation vector.
     """
     changed: dict[str, Component] = {}
     old = {component.name: component for component in design.components}
+    changes = values.reshape(-1, 3, 3)
     for component, (growth, slide, turn) in zip(
-        design.components, values.reshape(-1, 3, 3), strict=True
+        design.components, changes, strict=True
     ):
         shape = component.shape
         if growth.any() and not isinstance(shape, Compound):
             shape = resized(shape, shape.bounds[1] * np.exp(growth))
+
         touch = goal = np.zeros(3)
         if component.parent in changed:
             touch = _touching(component, old[component.parent])
             goal = _slid(touch, slide, old[component.parent], changed[component.parent])
+
         inside = component.pose.inverse().apply(touch)
         inside = _scaled(inside, component.shape, shape)
         rotation = component.pose.rotation * Rotation.from_rotvec(turn)
@@ -69,6 +86,10 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
     """Return the changes (N,) by which `vary_tool` makes ``design`` like ``other``, as far as it can.
 
     None: the tools have joints, or other components, parents or kinds of shapes.
+
+    Args:
+        design: the tool as it is.
+        other: what it is to be like.
     """
     if design.bearers or _structure(design) != _structure(other):
         return None
@@ -83,6 +104,7 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
             inside = _scaled(inside, component.shape, after.shape)
             goal = after.pose.apply(inside)
             slide = goal - _slid(touch, slide, old[component.parent], new[after.parent])
+
         growth = np.log(after.shape.bounds[1] / component.shape.bounds[1])
         turn = component.pose.rotation.inv() * after.pose.rotation
         values += [growth, slide, turn.as_rotvec()]
@@ -102,7 +124,14 @@ def _structure(tool: Tool) -> object:
 
 
 def _slid(point: Array, slide: Array, before: Component, after: Component) -> Array:
-    """The point (3,) of a changed parent that was ``at`` on the old one, and slid."""
+    """Find where a point of a parent is, after the parent has grown and the point has slid.
+
+    Args:
+        point: (3,) on the parent as it was, in the parent's frame, metres.
+        slide: (3,) its slide, as far as the parent's bounds reach.
+        before: the parent as it was.
+        after: the parent as it is.
+    """
     middle, sides = before.shape.bounds
     new_middle, new_sides = after.shape.bounds
     half = new_sides / 2
@@ -111,7 +140,7 @@ def _slid(point: Array, slide: Array, before: Component, after: Component) -> Ar
 
 
 def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> Array:
-    """The point (3,) of a shape that has grown."""
+    """Find where a ``point`` (3,) of a shape is after the shape has grown, in the shape's frame."""
     middle, sides = before.bounds
     new_middle, new_sides = after.bounds
     return new_middle + (point - middle) * new_sides / sides

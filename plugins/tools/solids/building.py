@@ -22,12 +22,18 @@ from plugins.tools.solids.convex import (
 )
 from plugins.tools.solids.reading import Node
 
-CHORD = 0.1  # from an arc to the chord that stands for it
+CHORD = 0.1
+"""The most from an arc to the chord that stands for it, mm."""
+
 MAX_SEGMENTS = 48
+"""The most chords that stand for a circle."""
+
 MAX_TRIANGLES = 8_000
+"""The most triangles of a solid."""
+
 _MAX_PAIRS = 500  # of parts that are intersected
 _FEW = 6  # cutters, of which each leaves out what the others have taken
-_ALIKE = 1e-3  # mm^2
+_ALIKE = 1e-3  # outlines of areas that differ by less are alike, mm^2
 _ROUND = ("sphere", "cylinder", "capsule", "cone")
 _OPERATIONS = {
     "union": OpType.Add,
@@ -41,7 +47,7 @@ class TooFine(Exception):
 
 
 def segments(radius: float) -> int:
-    """Choose how many chords stand for a circle of this radius: a multiple of 4."""
+    """Choose how many chords stand for a circle of a ``radius`` in mm: a multiple of 4, `MAX_SEGMENTS` at most."""
     half_angle = math.acos(max(0.0, 1 - CHORD / radius))
     return min(MAX_SEGMENTS, 4 * math.ceil(math.pi / half_angle / 4))
 
@@ -51,6 +57,7 @@ def count_triangles(node: Node) -> int:
     around = 0
     if node.kind in _ROUND:
         around = segments(1000 * max(node.sizes[:2]))
+
     match node.kind:
         case "sphere" | "capsule":
             return around**2 // 2 + 2 * around
@@ -65,6 +72,7 @@ def count_triangles(node: Node) -> int:
 
 
 def _placed(node: Node, solid: Manifold) -> Manifold:
+    """Place a node's solid as the node says."""
     if not any(node.at):
         return solid
     matrix = Pose.xyz_rpy(1000 * np.array(node.at[:3]), node.at[3:]).matrix
@@ -72,7 +80,7 @@ def _placed(node: Node, solid: Manifold) -> Manifold:
 
 
 def _leaf(node: Node) -> Manifold:
-    """Build a convex primitive."""
+    """Build a convex primitive about the origin."""
     sizes = [1000 * size for size in node.sizes]
     match node.kind:
         case "box":
@@ -93,10 +101,12 @@ def _leaf(node: Node) -> Manifold:
 
 
 def _hull(node: Node) -> Manifold:
+    """Build the hull of a node's points."""
     return Manifold.hull_points(1000 * np.array(node.points))
 
 
 def _outline(node: Node) -> CrossSection:
+    """Build a node's outline, whose corners may be listed either way round."""
     points = 1000 * np.array(node.points)
     x, y = points.T
     clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
@@ -106,7 +116,10 @@ def _outline(node: Node) -> CrossSection:
 
 
 def surface(node: Node) -> Manifold:
-    """Build a solid.
+    """Build a solid, mm.
+
+    Args:
+        node: the tree of the solid.
 
     Raises:
         TooFine: there are too many triangles.
@@ -130,6 +143,7 @@ def surface(node: Node) -> Manifold:
             solid = outline.revolve(around, math.degrees(node.sizes[0]))
         case _:
             solid = _leaf(node)
+
     if solid.num_tri() > MAX_TRIANGLES:
         raise TooFine
     return _placed(node, solid)
@@ -137,6 +151,10 @@ def surface(node: Node) -> Manifold:
 
 def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
     """Build convex solids that together are the solid, within about ``tolerance``.
+
+    Args:
+        node: the tree of the solid.
+        tolerance: of round hollows, which become hollows of few planes.
 
     Raises:
         TooManyPieces: while it was cut.
@@ -160,6 +178,7 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
             parts = [_hull(node)]
         case _:
             parts = [_leaf(node)]
+
     if len(parts) > MAX_PIECES:
         raise TooManyPieces
     # A flat hull has no volume.
@@ -167,6 +186,7 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
 
 
 def _all_parts(nodes: Iterable[Node], tolerance: Tolerance) -> list[Manifold]:
+    """Build the convex parts of several solids."""
     parts: list[Manifold] = []
     for node in nodes:
         parts += convex_parts(node, tolerance)
@@ -174,6 +194,11 @@ def _all_parts(nodes: Iterable[Node], tolerance: Tolerance) -> list[Manifold]:
 
 
 def _intersect(node: Node, tolerance: Tolerance) -> list[Manifold]:
+    """Intersect each part of the first child with each part of the others.
+
+    Raises:
+        TooManyPieces: there are more than `_MAX_PAIRS` of them.
+    """
     parts = convex_parts(node.children[0], tolerance)
     for child in node.children[1:]:
         others = convex_parts(child, tolerance)
@@ -185,12 +210,17 @@ def _intersect(node: Node, tolerance: Tolerance) -> list[Manifold]:
 
 
 def _subtract(node: Node, tolerance: Tolerance) -> list[Manifold]:
+    """Cut the parts of all other children away from those of the first.
+
+    Of few cutters each leaves out what the others have taken already, where that is convex.
+    """
     first, *others = node.children
     parts = convex_parts(first, tolerance)
     cutters = _all_parts(others, tolerance)
     cutters.sort(key=lambda solid: solid.num_tri())  # fewer pieces than otherwise
     few = len(cutters) <= _FEW
     gone = Manifold()
+
     for cutter in cutters:
         rest = cutter - gone if few else cutter
         if rest.volume() < SLIVER:
@@ -211,12 +241,18 @@ def _round_hull(outline: CrossSection) -> CrossSection:
 
 
 def _convex_when_turned(outline: CrossSection) -> bool:
+    """Report whether a full turn of an outline is a convex solid."""
     return bool(_round_hull(outline).area() - outline.area() < _ALIKE)
 
 
 def _revolved(
     outline: CrossSection, degrees: float, tolerance: Tolerance
 ) -> list[Manifold]:
+    """Build the convex parts of a revolved outline.
+
+    Where all of its pockets are convex when they are turned, they are cut away from the hull; else the outline itself
+    is cut into convex outlines, and each of these is revolved.
+    """
     hull = _round_hull(outline)
     around = segments(outline.bounds()[2])
     gaps = (hull - outline).decompose()
@@ -238,7 +274,13 @@ def _revolved(
 def _sectors(
     outline: CrossSection, degrees: float, tolerance: Tolerance
 ) -> list[Manifold]:
-    """Revolve a convex outline in as few convex sectors as the tolerance allows, none where the whole is convex."""
+    """Revolve a convex outline in as few convex sectors as the tolerance allows: one, where the whole is convex.
+
+    Args:
+        outline: a convex outline, mm; x is the distance from the axis.
+        degrees: the angle of the revolution.
+        tolerance: how far the hull of a sector may come out of it, towards the axis.
+    """
     radius = outline.bounds()[2]
     if not _convex_when_turned(outline):
         widest = 2 * math.acos(max(0.5, 1 - tolerance.short / radius))

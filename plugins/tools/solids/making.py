@@ -34,18 +34,25 @@ from plugins.tools.solids.convex import (
 )
 from plugins.tools.solids.reading import Node
 
-WITHIN_M = 0.001  # between a solid and its convex parts, both ways
-MAX_PARTS = 64  # of a tool's solids that are not convex
-MANY_VERTICES = 64  # of a convex part, from which on some are left out
+WITHIN_M = 0.001
+"""The most between a solid and its convex parts, both ways."""
 
-_MIN_VOLUME = 0.1  # mm^3
-_MAX_PIECES = 16
-_TOUCH = 0.01  # mm
+MAX_PARTS = 64
+"""The most convex parts of a tool's solids that are not convex."""
+
+MANY_VERTICES = 64
+"""The corners of a convex part, from which on some are left out."""
+
+_MIN_VOLUME = 0.1  # of a solid, mm^3
+_MAX_PIECES = 16  # that are looked at, of a solid that falls apart
+_TOUCH = 0.01  # pieces nearer than this touch, mm
+
 # How far, in mm, a part may come out of the solid where this is hollow, and a hollow's corners may go into it. With the
 # first the parts are fewest; at thin rims the others keep closer.
 _TOLERANCES = (Tolerance(0.95, 0.95), Tolerance(0.85, 0.4), Tolerance(0.45, 0.2))
-_SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)
-_SAMPLES = 400
+_SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)  # within which corners are left out, mm
+_SAMPLES = 400  # points of a surface
+
 PRIMITIVES: dict[str, Callable[..., Shape]] = {
     "box": lambda *sides: Box(sides),
     "sphere": Sphere,
@@ -70,7 +77,14 @@ class WrittenCompound(Compound):
 
 @lru_cache(maxsize=512)
 def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pose]:
-    """Make the shape of a solid, of ``most`` convex parts, and its pose in the component's frame.
+    """Make the shape of a solid, and its pose in the component's frame.
+
+    Args:
+        tree: of the solid.
+        most: convex parts that it may have, if it is not convex itself.
+
+    Returns:
+        A primitive at its pose, or a convex mesh or compound in the component's frame.
 
     Raises:
         DesignError: nothing is left of it, it falls apart, or it needs too many triangles or parts; a message to follow
@@ -79,6 +93,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
     pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
     if tree.kind in PRIMITIVES:
         return PRIMITIVES[tree.kind](*tree.sizes), pose
+
     try:
         solid = surface(tree)
         if solid.volume() < _MIN_VOLUME:
@@ -86,6 +101,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
                 f"has a volume of {solid.volume():.3g} mm^3: check what is taken away, and where"
             )
         _check_whole(solid)
+
         if is_convex(solid):
             return WrittenMesh(*_triangles(_slim(solid.hull())), tree), Pose()
         parts = _parts(tree, solid, most)
@@ -123,6 +139,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
             parts = convex_parts(tree, tolerance)
             parts = [part for part in parts if part.volume() >= SLIVER]
             needed = str(len(parts))
+
         if not 0 < len(parts) <= most:
             left = ""
             if most < MAX_PARTS:
@@ -131,6 +148,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
                 f"needs {needed} convex parts to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} "
                 f"are allowed for a tool{left}: make round hollows smaller or flat-walled, or leave some out"
             )
+
         parts = [_slim(part) for part in parts]
         off = deviation(parts, solid)
         if off <= 1000 * WITHIN_M:
@@ -146,6 +164,10 @@ def deviation(parts: list[Manifold], solid: Manifold) -> float:
     """Measure how far parts come out of a solid; if that is allowed, also how far points of it are from the parts.
 
     Distances, in millimetres, are exact, at corners and at many points between these.
+
+    Args:
+        parts: convex solids.
+        solid: what they stand for.
     """
     whole = Manifold.batch_boolean(parts, OpType.Add)
     out = _farthest(whole - solid, solid)
@@ -155,11 +177,13 @@ def deviation(parts: list[Manifold], solid: Manifold) -> float:
 
 
 def _farthest(pieces: Manifold, solid: Manifold) -> float:
+    """Measure how far corners and random points of pieces are from a solid's surface, mm."""
     if pieces.volume() < SLIVER:
         return 0.0
     mesh = pieces.to_mesh64()
     corners = vertices_of(pieces)
     rng = np.random.default_rng(0)
+
     triangles = corners[np.asarray(mesh.tri_verts)]
     first, second, third = triangles.swapaxes(0, 1)
     areas = np.linalg.norm(np.cross(second - first, third - first), axis=1)
@@ -178,6 +202,7 @@ def _check_whole(solid: Manifold) -> None:
         raise DesignError(
             f"falls into {len(pieces)} pieces; a component is of one piece"
         )
+
     joined = pieces[:1]
     apart = pieces[1:]
     while joined and apart:
@@ -204,12 +229,19 @@ def _slim(part: Manifold) -> Manifold:
 def _triangles(
     solid: Manifold,
 ) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
+    """Return the corners (V, 3) of a solid, metres, and its triangles (F, 3) as numbers of corners."""
     faces = np.asarray(solid.to_mesh64().tri_verts, dtype=np.int64)
     return vertices_of(solid) / 1000, faces
 
 
 def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float:
-    """Measure the largest distance of ``points`` (P, 3) from a surface of triangles, in the unit of both."""
+    """Measure the largest distance of points from a surface of triangles, in the unit of both.
+
+    Args:
+        points: (P, 3).
+        vertices: (V, 3) the corners of the triangles.
+        faces: (F, 3) the triangles, as numbers of their corners.
+    """
     corners = coal.StdVec_Vec3s()
     triangles = coal.StdVec_Triangle()
     corners.extend(np.asarray(vertices))
@@ -219,6 +251,7 @@ def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float
     surface.beginModel(len(triangles), len(corners))
     surface.addSubModel(corners, triangles)
     surface.endModel()
+
     measure = coal.ComputeDistance(surface, point)
     here = coal.Transform3s()
     request = coal.DistanceRequest()

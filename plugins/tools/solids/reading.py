@@ -27,15 +27,29 @@ from plugins.tools.components import (
     rounded,
 )
 
-MAX_CHARACTERS = 20_000  # of a component's solid
-MAX_NODES = 40  # of a tool
+MAX_CHARACTERS = 20_000
+"""The longest text of a component's solid."""
+
+MAX_NODES = 40
+"""The most shapes and operations of a tool."""
+
 MAX_DEPTH = 8
-MAX_POINTS = 48  # of an outline
+"""The most operations within each other."""
+
+MAX_POINTS = 48
+"""The most points of an outline."""
+
 MAX_HULL_POINTS = 128
+"""The most points of a hull."""
+
 MAX_SIZE_M = 1.0
+"""The largest size of a shape, and the largest coordinate of a point."""
+
+FULL_TURN = round(math.tau, DIGITS)
+"""The largest angle of a revolution, as it is written."""
+
 _SAME = 1e-6  # share of an outline's area
 _PINCHED_MM = 1e-3  # an outline that is thinner somewhere touches itself
-FULL_TURN = round(math.tau, DIGITS)
 
 OPERATIONS = ("union", "difference", "intersection")
 SIZES = {  # the sizes in each primitive's list
@@ -51,14 +65,20 @@ _EXTRA = {"extrude": {"height"}, "revolve": {"angle"}}
 
 @dataclass(frozen=True)
 class Node:
-    """A primitive, or what is made of children; metres and radians. Equal nodes make equal solids."""
+    """A primitive, or what is made of children; metres and radians. Equal nodes make equal solids.
+
+    Attributes:
+        kind: a key of `SIZES`, ``extrude``, ``revolve``, ``hull``, or one of `OPERATIONS`.
+        sizes: those of a primitive; or the height of an extrusion, the angle of a revolution.
+        points: those of an outline or a hull.
+        children: what an operation joins.
+        at: x, y, z, roll, pitch and yaw in the parent's frame.
+    """
 
     kind: str
-    # Of a primitive; or the height of an extrusion, the angle of a revolution.
     sizes: tuple[float, ...] = ()
     points: tuple[tuple[float, ...], ...] = ()
     children: tuple[Node, ...] = ()
-    # x, y, z, roll, pitch, yaw in the parent's frame.
     at: tuple[float, ...] = (0.0,) * 6
 
 
@@ -69,6 +89,7 @@ def dump_node(node: Node) -> dict[str, Any]:
         content = [dump_node(child) for child in node.children]
     elif node.points:
         content = [rounded(point) for point in node.points]
+
     data: dict[str, Any] = {node.kind: content}
     if node.kind in _EXTRA and node.sizes != (FULL_TURN,):
         data |= dict.fromkeys(_EXTRA[node.kind], rounded(node.sizes)[0])
@@ -88,6 +109,10 @@ class TreeReader:
     def read(self, value: object, where: str) -> Node:
         """Read a solid from JSON text, or from the values in it.
 
+        Args:
+            value: what a model wrote.
+            where: words for its place, for an error.
+
         Raises:
             DesignError: says what is wrong, where, and how to mend it.
         """
@@ -96,6 +121,7 @@ class TreeReader:
         return self._read_node(value, where, 1)
 
     def _read_node(self, value: object, where: str, depth: int) -> Node:
+        """Read a node and what is below it; ``depth`` counts from 1."""
         self._nodes += 1
         if self._nodes > MAX_NODES:
             raise DesignError(
@@ -109,6 +135,7 @@ class TreeReader:
             raise DesignError(
                 f'{where} must be an object such as {{"box": [0.02, 0.02, 0.1]}}, not {kind(value)}'
             )
+
         name = _read_kind(value, where)
         check_keys(value, {name, "at", *_EXTRA.get(name, ())}, where)
         content = value[name]
@@ -131,6 +158,7 @@ class TreeReader:
         return Node(name, (size,), points, at=at)
 
     def _children(self, content: object, where: str, depth: int) -> tuple[Node, ...]:
+        """Read the children of an operation at this depth."""
         if not isinstance(content, list) or len(content) < 2:
             raise DesignError(f"{where} must be a list of two or more shapes")
         if self._nodes + len(content) > MAX_NODES:
@@ -144,6 +172,11 @@ class TreeReader:
 
 
 def _parse_json(text: str, where: str) -> object:
+    """Parse the text of a solid.
+
+    Raises:
+        DesignError: it is too long, or not JSON; or its numbers are too long, or it nests too deep.
+    """
     if len(text) > MAX_CHARACTERS:
         raise DesignError(
             f"{where} is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
@@ -188,6 +221,7 @@ def _read_turn(angle: object, points: Sequence[Sequence[float]], where: str) -> 
 
 
 def _read_pose(value: object, where: str) -> tuple[float, ...]:
+    """Read where a shape lies: x, y, z, and perhaps roll, pitch and yaw."""
     if value is None:
         return (0.0,) * 6
     count = 3
@@ -203,6 +237,7 @@ def _read_pose(value: object, where: str) -> tuple[float, ...]:
 
 
 def _read_size(value: object, where: str, least: float = MIN_SIDE_M) -> float:
+    """Read a size between ``least`` and `MAX_SIZE_M`, metres."""
     size = round(read_number(value, where), DIGITS)
     if not least <= size <= MAX_SIZE_M:
         raise DesignError(
@@ -212,10 +247,12 @@ def _read_size(value: object, where: str, least: float = MIN_SIDE_M) -> float:
 
 
 def _read_sizes(content: object, name: str, where: str) -> tuple[float, ...]:
+    """Read the sizes of a primitive; a sphere's may stand without a list."""
     names = SIZES[name]
     if name == "sphere" and not isinstance(content, list):
         content = [content]
     numbers = read_numbers(content, len(names), f"{where} [{', '.join(names)}]")
+
     sizes = []
     for size, number in zip(names, numbers, strict=True):
         least = 0.0 if size == "top radius" else MIN_SIDE_M
@@ -226,6 +263,7 @@ def _read_sizes(content: object, name: str, where: str) -> tuple[float, ...]:
 def _read_points(
     content: object, count: int, fewest: int, most: int, where: str
 ) -> tuple[tuple[float, ...], ...]:
+    """Read points of ``count`` coordinates each, from ``fewest`` to ``most`` of them."""
     if not isinstance(content, list) or not fewest <= len(content) <= most:
         raise DesignError(
             f"{where} must be a list of {fewest} to {most} points, not {describe(content)}"
@@ -236,17 +274,19 @@ def _read_points(
         points.append(tuple(round(value, DIGITS) + 0.0 for value in numbers))
     if np.abs(points).max() > MAX_SIZE_M:
         raise DesignError(f"{where}: a point is more than {MAX_SIZE_M:g} m away")
+
     return tuple(points)
 
 
 def _check_outline(points: Array, where: str) -> None:
-    """Refuse outlines that cross themselves, or have no area."""
+    """Refuse outlines that cross themselves, or have no area; ``points`` are (N, 2), metres."""
     x, y = 1000 * points.T
     area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
     if area < (1000 * MIN_SIDE_M) ** 2:
         raise DesignError(
             f"{where}: its outline has an area of {area:.3g} mm^2; give its corners in order"
         )
+
     # Where it crosses itself, less of it is filled.
     filled = CrossSection([1000 * points], FillRule.EvenOdd)
     crosses = abs(filled.area() - area) > _SAME * area

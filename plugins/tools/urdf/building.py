@@ -73,7 +73,14 @@ _Holders = tuple[list[_Holder], Pose | None]
 def build_tool(
     text: str, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False
 ) -> Tool:
-    """The tool whose links and joints are in ``text``, for ``robot``; ``masses``: read those too.
+    """Build the tool whose links and joints are in a text.
+
+    Args:
+        text: the links and joints, perhaps within a ``<robot>``.
+        gripper: whether the tool hangs from the fingers.
+        robot: what bears it.
+        masses: read the links' masses; else they are the usual ones.
+        loose: joints may move.
 
     Raises:
         DesignError: they are not boxes on joints that lead to a mount, fixed ones or, if ``loose``, hinges and sliders.
@@ -82,10 +89,12 @@ def build_tool(
     reserved = robot_names(robot)
     root = _parse(text)
     names = _check(root, reserved, " or ".join(mounts))
+
     weighed = _links_with_mass(root) if masses else set()
     for link in root.iterfind("link"):
         if link.get("name") not in weighed:
             link[:] = [element for element in link if element.tag != "inertial"]
+
     aliases = dict(robot.aliases)
     _add_mounts(root, mounts, aliases)
     try:
@@ -102,6 +111,7 @@ def build_tool(
     for name in names:
         parent = tree.joints[name].parent
         parents[name] = aliases.get(parent, parent)
+
     for name in parents_first(parents, mounts, "link"):
         held = tree.links[name]
         joint = tree.joints[name]
@@ -118,6 +128,7 @@ def build_tool(
 
 
 def _links_with_mass(root: Element) -> set[str | None]:
+    """Return the names of links that say what they weigh."""
     return {
         link.get("name")
         for link in root.iterfind("link")
@@ -202,6 +213,7 @@ def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
 
 
 def _check_name(tag: str, name: str, reserved: frozenset[str]) -> None:
+    """Refuse the name of a link or joint that a robot's description could not hold, or that is the robot's."""
     most = MAX_NAME[tag]
     if not _NAME.fullmatch(name) or len(name) > most:
         raise DesignError(
@@ -278,6 +290,15 @@ def _hang(
 
     The first box hangs from the closest box of the parent link, each further box from the closest one before it. A
     link without boxes is only a frame: its children hang from the boxes of its parent.
+
+    Args:
+        name: the link's.
+        shapes: its boxes.
+        mass: what they weigh together, kg.
+        pose: the link's frame in its parent's.
+        moving: how its joint moves, with the axis in the link's frame; None: not at all.
+        holders: what its parent's children may hang from.
+        taken: names that no component may get; those of its boxes are added.
     """
     parents, frame = holders
     base = pose if frame is None else frame @ pose
@@ -329,12 +350,14 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
 
 
 def _gap_to(holder: _Holder, box: Box, pose: Pose) -> float:
+    """Measure the gap between a holder and a box at a pose in their link's frame, metres."""
     if holder.box is None:
         return 0.0
     return gap(box, holder.frame @ pose, holder.box, Pose())
 
 
 def _free_name(name: str, taken: set[str]) -> str:
+    """Take the first name that is not ``taken``, of the form ``name_2``."""
     numbered = (f"{name[:58]}_{number}" for number in count(2))
     free = next(text for text in numbered if text not in taken)
     taken.add(free)
