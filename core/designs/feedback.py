@@ -83,17 +83,23 @@ def _failures(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
 def generation_lines(
     evaluations: Iterable[Evaluation], budget: int, sight: Sight = ALL
 ) -> str:
-    """Write a line for each candidate, in about ``budget`` characters.
+    """Write a line for each candidate, the best first.
 
-    Candidates with equal lines share one. Where they would be too long, each kind keeps as many of its best as the
-    others, and the last line counts what is left out.
+    Candidates with equal lines share one. Where they would be too long, each kind of outcome keeps as many of its best
+    as the others, and the last line counts what is left out.
+
+    Args:
+        evaluations: those of a generation.
+        budget: about how many characters there may be.
+        sight: what may be said of bodies.
     """
     evaluations = list(evaluations)
     others = [e for e in evaluations if e.status != "ok"]
     others.sort(key=lambda e: (e.status, e.candidate.key))
     groups: dict[str, list[Evaluation]] = {}
     for evaluation in (*best_first(evaluations, tie=0.0), *others):
-        groups.setdefault(describe(evaluation, sight), []).append(evaluation)
+        text = describe(evaluation, sight)
+        groups.setdefault(text, []).append(evaluation)
 
     lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
     left_out: list[Evaluation] = []
@@ -102,6 +108,7 @@ def generation_lines(
         if budget < 0 and len(lines) > 1:
             left_out += groups[text]
             del lines[text]
+
     if left_out:
         lines[""] = _count_left_out(left_out, sight)
     return "\n".join(lines.values())
@@ -119,6 +126,7 @@ def _alternate(groups: dict[str, list[Evaluation]]) -> list[str]:
 
 
 def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
+    """Write the line about candidates that have none: their outcomes, and the commonest reasons."""
     counts = Counter(outcome_of(e) for e in evaluations).most_common()
     kinds = ", ".join(f"{count} {outcome}" for outcome, count in counts)
     parts = [f"{len(evaluations)} candidates: {kinds}"]
@@ -130,7 +138,17 @@ def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
 def combined_figures(
     evaluation: Evaluation, task: Task, sight: Sight = ALL
 ) -> dict[str, Any]:
-    """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took."""
+    """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took.
+
+    Args:
+        evaluation: of the trials.
+        task: what they were tried in.
+        sight: what may be said of bodies.
+
+    Returns:
+        Of several trials a line for each kind of end, the rewards by engine, and the layouts that failed; and the
+        figures of the fitness.
+    """
     figures: dict[str, Any] = {}
     if evaluation.combined:
         figures["trials"] = trial_lines(evaluation, sight)
@@ -145,7 +163,7 @@ def combined_figures(
 
 
 def statistics(rewards: Sequence[float]) -> dict[str, Any]:
-    """Summarise rewards: their mean, standard deviation, and the rewards."""
+    """Summarise rewards, as JSON: their mean, standard deviation, and the rewards."""
     return {
         "mean": float(np.mean(rewards)),
         "std": float(np.std(rewards)),
@@ -157,19 +175,20 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     """List the layouts in which a plan failed, the worst first, each with the numbers that were drawn for it."""
     if evaluation.status == "rejected" or len(task.parts) > 1:
         return []
+
     poor: list[dict[str, Any]] = []
     for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
-        if trial.change is None and trial.reward < task.success_reward:
-            draw = task.draw(trial.layout)
-            drawn = {name: round(draw(name, math.nan), 3) for name in draw.ranges}
-            poor.append(
-                {
-                    "layout": trial.layout,
-                    "engine": trial.engine,
-                    "reward": round(trial.reward, 3),
-                    **drawn,
-                }
-            )
+        if trial.change is not None or trial.reward >= task.success_reward:
+            continue
+        described = {
+            "layout": trial.layout,
+            "engine": trial.engine,
+            "reward": round(trial.reward, 3),
+        }
+        draw = task.draw(trial.layout)
+        for name in draw.ranges:
+            described[name] = round(draw(name, math.nan), 3)
+        poor.append(described)
     return poor[:_LAYOUTS]
 
 
@@ -211,7 +230,10 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
 
 
 def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
-    """Describe what was observed of the trial that stands for an elite, as JSON; empty: nothing was."""
+    """Describe what was observed of the trial that stands for an elite, as JSON; empty: nothing was.
+
+    Lengths are metres, times seconds from the start of the motion. What is empty, or not worth its words, is left out.
+    """
     trial = elite.shown
     seen = elite.observation
     if trial is None or seen is None:
@@ -258,6 +280,7 @@ def _places(seen: Observation) -> dict[str, Any]:
 
 
 def _path(points: Iterable[Sequence[float]]) -> str:
+    """Write the places of a body, one after another."""
     return " ".join(f"({short_numbers(point, 3, ', ')})" for point in points)
 
 
@@ -311,5 +334,6 @@ def _say(phrase: str, *values: object) -> str:
 
 
 def _ids(group: Sequence[Evaluation]) -> str:
+    """Name the first candidates of a group, and count the others."""
     ids = ", ".join(evaluation.candidate.id for evaluation in group[:3])
     return ids if len(group) <= 3 else f"{ids} and {len(group) - 3} more"

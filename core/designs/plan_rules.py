@@ -12,13 +12,28 @@ from core.robot.trajectory import KNOT_M, KNOT_RAD
 from core.support.text import kind
 
 MAX_WAYPOINTS = 200
-MAX_REACH_M = 3.0  # of a waypoint along each axis of the world
-MIN_TEMPO = 0.001  # m/s or s, where a plan asks for a speed or a time
-MAX_POSES = 2_000_000  # that are computed for a candidate, at most: of its way, and of its tool in motion
-KNOT_POSES = 1000  # what inverse kinematics at a knot of the way costs
-MAX_KNOTS = MAX_POSES // KNOT_POSES
+"""The most waypoints of a plan."""
+
+MAX_REACH_M = 3.0
+"""The largest coordinate of a waypoint, along each axis of the world."""
+
 MAX_ANGLE_RAD = 100.0
+"""The largest roll, pitch or yaw of a waypoint."""
+
+MIN_TEMPO = 0.001
+"""The least speed or time that a plan may ask for, m/s or s."""
+
+MAX_POSES = 2_000_000
+"""The most poses that are computed for a candidate: of its way, and of its tool in motion."""
+
+KNOT_POSES = 1000
+"""What inverse kinematics at a knot of the way costs, in poses."""
+
+MAX_KNOTS = MAX_POSES // KNOT_POSES
+"""The most knots of a way."""
+
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
+"""The numbers of a waypoint; the last one is for tools with the gripper."""
 
 _METRES = (-MAX_REACH_M, MAX_REACH_M, "metres")
 _RADIANS = (-MAX_ANGLE_RAD, MAX_ANGLE_RAD, "radians")
@@ -29,7 +44,9 @@ _RANGES = (*[_METRES] * 3, *[_RADIANS] * 3, _GRIP)  # of the numbers of `WAYPOIN
 def check_plan(plan: object, *, gripper: bool) -> Array:
     """Check an action plan; return it as an array, (N, 6) or with the gripper (N, 7): see `core.design.Candidate`.
 
-    ``plan`` is an array, or lists of numbers from JSON.
+    Args:
+        plan: an array, or lists of numbers from JSON.
+        gripper: whether waypoints have the gripper's number.
 
     Raises:
         DesignError: names the wrong waypoint (from 1) and its fault.
@@ -54,6 +71,7 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
 
 
 def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
+    """Refuse what is not a list of numbers, each within its range; ``where`` names the waypoint."""
     names = WAYPOINT if gripper else WAYPOINT[:6]
     if not isinstance(waypoint, list | tuple):
         raise DesignError(
@@ -75,7 +93,7 @@ def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
 
 
 def _check_length(poses: Array) -> None:
-    """Refuse a way whose inverse kinematics would take too long."""
+    """Refuse a way through poses (N, 6 or 7) whose inverse kinematics would take too long."""
     turns = Rotation.from_euler("xyz", poses[:, 3:6])
     metres = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
     radians = (turns[:-1].inv() * turns[1:]).magnitude()
@@ -88,7 +106,12 @@ def _check_length(poses: Array) -> None:
 
 
 def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
-    """Refuse a plan that asks for next to no speed or time, or for more than ``most_s`` seconds in all.
+    """Refuse a plan that asks for next to no speed or time, or for too much time in all.
+
+    Args:
+        plan: with its tempo, if it says any.
+        home: where the way begins.
+        most_s: the most seconds in all.
 
     Raises:
         DesignError: names the wrong waypoint (from 1), or the time in all.
@@ -114,7 +137,12 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
 
 
 def check_work(tool: Tool, seconds: float, hz: float) -> None:
-    """Refuse a motion that would take too long to play and to look at, at ``hz`` instants a second.
+    """Refuse a motion that would take too long to play and to look at.
+
+    Args:
+        tool: what moves.
+        seconds: how long it moves.
+        hz: instants a second at which its parts are looked at.
 
     Raises:
         DesignError: with the figures.

@@ -241,20 +241,17 @@ def load_tool(
     Raises:
         UserError: there is no such strategy, or its tool can't be read.
     """
-    strategies = _strategies(load_designs(path))
-    if number not in range(len(strategies)):
+    document = load_designs(path)
+    count = len(_strategies(document))
+    if number not in range(count):
+        raise UserError(f"{path} has {count} strategies; there is no strategy={number}")
+    candidates = read_designs(document, representation, task, most=(number + 1, 1))
+    candidate = candidates[number]
+    if candidate.tool is None:
         raise UserError(
-            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
+            f"{path}: the tool of strategy {number} can't be read: {candidate.problem}"
         )
-    given = representation.given(task)
-    try:
-        fields = _as_fields(strategies[number])
-        gripper = _read_gripper(fields, given, task)
-        return given or _read_tool(fields, representation, gripper)
-    except DesignError as error:
-        raise UserError(
-            f"{path}: the tool of strategy {number} can't be read: {error}"
-        ) from error
+    return candidate.tool
 
 
 def save_design(

@@ -10,9 +10,15 @@ from typing import Any
 from core.design import DesignError
 
 EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
-MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
-MAX_SAVED = 1000  # strategies of a malformed reply
-MAX_REREAD = 20_000_000  # characters behind its malformed strategies, which may lie inside each other
+
+MAX_REPLY = 5_000_000
+"""The most characters of a reply that are read, about ten times the longest answer of a model."""
+
+MAX_SAVED = 1000
+"""The most strategies of a malformed reply that are read."""
+
+MAX_REREAD = 20_000_000
+"""The most characters behind malformed strategies, which may lie inside each other, that are read again."""
 
 # Not strict, because models write line breaks inside strings. NaN and infinities become strings, which rules refuse.
 _DECODER = json.JSONDecoder(strict=False, parse_constant=lambda name: name)
@@ -135,6 +141,7 @@ def _save_strategies(text: str) -> list[Any]:
 
 
 def _unread(text: str, position: int) -> Unread:
+    """Stand in for the strategy that begins at a position."""
     line = text.count("\n", 0, position) + 1
     return Unread(
         f"the strategy is cut off or malformed (it begins at line {line} of the reply)"

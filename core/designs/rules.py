@@ -24,21 +24,43 @@ from core.support.text import shorten
 from core.values.materials import PAPER, Material
 
 MAX_COMPONENTS = 100
-MIN_SIDE_M = 0.0005
-MAX_SIDE_M = 2.0
-MAX_EXTENT_M = 2.0  # from the mount to the farthest point, which bounds the speed of a tool's tip too
-MIN_COMPONENT_KG = 1e-6  # small boxes of a link have small shares of its mass
-MAX_COMPONENT_KG = 1.0
-MIN_TOOL_KG = 0.001
-# About that of air, kg/m^3; the paper's 5 g must do for a box of a few litres.
-MIN_DENSITY = 1.0
-MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
-MAX_BEND_M_N = 0.01  # of the farthest end, per newton
-MAX_LOAD_N = 10.0  # at any end, that a real material must bear
-MAX_MOUNT_GAP_M = 0.002
+"""The most components of a tool."""
 
-# Prompts, messages and robot descriptions hold a name as it is.
+MIN_SIDE_M = 0.0005
+"""The shortest side of a component's bounds."""
+
+MAX_SIDE_M = 2.0
+"""The longest side of a component's bounds."""
+
+MAX_EXTENT_M = 2.0
+"""The most from the mount to the farthest point, which bounds the speed of a tool's tip too."""
+
+MIN_COMPONENT_KG = 1e-6
+"""The least mass of a component: small boxes of a link have small shares of its mass."""
+
+MAX_COMPONENT_KG = 1.0
+"""The largest mass of a component."""
+
+MIN_TOOL_KG = 0.001
+"""The least mass of a tool."""
+
+MIN_DENSITY = 1.0
+"""About that of air, kg/m^3; the paper's 5 g must do for a box of a few litres."""
+
+MAX_DENSITY = 20_000.0
+"""More than that of gold and tungsten, which have 19,300 kg/m^3."""
+
+MAX_BEND_M_N = 0.01
+"""How far the farthest end may bend, per newton."""
+
+MAX_LOAD_N = 10.0
+"""The force at any end that a real material must bear."""
+
+MAX_MOUNT_GAP_M = 0.002
+"""The largest gap between a component and the mount that it hangs from."""
+
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+"""What a component may be called: prompts, messages and robot descriptions hold a name as it is."""
 
 
 def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
@@ -88,6 +110,7 @@ def check_gripper(robot: Robot) -> None:
 
 
 def _check_component(component: Component) -> None:
+    """Check a component's name and sizes."""
     if not NAME.fullmatch(component.name):
         raise DesignError(
             f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
@@ -98,6 +121,7 @@ def _check_component(component: Component) -> None:
 
 
 def _check_mass(component: Component) -> None:
+    """Check a mass that a model wrote, and the density that follows from it."""
     mass = component.mass
     fault = f"component {component.name!r} weighs {mass:.6g} kg"
     _check_between(mass, MIN_COMPONENT_KG, MAX_COMPONENT_KG, "kg", fault)
@@ -109,11 +133,13 @@ def _check_mass(component: Component) -> None:
 def _check_between(
     value: float, least: float, most: float, unit: str, fault: str
 ) -> None:
+    """Refuse a value that is not within its limits; ``fault`` says what it is."""
     if not least <= value <= most:
         raise DesignError(f"{fault}; it must be between {least:g} and {most:g} {unit}")
 
 
 def _check_extent(tool: Tool) -> None:
+    """Check how far each component reaches from its mount."""
     placed = tool.placed()
     for component in tool.components:
         mount, pose = placed[component.name]
@@ -138,7 +164,11 @@ def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
 
 
 def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
-    """Check that each component touches its parent; return the points where they do, in the mount's frame."""
+    """Check that each component touches its parent; return the points (3,) where they do, in the mount's frame.
+
+    Raises:
+        DesignError: names the component that is too far away from its parent, and the gap.
+    """
     solids = mount_solids(tool, robot)
     for component in tool.components:
         name = component.name
@@ -161,6 +191,7 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
 
 
 def _check_gap(name: str, gap: float, most: float, neighbour: str) -> None:
+    """Refuse a component farther than ``most`` metres from what it hangs from."""
     if gap > most:
         raise DesignError(
             f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move or lengthen it until they touch"
@@ -168,6 +199,10 @@ def _check_gap(name: str, gap: float, most: float, neighbour: str) -> None:
 
 
 def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -> None:
+    """Check how far a tool bends under a load at its ends, and of a real material whether it breaks.
+
+    ``joints`` has for each component the point (3,) where it touches its parent, in the mount's frame.
+    """
     kind = f"of {material.name}"
     if material.density_kg_m3 is None:
         kind = "even of steel"
@@ -188,7 +223,7 @@ def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -
 
 
 def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
-    """The tool that a representation gives for a task; None: it gives none.
+    """Return the tool that a representation gives for a task; None: it gives none.
 
     Raises:
         UserError: it gives something else, or a tool that breaks a rule; the message names the plugin.

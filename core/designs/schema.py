@@ -10,7 +10,11 @@ _TEXT = {"type": "string"}
 
 
 def answer_schema(brief: Brief) -> dict[str, Any]:
-    """JSON schema of the answer to ``brief``: a scene analysis and strategies, each a tool with its action plans."""
+    """Return the JSON schema of the answer to a brief: a scene analysis, and strategies.
+
+    A strategy is a tool with its action plans. Where the tool is given it has plans alone, and where the brief asks for
+    no plans the tool alone. It names its parents where there are elites.
+    """
     strategy: dict[str, Any] = {}
     if brief.elites:
         ids = [elite.candidate.id for elite in brief.elites]
@@ -31,6 +35,7 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
 
 
 def _object(properties: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of an object that has all of these properties and no others."""
     return {
         "type": "object",
         "properties": properties,
@@ -40,4 +45,5 @@ def _object(properties: dict[str, Any]) -> dict[str, Any]:
 
 
 def _list(items: dict[str, Any], least: int, most: int) -> dict[str, Any]:
+    """Return the schema of a list of ``least`` to ``most`` items."""
     return {"type": "array", "items": items, "minItems": least, "maxItems": most}

@@ -102,6 +102,7 @@ def _check_halves(solids: Sequence[tuple[Solid, str]]) -> None:
 
 
 def _check_arm(solid: Solid, arm: Obstacles, carriers: Sequence[str]) -> None:
+    """Refuse a component that starts inside a link of the arm, other than those that carry it."""
     for link, gap in arm.gaps(solid, _TOUCH_M):
         if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
             raise DesignError(
@@ -111,6 +112,7 @@ def _check_arm(solid: Solid, arm: Obstacles, carriers: Sequence[str]) -> None:
 
 
 def _check_scene(solid: Solid, scene: Obstacles) -> None:
+    """Refuse a component that starts in contact with a body."""
     for body, gap in scene.gaps(solid, _TOUCH_M):
         if gap >= _TOUCH_M:
             continue
