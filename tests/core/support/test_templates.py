@@ -3,7 +3,7 @@
 import jinja2
 import pytest
 
-from core.support.templates import fill
+from core.support.templates import fill, macros
 
 GIVEN = {"draws": 3, "sims": ["a", "b"]}
 
@@ -22,3 +22,11 @@ def test_a_template_of_a_package_is_filled_in_with_numbers_of_six_digits():
 def test_what_is_not_given_is_an_error():
     with pytest.raises(jinja2.UndefinedError, match="most"):
         fill("plugins.fitness", "robust", **GIVEN)
+
+
+def test_macros_of_a_template_are_functions():
+    phrases = macros("core.designs", "observed")
+    assert phrases.nearest({}) == "no contact"
+    assert phrases.nearest({"cup": 0.03, "pan": 0.02}) == (
+        "no contact, nearest to pan 20 mm"
+    )
