@@ -241,17 +241,20 @@ def load_tool(
     Raises:
         UserError: there is no such strategy, or its tool can't be read.
     """
-    document = load_designs(path)
-    count = len(_strategies(document))
-    if number not in range(count):
-        raise UserError(f"{path} has {count} strategies; there is no strategy={number}")
-    candidates = read_designs(document, representation, task, most=(number + 1, 1))
-    candidate = candidates[number]
-    if candidate.tool is None:
+    strategies = _strategies(load_designs(path))
+    if number not in range(len(strategies)):
         raise UserError(
-            f"{path}: the tool of strategy {number} can't be read: {candidate.problem}"
+            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
         )
-    return candidate.tool
+    given = representation.given(task)
+    try:
+        fields = _as_fields(strategies[number])
+        gripper = _read_gripper(fields, given, task)
+        return given or _read_tool(fields, representation, gripper)
+    except DesignError as error:
+        raise UserError(
+            f"{path}: the tool of strategy {number} can't be read: {error}"
+        ) from error
 
 
 def save_design(
