@@ -9,14 +9,13 @@ from typing import Any
 from core.config.schemas import PromptSettings
 from core.design import Tool
 from core.designs.elites import critiques_text, elites_text
-from core.designs.feedback import combined_figures, generation_lines, last_generation
+from core.designs.feedback import generation_lines, last_generation
 from core.designs.plan_rules import plan_limits
 from core.interfaces import Brief, RolloutSettings
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.support.text import function_source, short_numbers
 from core.task import NOTHING_TOLD, Level
-from core.trial import Evaluation
 
 PromptValue = Callable[[Brief, Tool, RolloutSettings, str], Any]
 """Computes what templates show under a name: of a brief, what is mounted, how plans are executed, and the engine."""
@@ -69,7 +68,6 @@ def _assignment_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
         "bare": bare,  # there is no tool at all
         "head": head,  # what acts
         "idea": facts.idea,
-        "instructed": facts.idea is not None,
         "tool_rules": brief.representation.instructions(brief).strip(),
         "action_rules": brief.actions.instructions(brief).strip(),
         "judged": facts.judged,
@@ -82,17 +80,12 @@ def _scene_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
     """The task and the arm, and how plans are executed; plugins add to it."""
     task = brief.task
     mounted = brief.representation.given(task) or Tool(gripper=brief.gripper)
-    gripper = task.robot.gripper
     values = {
         "task": task,
         "told": facts.settings.told,
         "unseen": not facts.level.numbers,
         "robot": task.robot,
-        "friction": {
-            "arm": task.robot.friction,
-            "tool": brief.representation.material.made(mounted).friction,
-            "fingers": gripper.friction if gripper else None,
-        },
+        "tool_friction": brief.representation.material.made(mounted).friction,
         "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
         "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
         "executor": function_source(plan_motion),
@@ -127,13 +120,6 @@ def _feedback_values(facts: RunFacts, brief: Brief, criticised: bool) -> dict[st
         ),
         "critiques": critiques_text(brief),
         "candidates": candidates,
-        "detailed": any(combined_figures(elite, task) for elite in brief.elites),
+        "detailed": any(elite.combined or elite.figures for elite in brief.elites),
         "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),
-        "other_kind": any(_is_of_other_kind(elite, brief) for elite in brief.elites),
     }
-
-
-def _is_of_other_kind(elite: Evaluation, brief: Brief) -> bool:
-    """Report whether an elite's tool is mounted in another way than those that are asked for."""
-    tool = elite.candidate.tool
-    return tool is not None and tool.gripper != brief.gripper

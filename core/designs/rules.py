@@ -156,11 +156,10 @@ def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
     if not tool.gripper:
         flange = Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())
         return {RIGID_MOUNT: [flange]}
-    solids: dict[str, list[Solid]] = {mount: [] for mount in tool.mounts}
+    solids: dict[str, list[Solid]] = {}
     for solid in robot_solids(robot, True):
-        if solid.name in solids:
-            solids[solid.name].append(solid)
-    return solids
+        solids.setdefault(solid.name, []).append(solid)
+    return {mount: solids[mount] for mount in tool.mounts}
 
 
 def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:

@@ -32,6 +32,11 @@ _KEYS = ("shape", "size", "radius", "length")
 
 
 def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
+    """Read a component's shape, which is centred on the component's frame.
+
+    Raises:
+        DesignError: the shape is unknown, a size is missing or not above 0, or there is one that it has not.
+    """
     name = item.get("shape", "box")
     if not isinstance(name, str) or name not in _SIZES:
         raise DesignError(
@@ -55,6 +60,7 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
 
 
 def _positive(value: float, where: str) -> float:
+    """Refuse a size that is 0 or less, or so small that it is written as 0."""
     if value < 10.0**-DIGITS:
         raise DesignError(f"{where} must be greater than 0, in metres, not {value:g}")
     return value

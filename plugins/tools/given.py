@@ -48,7 +48,13 @@ class BareGripper(GivenTools):
 def _bar(
     name: str, far: tuple[float, float, float], thickness: tuple[float, float]
 ) -> Component:
-    """Make a bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
+    """Make a bar from the mount's origin, so that it touches the flange; its long axis is x.
+
+    Args:
+        name: of the bar.
+        far: (3,) its other end, metres.
+        thickness: its other two sides, metres.
+    """
     end = np.array(far)
     slope = Rotation.from_euler("y", -np.arctan2(end[2], end[0]))
     size = (float(np.linalg.norm(end)), *thickness)
@@ -63,12 +69,20 @@ def _on(
     center: tuple[float, float, float],
     size: tuple[float, float, float],
 ) -> Component:
-    """Make a child of ``bar``: a box at ``center`` in the mount's frame, along its axes."""
+    """Make a child of a bar: a box along the mount's axes.
+
+    Args:
+        bar: what the box hangs from.
+        name: of the box.
+        center: (3,) in the mount's frame, metres.
+        size: (3,) full side lengths, metres.
+    """
     pose = bar.pose.inverse() @ Pose(np.array(center))
     return Component(name, bar.name, pose, Box(size), color=HEAD)
 
 
 def stick() -> Tool:
+    """Make a straight bar."""
     bar = _bar("stick", (0.379, 0.0, -0.189), (0.0128, 0.0128))
     return Tool(
         (bar,),
@@ -78,6 +92,7 @@ def stick() -> Tool:
 
 
 def broom() -> Tool:
+    """Make a handle with a wide head."""
     handle = _bar("handle", (0.2, 0.0, -0.38), (0.011, 0.011))
     head = _on(handle, "head", (0.2, 0.0, -0.38), (0.0375, 0.2625, 0.0375))
     return Tool(
@@ -86,6 +101,7 @@ def broom() -> Tool:
 
 
 def hockey_stick() -> Tool:
+    """Make a handle with a blade in front of its end."""
     scale = 0.9  # so that it starts clear of the floor
     heel = (0.238 * scale, 0.0, -0.51 * scale)
     center = (0.313 * scale, 0.0, -0.51 * scale)
@@ -99,6 +115,7 @@ def hockey_stick() -> Tool:
 
 
 def spatula() -> Tool:
+    """Make a flat head lower than its handle."""
     handle_pose = Pose(np.array([0.05, 0.0, -0.0025]))
     handle = Component(
         "handle", RIGID_MOUNT, handle_pose, Box((0.10, 0.02, 0.005)), color=HANDLE

@@ -42,7 +42,14 @@ def describe_mount(brief: Brief) -> str:
 
 
 def instruct(template: str, brief: Brief, material: Material, **given: Any) -> str:
-    """Write how a model writes tools of a material: a template, with what tools weigh, and more that is ``given``."""
+    """Write how a model writes tools of a material.
+
+    Args:
+        template: its name.
+        brief: what is asked for.
+        material: of the tools.
+        given: more that the template names.
+    """
     robot = brief.task.robot
     weight = ""
     if material.density_kg_m3 is not None:
