@@ -27,7 +27,7 @@ from core.designs.reading import load_designs, read_designs
 from core.interfaces import Perception, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.simulation.pictures import save_film
 from core.simulation.strip import draw_strip

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from core.design import DesignError, Tool
 from core.geometry import Array, Pose
 from core.interfaces import Waypoints
-from core.robot.trajectory import KNOT_M, KNOT_RAD
+from core.robot.paths import KNOT_M, KNOT_RAD
 from core.support.text import kind
 
 MAX_WAYPOINTS = 200

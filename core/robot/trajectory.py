@@ -3,59 +3,67 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
-from core.interfaces import JointTrajectory, Task
+from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypoints
 from core.robot.kinematics import Arm, arm_of
+from core.robot.paths import APART_M, place_knots
+from core.robot.timing import PEAK, Leg, time_leg
 
-_ROUNDING = 1e-9  # radians
-# Inverse kinematics is solved at knots this close; a cubic spline joins them.
-KNOT_M = 0.02
-KNOT_RAD = 0.1
-_SAMPLE_S = 0.01
-SLOWED = 1.05  # from here on it is reported
+_SLOWED = 1.05  # from here on it is reported
 _NAMED = 3  # waypoints that are
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A joint trajectory and its figures.
+    """A joint trajectory through N waypoints, and its figures.
 
-    ``distance_m``: metres travelled by the end-effector's origin from home through all waypoints, along the joint path.
-    ``ik_error_m``, ``ik_error_rad``: the largest errors of the inverse kinematics from the first waypoint on.
-    ``arrivals``: when each of the N waypoints is reached (N,), seconds. ``misses``: those errors on the way to each, at
-    most (N, 2), metres and radians; for the first only on arrival. ``plan``: the waypoints (N, 6) or (N, 7).
-    ``slowed``: how many times longer each way takes than asked (N,); 1 where nothing was asked.
+    Attributes:
+        trajectory: of the arm's joints and the fingers.
+        distance_m: metres travelled by the end-effector's origin from home through all waypoints, along the joint path.
+        arrivals: when each waypoint is reached (N,), seconds.
+        misses: the largest errors of the inverse kinematics on the way to each (N, 2), metres and radians; for the
+            first waypoint only on arrival.
+        plan: the waypoints (N, 6) or (N, 7).
+        slowed: how many times longer each way takes than asked (N,); 1 where nothing was asked.
     """
 
     trajectory: JointTrajectory
     distance_m: float
-    ik_error_m: float
-    ik_error_rad: float
     arrivals: Array
     misses: Array
     plan: Array
     slowed: Array
 
+    @property
+    def ik_error_m(self) -> float:
+        """The largest miss in position."""
+        return float(self.misses[:, 0].max())
+
+    @property
+    def ik_error_rad(self) -> float:
+        """The largest miss in orientation."""
+        return float(self.misses[:, 1].max())
+
     def slowdowns(self) -> list[str]:
         """Say in a line which waypoints were reached later than asked; none: all were in time."""
-        late = np.flatnonzero(self.slowed > SLOWED)
+        late = np.flatnonzero(self.slowed > _SLOWED)
         if len(late) == 0:
             return []
         names = ", ".join(str(k + 1) for k in late[:_NAMED])
-        names += f" and {len(late) - _NAMED} more" if len(late) > _NAMED else ""
-        many, way = ("", "its way") if len(late) == 1 else ("s", "their ways up to")
+        if len(late) > _NAMED:
+            names += f" and {len(late) - _NAMED} more"
         slower = f"{self.slowed.max():.1f} times slower than asked"
-        return [f"waypoint{many} {names}: the arm's limits make {way} {slower}"]
+        if len(late) == 1:
+            return [f"waypoint {names}: the arm's limits make its way {slower}"]
+        return [f"waypoints {names}: the arm's limits make their ways up to {slower}"]
 
 
 class Begin(NamedTuple):
@@ -65,244 +73,155 @@ class Begin(NamedTuple):
     grip: float = 0.0
 
 
-def plan_motion(
-    plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95
+def plan_task_motion(
+    plan: Waypoints, task: Task, settings: RolloutSettings, begin: Begin | None = None
 ) -> Motion:
-    """Plan the motion from the home pose through all waypoints, at rest at each.
+    """Plan the motion of the task's robot through waypoints, under a run's settings; see `plan_motion`."""
+    return plan_motion(
+        plan,
+        task.home,
+        arm_of(task.robot),
+        begin,
+        segment_s=settings.segment_s,
+        speed=settings.speed,
+    )
 
-    In a segment the position moves on a straight line, the orientation by SLERP and the fingers linearly. It lasts
-    ``segment_s``, or longer if a joint would exceed its velocity or acceleration limit (times ``speed``).
+
+def plan_motion(
+    plan: Waypoints,
+    home: Pose,
+    arm: Arm,
+    begin: Begin | None = None,
+    *,
+    segment_s: float = 0.5,
+    speed: float = 0.95,
+) -> Motion:
+    """Plan the motion through all waypoints.
+
+    The arm rests at each, and in between the position moves on a straight line, the orientation by SLERP and the
+    fingers linearly. A way lasts ``segment_s``, or longer if a joint would exceed its velocity or acceleration limit
+    (times ``speed``). A tempo may ask for other times, for waits, and for waypoints that are passed without a stop.
 
     Args:
-        plan: (N, 6) or (N, 7), see `core.values.plans.Waypoints`.
+        plan: N waypoints.
         home: where the end-effector starts.
         arm: gives kinematics and limits.
-        segment_s: the shortest time of a segment, seconds.
+        begin: where the arm starts in place of ``home``.
+        segment_s: the shortest time of a way that asks for none, seconds.
         speed: the share of the velocity and acceleration limits to use, 0..1.
-    """
-    grips, positions, rotations = poses_from(home, plan)
-    points, turns, ends = straight_path(positions, rotations)
-    opening = arm.robot.opening_m
-    start = arm.home_for(home)
-    solved, errors = arm.follow(points[1:], turns[1:], start, arm.jump_rad)
-    knots = np.vstack([start, solved])
-    segments = [(joined(knots[a : b + 1], arm), b - a) for a, b in pairwise(ends)]
-    times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, opening)]
-    for i, (instants, joints) in enumerate(
-        time_at_rest(segments, arm, segment_s, speed)
-    ):
-        times.append(times[-1][-1] + instants)
-        targets.append(np.minimum(np.maximum(joints, arm.lower), arm.upper))
-        closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
-        fingers.append(opening * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
+    Raises:
+        DesignError: no tempo keeps the arm's limits.
+    """
+    tempo = plan.tempo or Tempo.usual(len(plan))
+    if begin is None:
+        begin = Begin(arm.home_for(home))
+    else:
+        home = arm.forward(begin.joints)
+    positions = np.vstack([home.position, plan.poses[:, :3]])
+    turns = Rotation.from_euler("xyz", plan.poses[:, 3:6])
+    rotations = Rotation.concatenate([home.rotation, turns])
+    grips = np.clip([begin.grip, *plan.grips], 0.0, 1.0)
+    stops = [0, *(np.flatnonzero(tempo.through[:-1] == 0) + 1).tolist(), len(plan)]
+
+    path = place_knots(positions, rotations, stops)
+    solved, errors = arm.follow(
+        path.positions[1:], path.rotations[1:], begin.joints, arm.jump_rad
+    )
+    knots = np.vstack([begin.joints, solved])
+
+    asked = ask_seconds(tempo, positions, segment_s)
+    hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
+    legs = []
+    for first, last in pairwise(stops):
+        ends = path.ends[first : last + 1]
+        leg = Leg(
+            knots=knots[ends[0] : ends[-1] + 1],
+            ends=[end - ends[0] for end in ends],
+            grips=grips[first : last + 1],
+            asked=asked[first:last],
+            seconds=tempo.seconds[first:last],
+            hurried=bool(hurried[first]),
+            wait_s=tempo.waits[last - 1],
+        )
+        legs.append(leg)
+    trajectory, reached = join_legs(legs, arm, speed)
+
+    steps = np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1)
+    # Errors before the first waypoint do no harm.
+    counted = [path.ends[1] - 1, *path.ends[1:-1]]
+    return Motion(
+        trajectory,
+        float(steps.sum()),
+        reached,
+        np.maximum.reduceat(errors, counted, axis=0),
+        plan.poses,
+        find_slowed(trajectory, reached, tempo, arm),
+    )
+
+
+def ask_seconds(tempo: Tempo, positions: Array, segment_s: float) -> Array:
+    """The time that each way between positions (N + 1, 3) is asked to take (N,), if it begins and ends at rest.
+
+    A speed is that of the middle of the way, of which a fifth of the time is for each of acceleration and braking.
+    """
+    ways = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    by_speed = np.where(ways > APART_M, PEAK * ways / tempo.speeds, np.nan)
+    asked = np.where(np.isfinite(tempo.seconds), tempo.seconds, by_speed)
+    return np.where(np.isfinite(asked), asked, segment_s)
+
+
+def join_legs(
+    legs: Sequence[Leg], arm: Arm, speed: float
+) -> tuple[JointTrajectory, Array]:
+    """Time legs, and join them to a trajectory; return also when each of the N waypoints is reached (N,)."""
+    opening = arm.robot.opening_m
+    times, targets = [np.zeros(1)], [legs[0].knots[:1]]
+    fingers = [opening * (1 - legs[0].grips[:1])]
+    reached = list[float]()
+    for leg in legs:
+        timed = time_leg(leg, arm, speed)
+        began = times[-1][-1]
+        times.append(began + timed.times)
+        targets.append(np.minimum(np.maximum(timed.joints, arm.lower), arm.upper))
+        closed = close_fingers(leg.grips, timed.times, timed.reached)
+        fingers.append(opening * (1 - closed))
+        reached += [began + seconds for seconds in timed.reached]
+        if leg.wait_s > 0:
+            times.append(times[-1][-1:] + leg.wait_s)
+            targets.append(targets[-1][-1:])
+            fingers.append(fingers[-1][-1:])
     trajectory = JointTrajectory(
         np.concatenate(times), np.concatenate(targets), np.concatenate(fingers)
     )
-    arrivals = np.array([instants[-1] for instants in times[1:]])
-    return make_motion(
-        trajectory, arrivals, knots, errors, ends, plan, np.ones(len(plan)), arm
-    )
+    return trajectory, np.array(reached)
 
 
-def poses_from(
-    home: Pose, plan: Array, grip: float = 0.0
-) -> tuple[Array, Array, Rotation]:
-    """Return grips (N + 1,), positions (N + 1, 3) and rotations (N + 1) of home and the waypoints."""
-    grips = np.concatenate(
-        [[grip], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))]
-    )
-    positions = np.vstack([home.position, plan[:, :3]])
-    return (
-        grips,
-        positions,
-        Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])]),
-    )
+def close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
+    """How far the gripper is closed at times (S,): linearly from each of its grips (N + 1) to the next."""
+    if len(reached) > 1:
+        return np.interp(times, [0.0, *reached], grips)
+    return grips[0] + (grips[1] - grips[0]) * times / reached[0]
 
 
-def make_motion(
-    trajectory: JointTrajectory,
-    arrivals: Array,
-    knots: Array,
-    errors: Array,
-    ends: Sequence[int],
-    plan: Array,
-    slowed: Array,
-    arm: Arm,
-) -> Motion:
-    """Add the figures to a trajectory along joint knots (K, J), solved with errors (K - 1, 2).
-
-    ``ends`` are the knots of home and the waypoints (N + 1).
-    """
-    distance = float(
-        np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum()
-    )
-    starts = [ends[1] - 1, *ends[1:-1]]  # errors before the first waypoint do no harm
-    misses = np.maximum.reduceat(errors, starts, axis=0)
-    worst = misses.max(axis=0)
-    return Motion(
-        trajectory,
-        distance,
-        float(worst[0]),
-        float(worst[1]),
-        arrivals,
-        misses,
-        plan,
-        slowed,
-    )
-
-
-def straight_path(
-    positions: Array, rotations: Rotation
-) -> tuple[Array, Array, list[int]]:
-    """Place knots along the poses (N + 1): positions (K, 3), rotations (K, 3, 3), and the poses' indices among them."""
-    ways, turns = np.diff(positions, axis=0), rotations[:-1].inv() * rotations[1:]
-    angles = np.asarray(turns.magnitude())
-    ends, legs, along = [0], [np.zeros(1, dtype=int)], [np.zeros(1)]
-    for number, (way, angle) in enumerate(zip(ways, angles, strict=True)):
-        count = max(
-            1,
-            math.ceil(
-                max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)
-            ),
-        )
-        ends.append(ends[-1] + count)
-        legs.append(np.full(count, number))
-        along.append(np.linspace(0.0, 1.0, count + 1)[1:])
-    leg, share = np.concatenate(legs), np.concatenate(along)[:, None]
-    turned = rotations[leg] * Rotation.from_rotvec(
-        turns.as_rotvec()[leg] * share
-    )  # SLERP
-    quaternions = turned.as_quat(scalar_first=True)
-    quaternions /= np.linalg.norm(
-        quaternions, axis=1, keepdims=True
-    )  # as a `Pose` would have them, to the last bit
-    matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
-    return positions[leg] + share * ways[leg], matrices, ends
-
-
-def joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
-    """Join knots (K, J) over s in [0, 1]: a cubic spline, or one without overshoot if that would exceed a limit."""
-    s, own, degree, more = _places(len(knots))
-    path = make_interp_spline(s, knots, degree, own)
-    between = path(more)
-    if ((between < arm.lower - _ROUNDING) | (between > arm.upper + _ROUNDING)).any():
-        return PchipInterpolator(s, knots, axis=0)
-    return path
-
-
-@lru_cache(maxsize=256)
-def _places(count: int) -> tuple[Array, Array, int, Array]:
-    """Say where K knots are along a path: s (K,), the knots of SciPy's spline, its degree, and s (8 K,) between."""
-    s, degree = np.linspace(0.0, 1.0, count), min(3, count - 1)
-    return (
-        s,
-        make_interp_spline(s, s, degree).t,
-        degree,
-        np.linspace(0.0, 1.0, 8 * count),
-    )
-
-
-@lru_cache(maxsize=256)
-def grid(cells: int) -> Array:
-    """Sample a segment: s (S,) from 0 to 1, including the knots, where curvature is largest."""
-    return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
-
-
-def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
-    """Compute the size of a path's second derivative (S, J) at s (S,)."""
-    bend: Array = np.abs(path(s, 2))
-    if isinstance(
-        path, PchipInterpolator
-    ):  # its second derivative jumps at a knot: take both sides
-        bend = np.maximum(bend, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))
-    return bend
-
-
-def time_at_rest(
-    segments: list[tuple[BSpline | PchipInterpolator, int]],
-    arm: Arm,
-    segment_s: float,
-    speed: float,
-) -> Iterator[tuple[Array, Array]]:
-    """Time each path (joints over s in [0, 1], and its number of cells), at rest at both ends.
-
-    Yields times (S,) in seconds and joints (S, J). Without limits the path speed is a trapezoid: a fifth of the time to
-    accelerate, a fifth to brake. Where a joint would exceed a limit, the speed is reduced there, before and after: a
-    forward and a backward pass over the squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic
-    manipulators along specified paths", IJRR 1985. Half of each acceleration limit is for the path's curvature, half
-    for the change of speed.
-    """
-    placed = [(path, grid(cells)) for path, cells in segments]
-    slope = np.abs(np.concatenate([path(s, 1) for path, s in placed]))
-    bend = np.concatenate([_bend(path, s) for path, s in placed])
-    sizes = [len(s) for _, s in placed]
-    ends = np.cumsum(sizes)
-    step = np.repeat([s[1] for _, s in placed], sizes)
-    half = arm.acceleration_limits * speed / 2
-    with np.errstate(
-        divide="ignore"
-    ):  # where a joint does not move, and between two segments
-        fastest = np.minimum(
-            _least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend)
-        )
-        gain = np.minimum(_least(half / slope), 6.25 / segment_s**2)
-        square = np.minimum(fastest, (1.25 / segment_s) ** 2)
-        square[0] = square[ends[:-1]] = square[ends - 1] = 0.0
-        rate = np.sqrt(
-            _within(
-                square.tolist(),
-                (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist(),
-            )
-        )
-        lasts = 2 * step[:-1] / (rate[:-1] + rate[1:])
-    for (path, s), end in zip(placed, ends, strict=True):
-        own = slice(end - len(s), end)
-        instants, along = sampled(s, rate[own], lasts[own][: len(s) - 1])
-        yield instants, path(along)
-
-
-def _least(values: Array) -> Array:
-    """The minimum of each row; fast for many short rows."""
-    least: Array = np.ascontiguousarray(values.T).min(axis=0)
-    return least
-
-
-def _within(square: list[float], allowed: list[float]) -> list[float]:
-    """Lower squared speeds (S,) until neighbours differ by no more than ``allowed`` (S - 1,).
-
-    Works on Python floats, which are faster one by one than numpy's.
-    """
-    count, last = len(allowed), square[0]
-    for k in range(count):
-        last += allowed[k]
-        if last < square[k + 1]:
-            square[k + 1] = last
-        else:
-            last = square[k + 1]
-    for k in range(count - 1, -1, -1):
-        last += allowed[k]
-        if last < square[k]:
-            square[k] = last
-        else:
-            last = square[k]
-    return square
-
-
-def sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
-    """Sample a timed path evenly: times (T,) in seconds and path positions (T,).
-
-    The path speed is ``rate`` (S,) at ``s`` (S,); the steps between take ``lasts`` (S - 1,) seconds.
-    """
-    instants = np.concatenate([[0.0], np.cumsum(lasts)])
-    duration = instants[-1]
-    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
-    at = np.minimum(np.searchsorted(instants, times, side="right") - 1, len(lasts) - 1)
-    since = times - instants[at]
-    along = (
-        s[at] + rate[at] * since + (rate[at + 1] - rate[at]) / lasts[at] / 2 * since**2
-    )
-    return times, np.minimum(np.maximum(along, 0.0), 1.0)
+def find_slowed(
+    trajectory: JointTrajectory, reached: Array, tempo: Tempo, arm: Arm
+) -> Array:
+    """How many times slower than asked each way is (N,), by its seconds or by its highest speed."""
+    slowed = np.ones(len(reached))
+    begins = np.concatenate([[0.0], reached[:-1] + tempo.waits[:-1]])
+    lasts = reached - begins
+    for k in np.flatnonzero(np.isfinite(tempo.seconds)):
+        slowed[k] = max(1.0, lasts[k] / tempo.seconds[k])
+    for k in np.flatnonzero(np.isfinite(tempo.speeds) & ~np.isfinite(tempo.seconds)):
+        count = max(3, math.ceil(lasts[k] / 0.01))
+        times = np.linspace(begins[k], reached[k], count)
+        places = arm.positions(trajectory.sample(times)[0])
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        if steps.sum() > APART_M:
+            highest = (steps / np.diff(times)).max()
+            slowed[k] = max(1.0, tempo.speeds[k] / highest)
+    return slowed
 
 
 def at_home(task: Task) -> JointTrajectory:

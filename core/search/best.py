@@ -13,8 +13,7 @@ from core.errors import RAISED, UserError
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import EvolutionStrategy, Robot, Task
 from core.plugins import installed
-from core.robot.tempo import plan_task_motion
-from core.robot.trajectory import Motion
+from core.robot.trajectory import Motion, plan_task_motion
 from core.simulation.pictures import report_missing, save_film
 
 Export = Callable[[Candidate, Robot, Motion, Path], None]

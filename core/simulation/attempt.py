@@ -11,8 +11,7 @@ from core.designs.plan_rules import check_work
 from core.designs.planning import resolve
 from core.designs.start import SpawnRules
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
-from core.robot.tempo import plan_task_motion
-from core.robot.trajectory import Motion
+from core.robot.trajectory import Motion, plan_task_motion
 from core.scene import Scene
 from core.simulation.guards import PlannedGuards
 from core.solids.contacts import Contacts

@@ -30,8 +30,7 @@ from core.interfaces import (
     Waypoints,
 )
 from core.robot.kinematics import Arm, arm_of
-from core.robot.tempo import plan_task_motion
-from core.robot.trajectory import Begin, Motion
+from core.robot.trajectory import Begin, Motion, plan_task_motion
 from core.scene import Scene
 from core.values.jobs import FEEL_S
 
@@ -202,11 +201,8 @@ class PlannedGuards:
             arrivals = np.append(arrivals, first.duration + rest.arrivals)
             misses = np.vstack([misses, rest.misses])
             slowed = np.append(slowed, rest.slowed)
-        metres, radians = misses.max(axis=0).tolist()
         plan = self._waypoints.poses[: len(arrivals)]
-        return Motion(
-            trajectory, distance, metres, radians, arrivals, misses, plan, slowed
-        )
+        return Motion(trajectory, distance, arrivals, misses, plan, slowed)
 
     def _plan_rest(self, stop: JointTrajectory, count: int) -> Motion | None:
         """Plan what comes after the first ``count`` waypoints until the next guard, from where the arm stopped.

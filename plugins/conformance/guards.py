@@ -16,7 +16,7 @@ from core.interfaces import (
     Tempo,
     Waypoints,
 )
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.scene import Body
 from core.simulation.guards import PlannedGuards
 from core.values.jobs import FEEL_S, Rollout

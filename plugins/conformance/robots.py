@@ -11,7 +11,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
+from core.interfaces import (
+    JointTrajectory,
+    Outcome,
+    Robot,
+    Rollout,
+    Simulator,
+    Waypoints,
+)
 from core.robot.description import assembled
 from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
@@ -133,7 +140,7 @@ def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
     home = arm.forward(arm.home)
     plan = np.array([[0.1, 0.2, -0.2, 0, 0.3, 0], [0.0, -0.2, -0.1, 0, 0, 0.5]])
     plan[:, :3] += home.position
-    planned = plan_motion(plan, home, arm)
+    planned = plan_motion(Waypoints(plan), home, arm)
     outcome = _play(simulator, robot, Tool(), planned.trajectory, 0.5)
     recording = film(outcome)
     targets, _ = planned.trajectory.sample(recording.times)

@@ -18,6 +18,7 @@ from core.interfaces import (
     Rollout,
     Simulator,
     Task,
+    Waypoints,
 )
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
@@ -132,7 +133,8 @@ def still(robot: Robot | None = None) -> JointTrajectory:
 
 def motion(plan: object, robot: Robot | None = None) -> JointTrajectory:
     """The motion from home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
-    return plan_motion(np.array(plan, dtype=np.float64), HOME, arm(robot)).trajectory
+    waypoints = Waypoints(np.array(plan, dtype=np.float64))
+    return plan_motion(waypoints, HOME, arm(robot)).trajectory
 
 
 def wait(

@@ -16,7 +16,7 @@ from core.errors import UsageError, check_positive
 from core.interfaces import Condition, Fitness, Material, Robot, Score, Trial
 from core.plugins import FITNESS
 from core.robot.kinematics import arm_of
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.solids.self_collision import DEEP_M
 from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance

@@ -30,8 +30,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Task, ToolRepresentation
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
-from core.robot.tempo import plan_task_motion
-from core.robot.trajectory import Motion
+from core.robot.trajectory import Motion, plan_task_motion
 from core.scene import Scene
 from core.simulation.play import play as play_in
 from core.store.database import writing

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.interfaces import Anchor, Brief
+from core.interfaces import Anchor, Brief, Waypoints
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import find_self_collision
@@ -132,7 +132,7 @@ class FaultCounter:
             return hits + 100.0 * miss
 
         home = self._layouts[0].analysis.model.home
-        motion = plan_motion(rows, home, arm)
+        motion = plan_motion(Waypoints(rows), home, arm)
         if find_self_collision(robot, tool, motion.trajectory) is not None:
             return hits + BREAKS_RULES
         return hits

@@ -11,7 +11,7 @@ import numpy as np
 from core.design import Tool
 from core.designs.statics import moment_limit
 from core.geometry import Array, Pose
-from core.interfaces import Brief, Robot, RolloutSettings, Task
+from core.interfaces import Brief, Robot, RolloutSettings, Task, Waypoints
 from core.robot.extents import Finger, fingers_of
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
@@ -255,7 +255,11 @@ def _time(
         [[*(home.position - half), *home.rpy], [*(home.position + half), *home.rpy]]
     )
     motion = plan_motion(
-        ends, home, arm, segment_s=rollout.segment_s, speed=rollout.speed
+        Waypoints(ends),
+        home,
+        arm,
+        segment_s=rollout.segment_s,
+        speed=rollout.speed,
     )
     first, last = motion.arrivals.tolist()
     joints, _ = motion.trajectory.sample(np.linspace(first, last, _SAMPLES))

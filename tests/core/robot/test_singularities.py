@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
+from core.interfaces import Waypoints
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
@@ -53,7 +54,7 @@ WAYS = (
 @pytest.mark.parametrize("way", WAYS)
 def test_a_line_past_the_wrists_singularity(arm, way):
     plan = np.array(way)
-    motion = plan_motion(plan, HOME, arm)
+    motion = plan_motion(Waypoints(plan), HOME, arm)
     joints = last_way(motion)
     assert np.abs(joints[:, 4]).min() < 0.08, "the way is not near the singularity"
     metres, radians = deviation(arm, plan, joints)

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
+from core.interfaces import Waypoints
 from core.robot.trajectory import plan_motion
 from tests.panda import ARM, FINGER_OPEN, PANDA
 
@@ -24,7 +25,7 @@ PLAN = np.array(
 
 
 def plan_of(plan, **how):
-    return plan_motion(np.asarray(plan, dtype=float), HOME, ARM, **how)
+    return plan_motion(Waypoints(np.asarray(plan, dtype=float)), HOME, ARM, **how)
 
 
 def segments(plan, **how):

@@ -11,7 +11,7 @@ from core.design import Candidate
 from core.designs.planning import resolve
 from core.geometry import Box
 from core.interfaces import Feel, Perception, RolloutSettings
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.scene import Body
 from core.simulation.attempt import prepare
 from core.simulation.guards import PlannedGuards

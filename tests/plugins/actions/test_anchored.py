@@ -17,7 +17,7 @@ from core.designs.start import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
 from core.plugins import installed
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.search.orchestration import resume, run
 from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan

@@ -6,7 +6,7 @@ from lxml import etree
 
 from core.design import Candidate, Component, Tool, ToolJoint
 from core.geometry import Box, Pose
-from core.interfaces import Task
+from core.interfaces import Task, Waypoints
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
 from plugins.results.artifacts import copied, save_files, tool_mesh
@@ -59,7 +59,7 @@ def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
     )
     tool = Tool((head, flap))
     plan = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
-    motion = plan_motion(plan, Task.home, arm_of(PANDA))
+    motion = plan_motion(Waypoints(plan), Task.home, arm_of(PANDA))
     save_files(Candidate(tool, plan), PANDA, motion, tmp_path)
     for name in ("tool.urdf", "robot.urdf"):
         robot = etree.parse(tmp_path / name)

@@ -14,7 +14,7 @@ from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.geometry import Box, Cylinder
 from core.goals import JointAt, Placed, Turned
-from core.interfaces import Brief, Material, Request, RolloutSettings, Task
+from core.interfaces import Brief, Material, Request, RolloutSettings, Task, Waypoints
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Joint, Scene, floor, table
@@ -192,7 +192,8 @@ def test_long_forks_stay_clear_of_the_arm():
         for design in candidates(brief(task, n_tool=4, n_action=2))
         if design.problem is None
     ]
-    motions = [plan_motion(design.plan.poses, task.home, ARM) for design in designs]
+    plans = [Waypoints(design.plan.poses) for design in designs]
+    motions = [plan_motion(plan, task.home, ARM) for plan in plans]
     met = [
         find_self_collision(PANDA, d.tool, motion.trajectory)
         for d, motion in zip(designs, motions, strict=True)

@@ -6,7 +6,7 @@ import pytest
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from plugins.results.workshop.motion import (
     APPROACH,
     SHARE,

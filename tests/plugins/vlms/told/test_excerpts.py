@@ -32,7 +32,7 @@ def test_a_function_keeps_its_body():
     ast.parse(text)
     assert '"""' not in text
     assert "def plan_motion(" in text
-    assert "return make_motion(" in text
+    assert "return Motion(" in text
 
 
 def test_helpers_are_those_of_the_tasks_own_package():

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
+from core.interfaces import Waypoints
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
@@ -18,7 +19,7 @@ REACH = compute_reach(ARM)
 def missed(*waypoints):
     """Metres and radians by which a motion from home misses these waypoints: x, y, z, pitch, yaw."""
     plan = np.array([[x, y, z, 0.0, pitch, yaw] for x, y, z, pitch, yaw in waypoints])
-    motion = plan_motion(plan, HOME, ARM)
+    motion = plan_motion(Waypoints(plan), HOME, ARM)
     return motion.ik_error_m, motion.ik_error_rad
 
 

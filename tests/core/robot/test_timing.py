@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from core.interfaces import RolloutSettings, Tempo, Waypoints
 from core.robot.kinematics import arm_of
-from core.robot.tempo import plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from tasks.bring_cube import BringCube
 from tests.panda import PANDA, on_panda
 

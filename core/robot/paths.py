@@ -1,0 +1,136 @@
+"""Place knots along a plan's waypoints, and join the arm's joints there to a path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import accumulate, pairwise
+
+import numpy as np
+from scipy.interpolate import (
+    BSpline,
+    CubicSpline,
+    PchipInterpolator,
+    make_interp_spline,
+)
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from core.geometry import Array
+from core.robot.kinematics import Arm
+
+# Inverse kinematics is solved at knots this close; a cubic spline joins them.
+KNOT_M = 0.02
+KNOT_RAD = 0.1
+APART_M = 1e-6  # waypoints nearer than this are one place
+_LEVER_M = 0.2  # a turn of 1 rad is as long as this
+_ROUNDING_RAD = 1e-9
+
+JointPath = BSpline | PchipInterpolator  # joints (J,) over s in [0, 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """K poses of the mount along a way through N + 1 poses.
+
+    Attributes:
+        positions: (K, 3), metres.
+        rotations: (K, 3, 3).
+        ends: which of the knots are the N + 1 poses.
+    """
+
+    positions: Array
+    rotations: Array
+    ends: list[int]
+
+
+def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> Knots:
+    """Place knots along poses (N + 1).
+
+    From pose to pose the position moves on a straight line, and the orientation by SLERP. Where the mount passes poses
+    without a stop, both move on a smooth curve through these poses.
+    """
+    ways = np.diff(positions, axis=0)
+    turns = rotations[:-1].inv() * rotations[1:]
+    angles = np.asarray(turns.magnitude())
+    counts = []
+    for way, angle in zip(ways, angles, strict=True):
+        cells = max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)
+        counts.append(max(1, math.ceil(cells)))
+    ends = [0, *accumulate(counts)]
+
+    number = np.repeat(np.arange(len(ways)), counts)
+    number = np.append(0, number)  # of the way that each knot lies on
+    shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in counts]
+    share = np.concatenate([[0.0], *shares])[:, None]
+    slerp = rotations[number] * Rotation.from_rotvec(turns.as_rotvec()[number] * share)
+    quaternions = slerp.as_quat(scalar_first=True)
+    # To the last bit as a `Pose` would have them.
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    turned = Rotation.from_quat(quaternions, scalar_first=True)
+    knots = Knots(positions[number] + share * ways[number], turned.as_matrix(), ends)
+
+    for first, last in pairwise(stops):
+        if last > first + 1:
+            passed = slice(first, last + 1)
+            curve = slice(ends[first] + 1, ends[last] + 1)
+            knots.positions[curve], knots.rotations[curve] = _place_on_curve(
+                positions[passed], rotations[passed], counts[first:last]
+            )
+    return knots
+
+
+def _place_on_curve(
+    positions: Array, rotations: Rotation, counts: Sequence[int]
+) -> tuple[Array, Array]:
+    """Place knots on a spline through poses (N + 1), after the first: (K, 3) and (K, 3, 3).
+
+    ``counts`` are the cells of each of the N ways.
+    """
+    ways = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    angles = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
+    lengths = np.maximum(ways + _LEVER_M * angles, APART_M)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    places = []
+    for (begin, end), count in zip(pairwise(along), counts, strict=True):
+        places.append(np.linspace(begin, end, count + 1)[1:])
+    place = np.concatenate(places)
+    rotation = RotationSpline(along, rotations)(place)
+    return CubicSpline(along, positions)(place), rotation.as_matrix()
+
+
+def join_knots(knots: Array, arm: Arm) -> JointPath:
+    """Join joint knots (K, J): a cubic spline, or one without overshoot if that would exceed a limit."""
+    s, spline_knots, degree, between = _spline_places(len(knots))
+    path = make_interp_spline(s, knots, degree, spline_knots)
+    joints = path(between)
+    below = joints < arm.lower - _ROUNDING_RAD
+    above = joints > arm.upper + _ROUNDING_RAD
+    if (below | above).any():
+        return PchipInterpolator(s, knots, axis=0)
+    return path
+
+
+@lru_cache(maxsize=256)
+def _spline_places(count: int) -> tuple[Array, Array, int, Array]:
+    """Say where K knots are along a path: s (K,), the knots of SciPy's spline, its degree, and s (8 K,) between."""
+    s = np.linspace(0.0, 1.0, count)
+    degree = min(3, count - 1)
+    spline_knots = make_interp_spline(s, s, degree).t
+    return s, spline_knots, degree, np.linspace(0.0, 1.0, 8 * count)
+
+
+@lru_cache(maxsize=256)
+def sample_cells(cells: int) -> Array:
+    """Sample a path: s (S,) from 0 to 1, including its knots, where curvature is largest."""
+    return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
+
+
+def bend(path: JointPath, s: Array) -> Array:
+    """Compute the size of a path's second derivative (S, J) at s (S,)."""
+    after: Array = np.abs(path(s, 2))
+    if not isinstance(path, PchipInterpolator):
+        return after
+    # Its second derivative jumps at a knot: take both sides.
+    return np.maximum(after, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))

@@ -1,0 +1,202 @@
+"""Time the arm's way along a path of joints, within its limits of speed and acceleration.
+
+A way between two stops takes the time that is asked for, or longer where a limit asks for that. A way that passes
+waypoints without a stop, or that shall be faster than this rule allows, is timed by TOPP-RA (H. Pham and Q.-C. Pham, "A
+New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE T-RO 2018), which uses the
+limits in full. Ruckig would be no help: it knows states to be reached, and no path between them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from core.design import DesignError
+from core.geometry import Array
+from core.robot.kinematics import Arm
+from core.robot.paths import JointPath, bend, join_knots, sample_cells
+
+_SAMPLE_S = 0.01
+_APART_RAD = 1e-6
+_STILL_RAD = 1e-5  # where no joint turns farther, TOPP-RA may find no timing
+# Of the mean speed: the highest of a way that takes a fifth of its time to speed up, and a fifth to brake.
+PEAK = 1.25
+_ROUNDS = 20  # of slowing a way until it takes its seconds
+_EXACT_S = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A way from stop to stop along N waypoints.
+
+    Attributes:
+        knots: joints (K, J) along it.
+        ends: which of the knots are the stop before it and the waypoints (N + 1).
+        grips: how far the gripper is closed at these (N + 1).
+        asked: (N,) seconds that the way to each waypoint is asked to take.
+        seconds: (N,) as the tempo has them; nan: any.
+        hurried: whether it shall take no longer than ``asked``, if the limits allow.
+        wait_s: the rest after it.
+    """
+
+    knots: Array
+    ends: list[int]
+    grips: Array
+    asked: Array
+    seconds: Array
+    hurried: bool
+    wait_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class TimedLeg:
+    """A way from stop to stop in time.
+
+    Attributes:
+        times: (S,) seconds since it began.
+        joints: (S, J).
+        reached: when each of its waypoints is reached, seconds.
+    """
+
+    times: Array
+    joints: Array
+    reached: list[float]
+
+
+def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
+    """Time a way from rest to rest with a share ``speed`` of the arm's limits.
+
+    Raises:
+        DesignError: no timing keeps the limits.
+    """
+    if len(leg.asked) > 1:
+        return _time_fastest(leg, arm, speed)
+    asked_s = float(leg.asked[0])
+    path = join_knots(leg.knots, arm)
+    timed = _time_at_rest(path, len(leg.knots) - 1, arm, asked_s, speed)
+    late = timed.times[-1] > asked_s + _EXACT_S
+    moves = float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
+    if late and leg.hurried and moves:
+        return _time_fastest(leg, arm, speed)
+    return timed
+
+
+def _time_at_rest(
+    path: JointPath, cells: int, arm: Arm, asked_s: float, speed: float
+) -> TimedLeg:
+    """Time a path of this number of cells, in ``asked_s`` seconds or longer.
+
+    Without limits the path speed is a trapezoid: a fifth of the time to accelerate, a fifth to brake. Where a joint
+    would exceed a limit, the speed is reduced there, before and after: a forward and a backward pass over the squared
+    path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths", IJRR 1985.
+    Half of each acceleration limit is for the path's curvature, half for the change of speed.
+    """
+    s = sample_cells(cells)
+    slope = np.abs(path(s, 1))
+    half = arm.acceleration_limits * speed / 2
+    with np.errstate(divide="ignore"):  # where a joint does not move
+        fastest = np.minimum(
+            _row_minima(arm.velocity_limits * speed / slope) ** 2,
+            _row_minima(half / bend(path, s)),
+        )
+        gain = np.minimum(_row_minima(half / slope), 5 * PEAK / asked_s**2)
+    square = np.minimum(fastest, (PEAK / asked_s) ** 2)
+    square[[0, -1]] = 0.0
+    allowed = 2 * s[1] * np.minimum(gain[:-1], gain[1:])
+    rate = np.sqrt(_limit_change(square.tolist(), allowed.tolist()))
+    lasts = 2 * s[1] / (rate[:-1] + rate[1:])
+    times, along = _sample_evenly(s, rate, lasts)
+    return TimedLeg(times, path(along), [float(times[-1])])
+
+
+def _row_minima(values: Array) -> Array:
+    """The minimum of each row; fast for many short rows."""
+    least: Array = np.ascontiguousarray(values.T).min(axis=0)
+    return least
+
+
+def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
+    """Lower squared speeds (S,) until neighbours differ by no more than ``allowed`` (S - 1,).
+
+    Works on Python floats, which are faster one by one than numpy's.
+    """
+    for k, change in enumerate(allowed):
+        most = square[k] + change
+        if most < square[k + 1]:
+            square[k + 1] = most
+    for k in reversed(range(len(allowed))):
+        most = square[k + 1] + allowed[k]
+        if most < square[k]:
+            square[k] = most
+    return square
+
+
+def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
+    """Time a path by TOPP-RA, no faster than asked.
+
+    Raises:
+        DesignError: no timing keeps the limits.
+    """
+    import toppra  # takes a second
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import (
+        DiscretizationType,
+        JointAccelerationConstraint,
+        JointVelocityConstraintVarying,
+    )
+
+    toppra.setup_logging("ERROR")
+    last = leg.ends[-1]
+    path = toppra.SplineInterpolator(np.linspace(0.0, 1.0, len(leg.knots)), leg.knots)
+    s = sample_cells(last)
+    marks = [end * ((len(s) - 1) // last) for end in leg.ends]
+    way = np.searchsorted(leg.ends[1:-1], s * last, side="right")
+    both = [-1.0, 1.0]
+    acceleration = JointAccelerationConstraint(
+        np.outer(arm.acceleration_limits * speed, both),
+        discretization_scheme=DiscretizationType.Interpolation,
+    )
+    slope = np.maximum(np.abs(path(s, 1)), _APART_RAD)
+    quickest = (arm.velocity_limits * speed / slope).min(axis=1)
+    asked = leg.asked
+    for _ in range(_ROUNDS):
+        rates = np.minimum(quickest, (PEAK * np.diff(leg.ends) / last / asked)[way])
+
+        def limit_velocity(place: float, rates: Array = rates) -> Array:
+            slope = np.maximum(np.abs(path(place, 1)), _APART_RAD)
+            return np.outer(slope * np.interp(place, s, rates), both)
+
+        limits = [JointVelocityConstraintVarying(limit_velocity), acceleration]
+        _, rate, _ = TOPPRA(limits, path, gridpoints=s).compute_parameterization(0, 0)
+        if rate is None:
+            raise DesignError(
+                "no tempo was found that keeps the arm's limits; ask for fewer 'through' or more time"
+            )
+        lasts = 2 * np.diff(s) / (rate[:-1] + rate[1:])
+        took = np.array([lasts[a:b].sum() for a, b in pairwise(marks)])
+        short = took < leg.seconds - _EXACT_S
+        if not short.any():
+            break
+        asked = np.where(short, asked * leg.seconds / took, asked)
+    times, along = _sample_evenly(s, rate, lasts)
+    reached = [*accumulate(took[:-1].tolist()), float(times[-1])]
+    return TimedLeg(times, path(along), reached)
+
+
+def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
+    """Sample a timed path evenly: times (T,) in seconds and path positions (T,).
+
+    The path speed is ``rate`` (S,) at ``s`` (S,); the steps between take ``lasts`` (S - 1,) seconds.
+    """
+    instants = np.concatenate([[0.0], np.cumsum(lasts)])
+    duration = instants[-1]
+    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
+    step = np.searchsorted(instants, times, side="right") - 1
+    step = np.minimum(step, len(lasts) - 1)
+    since = times - instants[step]
+    growth = (rate[step + 1] - rate[step]) / lasts[step] / 2
+    along = s[step] + rate[step] * since + growth * since**2
+    return times, np.minimum(np.maximum(along, 0.0), 1.0)
