@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.statics import MAX_GAP_M, Beams, check_joints, check_weight, corners
+from core.designs.statics import Beams, check_weight, corners
+from core.designs.tool_joints import MAX_GAP_M, check_joints
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation

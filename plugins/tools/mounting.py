@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from core.design import RIGID_MOUNT, Tool
-from core.designs import rules, statics
+from core.designs import rules, statics, tool_joints
 from core.geometry import Array
 from core.interfaces import Brief, Robot
 from core.robot.extents import fingers_of
@@ -61,7 +61,7 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
         elites=brief.elites,
         weight=weight,
         payload=statics.mass_limit(robot, material)[0],
-        share=statics.spring_share(material),
+        share=tool_joints.spring_share(material),
         **given,
     )
 
@@ -78,8 +78,9 @@ def describe_weight(material: Material, robot: Robot) -> str:
 
 
 def _write(template: str, /, **given: Any) -> str:
-    """Fill in a template, which finds the limits of `core.designs.rules` and `core.designs.statics` by their names."""
-    return fill("plugins.tools", template, **{**vars(rules), **vars(statics), **given})
+    """Fill in a template, which finds the limits of `core.designs.rules` and `core.designs.tool_joints` by name."""
+    limits = {**vars(rules), **vars(tool_joints)}
+    return fill("plugins.tools", template, **{**limits, **given})
 
 
 @dataclass(frozen=True)

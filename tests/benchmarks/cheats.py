@@ -28,13 +28,12 @@ from scipy.spatial.transform import Rotation
 from core.config.compose import engines, load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import dump_design, read_designs
-from core.designs.statics import (
-    MAX_DAMPING,
+from core.designs.tool_joints import (
+    LIMITS,
     MAX_DECAY,
     MAX_HZ,
-    MAX_SPRING,
     MAX_SPRINGS_J,
-    moved,
+    weigh_moved,
 )
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
@@ -249,19 +248,19 @@ class Varied:
         bearer = next(
             bearer for bearer in tool.bearers if bearer.name == component.name
         )
-        inertia = moved(tool, bearer)[1]
+        inertia = weigh_moved(tool, bearer)[1]
         reach = max(-lower, upper)
         strong = min(
-            MAX_SPRING[kind] / reach,
+            LIMITS[kind].spring / reach,
             MAX_SPRINGS_J / reach**2,
             inertia * (2 * np.pi * MAX_HZ) ** 2,
         )
-        slow = min(MAX_DAMPING[kind], inertia * MAX_DECAY)
+        slow = min(LIMITS[kind].damping, inertia * MAX_DECAY)
         stiffness, damping = (
             float(most * random.uniform(0.1, 0.99) * (random.random() < share))
             for most, share in ((strong, 0.8), (slow, 0.4))
         )
-        friction = float(random.choice([0.0, 0.0, 0.1 * MAX_SPRING[kind]]))
+        friction = float(random.choice([0.0, 0.0, 0.1 * LIMITS[kind].spring]))
         joint = replace(
             joint, stiffness=stiffness, rest=rest, damping=damping, friction=friction
         )

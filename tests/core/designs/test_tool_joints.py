@@ -7,7 +7,7 @@ import pytest
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import check_tool, mount_solids
 from core.designs.start import SpawnRules
-from core.designs.statics import check_joints, moved
+from core.designs.tool_joints import check_joints, weigh_moved
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
 from plugins.conformance.joints import hinged, sliding
@@ -221,18 +221,18 @@ def test_number_of_joints():
 def test_what_a_joint_moves():
     """A rod about its end, with another behind it; a block along its slide."""
     tool = hinged(0.5, ToolJoint("hinge", (1, 0, 0), -1, 1, (0, 0, 0.1)))
-    mass, inertia = moved(tool, tool.bearers[0])
+    mass, inertia = weigh_moved(tool, tool.bearers[0])
     assert mass == pytest.approx(0.1)
     assert inertia == pytest.approx(0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2)
     more = Component(
         "tip", "rod", Pose(np.array([0.0, 0.0, -0.11])), Box((0.02, 0.02, 0.02)), 0.05
     )
-    mass, inertia = moved(Tool((*tool.components, more)), tool.bearers[0])
+    mass, inertia = weigh_moved(Tool((*tool.components, more)), tool.bearers[0])
     assert mass == pytest.approx(0.15)
     own = 0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2
     assert inertia == pytest.approx(own + 0.05 * (0.02**2 / 6 + 0.21**2))
     block = sliding(ToolJoint("slider", (0, 0, 1), -0.1, 0.1))
-    assert moved(block, block.bearers[0]) == (0.2, 0.2)
+    assert weigh_moved(block, block.bearers[0]) == (0.2, 0.2)
 
 
 def test_tongs_pass_every_rule():

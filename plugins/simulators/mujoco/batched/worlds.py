@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from core.designs.statics import MAX_JOINTS
+from core.designs.tool_joints import MAX_JOINTS
 from core.geometry import Array
 from core.interfaces import Rollout
 from core.simulation.playback import LAG_EVERY, Schedule

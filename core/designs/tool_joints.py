@@ -1,0 +1,253 @@
+"""Check the joints of a tool: that one can make them, that engines can follow them, and that they hold together."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import Bearer, DesignError, Tool, ToolJoint
+from core.geometry import Array, Cylinder, Pose, mass_properties
+from core.robot.solids import Solid, signed_distance, solid_geometry
+from core.values.materials import Material
+
+
+class JointLimits(NamedTuple):
+    """What the joints of a kind may be.
+
+    Attributes:
+        unit: of a position.
+        load: the unit of a torque or force.
+        resistance: the unit of damping.
+        most: how far from 0 a range may go, and a spring be relaxed.
+        least_range: an engine takes a range of next to nothing for none.
+        spring: the largest torque or force of a bought spring or brake of a hand tool's size.
+        damping: of a bought damper of that size.
+    """
+
+    unit: str
+    load: str
+    resistance: str
+    most: float
+    least_range: float
+    spring: float
+    damping: float
+
+
+# docs/materials.md has the sources.
+LIMITS = {
+    "hinge": JointLimits("rad", "N m", "N m s/rad", 2 * math.pi, 0.01, 3.0, 0.2),
+    "slider": JointLimits("m", "N", "N s/m", 0.5, 0.0005, 50.0, 20.0),
+}
+MAX_JOINTS = 8
+MIN_MOVED_KG = 0.001
+# An engine's step is 2 to 5 ms: a spring or a damper that acts faster than that shakes or explodes in some.
+MAX_HZ = 20.0  # of what a spring moves, on its own
+MAX_DECAY = 100.0  # 1/s, at which a damper stops what it moves
+MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
+_PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
+MAX_GAP_M = 0.001  # between a component and its parent
+MAX_PIN_M = 0.01  # from a hinge's axis to each of its two sides: an eye around a pin
+_STEP_M = 0.005  # between places in which the two sides of a joint must touch
+_FEWEST_STEPS = 9
+_MOST_STEPS = 201
+
+
+def spring_share(material: Material) -> float:
+    """Compute which share of a bought spring's energy, torque and force springs of a material may have.
+
+    A bent spring of rectangular section holds a ninth of what its volume would at its strength, s^2 / 2 E each m^3.
+    Where the material has no strength, springs are bought.
+    """
+    if material.strength_pa is None:
+        return 1.0
+    energy = _PRINTED_M3 * material.strength_pa**2 / (18 * material.young_pa)
+    return min(1.0, energy / MAX_SPRINGS_J)
+
+
+def check_joints(
+    tool: Tool, material: Material, mounts: Mapping[str, Sequence[Solid]]
+) -> None:
+    """Check the joints of a tool; ``mounts`` are the solids of what it hangs from, each in its own frame.
+
+    Raises:
+        DesignError: the first rule that is broken.
+    """
+    if len(tool.bearers) > MAX_JOINTS:
+        raise DesignError(
+            f"the tool has {len(tool.bearers)} moving joints; at most {MAX_JOINTS} are allowed"
+        )
+    share = spring_share(material)
+    energies = {}
+    for bearer in tool.bearers:
+        try:
+            _check_range(bearer.joint)
+            _check_motion(tool, bearer)
+            energies[bearer.name] = _check_strength(bearer.joint, share)
+        except DesignError as error:
+            raise DesignError(
+                f"the joint of component {bearer.name!r} {error}"
+            ) from error
+    energy = sum(energies.values())
+    most = share * MAX_SPRINGS_J
+    if energy > most:
+        strongest = max(energies, key=lambda name: energies[name])
+        raise DesignError(
+            f"the tool's springs hold {energy:.3g} J at the ends of their ranges; at most {most:.2g} J are allowed: "
+            f"give {strongest!r} a smaller range or a softer spring"
+        )
+
+    solids = {name: list(mounts.get(name, ())) for name in tool.borne_on}
+    for part in tool.parts:
+        solid = Solid(part.component, solid_geometry(part.shape), part.pose)
+        solids[part.bearer].append(solid)
+    for bearer in tool.bearers:
+        if bearer.joint.kind == "hinge":
+            _check_pin(bearer, solids)
+        _check_touch(bearer, solids)
+
+
+def _check_range(joint: ToolJoint) -> None:
+    limits = LIMITS[joint.kind]
+    span = f"goes from {joint.lower:g} to {joint.upper:g} {limits.unit}"
+    if max(-joint.lower, joint.upper) > limits.most:
+        raise DesignError(f"{span}; at most {limits.most:.3g} is allowed")
+    if joint.upper - joint.lower < limits.least_range:
+        raise DesignError(
+            f"{span}; give it a range of {limits.least_range:g} or more, or no joint"
+        )
+    if abs(joint.rest) > limits.most:
+        raise DesignError(
+            f"has a spring that is relaxed at {joint.rest:g} {limits.unit}; at most {limits.most:.3g}"
+        )
+
+
+def _check_motion(tool: Tool, bearer: Bearer) -> None:
+    """Refuse what moves too fast for an engine's steps."""
+    joint = bearer.joint
+    mass, inertia = weigh_moved(tool, bearer)
+    if mass < MIN_MOVED_KG:
+        raise DesignError(
+            f"moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed"
+        )
+    hertz = math.sqrt(joint.stiffness / inertia) / (2 * math.pi)
+    if hertz > MAX_HZ:
+        would_do = joint.stiffness * (MAX_HZ / hertz) ** 2
+        raise DesignError(
+            f"has too stiff a spring: what it moves would swing at {hertz:.0f} Hz, and at most {MAX_HZ:g} "
+            f"can be simulated; a stiffness of {would_do:.2g} would do, or more mass"
+        )
+    if joint.damping > MAX_DECAY * inertia:
+        raise DesignError(
+            f"has too much damping: {joint.damping:g} for an inertia of {inertia:.2g}; at most "
+            f"{MAX_DECAY * inertia:.2g} can be simulated; for more resistance give friction"
+        )
+
+
+def _check_strength(joint: ToolJoint, share: float) -> float:
+    """Refuse springs, dampers and brakes that are too strong; return the spring's energy at the end of its range."""
+    limits = LIMITS[joint.kind]
+    strain = max(abs(joint.lower - joint.rest), abs(joint.upper - joint.rest))
+    exerted = joint.stiffness * strain
+    most = share * limits.spring
+    if exerted > most:
+        raise DesignError(
+            f"has too strong a spring: it exerts {exerted:.3g} {limits.load} where it is {strain:.3g} {limits.unit} "
+            f"from its rest; at most {most:.2g} {limits.load} are allowed"
+        )
+    if joint.damping > limits.damping:
+        raise DesignError(
+            f"has a damping of {joint.damping:.3g} {limits.resistance}; at most {limits.damping:g} is allowed"
+        )
+    if joint.friction > limits.spring:
+        raise DesignError(
+            f"has a dry friction of {joint.friction:.3g} {limits.load}; at most {limits.spring:g} is allowed"
+        )
+    return exerted * strain / 2
+
+
+def weigh_moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
+    """Compute the mass (kg) of what moves on a joint as one, and its inertia about a hinge's axis (kg m^2).
+
+    Of a slider the second is the mass again. What hangs on a further joint is left out: it need not follow.
+    """
+    mass, inertia = 0.0, 0.0
+    axis: Array = np.array(bearer.joint.axis)
+    for component in tool.components:
+        carrier, pose = tool.borne[component.name]
+        if carrier != bearer.name:
+            continue
+        center, tensor = mass_properties(component.shape, component.mass)
+        turned = pose.rotation.inv().apply(axis)
+        away: Array = np.cross(axis, pose.apply(center))
+        mass += component.mass
+        inertia += float(turned @ tensor @ turned + component.mass * (away @ away))
+    if bearer.joint.kind == "slider":
+        return mass, mass
+    return mass, inertia
+
+
+def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
+    """Refuse a hinge whose axis passes one of its two sides too far off for a pin.
+
+    The pin reaches as far as what turns on it.
+    """
+    reach = max(map(_reach, solids[bearer.name]))
+    turn, _ = Rotation.align_vectors([bearer.joint.axis], [[0.0, 0.0, 1.0]])
+    pose = Pose.from_rotation(np.zeros(3), turn)
+    pin = Solid("pin", solid_geometry(Cylinder(1e-4, 2 * reach)), pose)
+
+    on_parent = replace(pin, pose=bearer.pose @ pin.pose)
+    for side, placed in ((bearer.name, pin), (bearer.parent, on_parent)):
+        away = min(signed_distance(solid, placed) for solid in solids[side])
+        if away > MAX_PIN_M:
+            raise DesignError(
+                f"the hinge of {bearer.name!r} has an axis that passes {side!r} at {1000 * away:.0f} mm; at most "
+                f"{1000 * MAX_PIN_M:g} mm are allowed: put the axis where both are, or add an eye for its pin"
+            )
+
+
+def _check_touch(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
+    """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one."""
+    joint = bearer.joint
+    pairs = list(itertools.product(solids[bearer.parent], solids[bearer.name]))
+    lever = 1.0
+    if joint.kind == "hinge":
+        lever = max(map(_reach, solids[bearer.name]))
+    count = (joint.upper - joint.lower) * lever / _STEP_M
+    count = int(np.clip(count, _FEWEST_STEPS, _MOST_STEPS))
+    near: tuple[Solid, Solid] | None = None  # what touched last: likely to go on
+    for value in np.linspace(joint.lower, joint.upper, count).tolist():
+        place = bearer.pose @ _move(joint, value)
+        if near is not None and _touch(*near, place):
+            continue
+        near = next((pair for pair in pairs if _touch(*pair, place)), None)
+        if near is None:
+            raise DesignError(
+                f"component {bearer.name!r} leaves what bears it, {bearer.parent!r}, where its joint is at "
+                f"{value:.3g} {LIMITS[joint.kind].unit}: shorten the range, or add a rail that goes on touching"
+            )
+
+
+def _move(joint: ToolJoint, value: float) -> Pose:
+    """Place a joint's link at a value, in its frame at 0."""
+    way = value * np.array(joint.axis)
+    if joint.kind == "slider":
+        return Pose(way)
+    return Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(way))
+
+
+def _touch(still: Solid, moving: Solid, place: Pose) -> bool:
+    placed = replace(moving, pose=place @ moving.pose)
+    return signed_distance(still, placed) <= MAX_GAP_M
+
+
+def _reach(solid: Solid) -> float:
+    """How far a solid extends from the origin of its frame, at most, metres."""
+    center, half = solid.bounds()
+    return float(np.linalg.norm(np.abs(center) + half))
