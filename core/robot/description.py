@@ -1,21 +1,22 @@
-"""Mount a tool on an arm's description, and write descriptions as URDF text."""
+"""Mount a tool on an arm's description."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
-from core.geometry import Array, Box, Capsule, Cylinder, Pose, Sphere, mass_properties
+from core.geometry import (
+    Array,
+    Pose,
+    mass_properties,
+)
 from core.robot.shape_files import urdf_shapes
+from core.robot.writing import MeshPath, write, write_part
 from core.values.descriptions import (
-    MOMENTS,
-    ONE,
     PICOMETRES,
     Description,
     Inertial,
@@ -29,15 +30,22 @@ from core.values.descriptions import (
 )
 from core.values.robots import Robot
 
-MeshPath = Callable[[Path], str]
 BASE = "world_base"  # the root link of an arm that does not stand at the world's origin
+
+
+def joint_name(link: str) -> str:
+    """Name the joint that bears a component, or another link that is ours."""
+    return f"{link}_joint"
+
+
+# Names that no link and no joint of an arm may have.
 RESERVED = (
     RIGID_MOUNT,
     *GRIPPER_MOUNTS,
     BASE,
-    f"{RIGID_MOUNT}_joint",
-    f"{BASE}_joint",
-)  # names of links and joints
+    joint_name(RIGID_MOUNT),
+    joint_name(BASE),
+)
 
 
 @lru_cache(maxsize=16)
@@ -64,160 +72,117 @@ def assembled(
         fused: merge the tool's components into the link that bears them (for engines: fewer links, the same physics)
             instead of giving each a link of its own (for people).
     """
-    tool = tool if tool is not None else Tool(gripper=robot.gripper is not None)
-    arm, gripper, bearer, mount = (
-        robot.description,
-        robot.gripper,
-        robot.mount_link,
-        robot.mount,
-    )
+    gripper = robot.gripper
+    if tool is None:
+        tool = Tool(gripper=gripper is not None)
+    arm = robot.description
+    mount = _joint(RIGID_MOUNT, robot.mount_link, robot.mount)
     if gripper is not None and tool.gripper:
         arm = arm.renamed(dict(zip(gripper.links, GRIPPER_MOUNTS, strict=True)))
-        bearer, mount = gripper.link, gripper.mount
+        mount = _joint(RIGID_MOUNT, gripper.link, gripper.mount)
     elif gripper is not None:
         arm = arm.without(gripper.link)
-    parts = tool_parts(tool)
-    if fused:
-        parts = (
-            (RobotLink(name), _joint(name, parent, pose, joint))
-            for name, parent, pose, joint in tool.bearers
-        )
-    added = [(RobotLink(RIGID_MOUNT), _joint(RIGID_MOUNT, bearer, mount)), *parts]
+
+    links = {**arm.links, RIGID_MOUNT: RobotLink(RIGID_MOUNT)}
+    joints = {**arm.joints, RIGID_MOUNT: mount}
+    for link, bearing in () if fused else tool_parts(tool):
+        links[link.name] = link
+        joints[link.name] = bearing
+    for name, parent, pose, joint in tool.bearers if fused else ():
+        links[name] = RobotLink(name)
+        joints[name] = _joint(name, parent, pose, joint)
     if robot.base != Pose():
-        added.append(
-            (
-                RobotLink(BASE),
-                RobotJoint(
-                    joint_name(BASE), "fixed", BASE, arm.root, Origin.of(robot.base)
-                ),
-            )
+        links[BASE] = RobotLink(BASE)
+        joints[arm.root] = replace(
+            _joint(arm.root, BASE, robot.base), name=joint_name(BASE)
         )
-    links = [*arm.links.values(), *(link for link, _ in added)]
-    links = [_fused(link, tool) for link in links] if fused else links
-    joints = [*arm.joints.values(), *(joint for _, joint in added)]
-    return Description(
-        arm.name,
-        {link.name: link for link in links},
-        {joint.child: joint for joint in joints},
-    )
+    if fused:
+        links = {name: _fuse(link, tool) for name, link in links.items()}
+    return Description(arm.name, links, joints)
 
 
 def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
     """Yield the links of a tool's components, and the joints that bear them."""
-    links = {component.name: component.link for component in tool.components}
+    frames = {component.name: component.link for component in tool.components}
     for component in tool.components:
         own = component.link.inverse()
         center, tensor = mass_properties(component.shape, component.mass)
-        pose = component.pose @ component.link if component.joint else component.pose
-        pose = (
-            links[component.parent].inverse() @ pose
-            if component.parent in links
-            else pose
-        )
-        collisions, visuals = _shapes(component, own)
         inertial = Inertial.of(component.mass, own.apply(center), tensor)
-        yield (
-            RobotLink(component.name, inertial, collisions, visuals),
-            _joint(component.name, component.parent, pose, component.joint),
-        )
+        link = RobotLink(component.name, inertial, *_place_shapes(component, own))
 
-
-def joint_name(link: str) -> str:
-    """Name the joint that bears a component, or another link that is ours."""
-    return f"{link}_joint"
+        pose = component.pose
+        if component.joint is not None:
+            pose = pose @ component.link
+        if component.parent in frames:
+            pose = frames[component.parent].inverse() @ pose
+        yield link, _joint(component.name, component.parent, pose, component.joint)
 
 
 def _joint(
     name: str, parent: str, pose: Pose, moving: ToolJoint | None = None
 ) -> RobotJoint:
     """Make the joint that bears a link of a tool, or a frame."""
-    origin = Origin.of(pose)
+    fixed = RobotJoint(joint_name(name), "fixed", parent, name, Origin.of(pose))
     if moving is None:
-        return RobotJoint(joint_name(name), "fixed", parent, name, origin)
-    numbers = (
-        moving.lower,
-        moving.upper,
-        moving.damping,
-        moving.friction,
-        moving.stiffness,
-        moving.rest,
-        *moving.axis,
-    )
-    lower, upper, damping, friction, stiffness, rest, *axis = (
-        rounded(number, PICOMETRES) for number in numbers
-    )
-    kind, (x, y, z) = {"hinge": "revolute", "slider": "prismatic"}[moving.kind], axis
-    limits, spring = (
-        Limits(lower, upper, 0.0, 1000.0),
-        (stiffness, rest) if moving.stiffness else None,
-    )
-    return RobotJoint(
-        joint_name(name),
-        kind,
-        parent,
-        name,
-        origin,
-        (x, y, z),
-        limits,
-        None,
-        damping,
-        friction,
-        spring,
+        return fixed
+
+    def exact(value: float) -> float:
+        return rounded(value, PICOMETRES)
+
+    x, y, z = map(exact, moving.axis)
+    spring = (exact(moving.stiffness), exact(moving.rest))
+    return replace(
+        fixed,
+        kind="revolute" if moving.kind == "hinge" else "prismatic",
+        axis=(x, y, z),
+        limits=Limits(exact(moving.lower), exact(moving.upper), 0.0, 1000.0),
+        damping=exact(moving.damping),
+        friction=exact(moving.friction),
+        spring=spring if moving.stiffness else None,
     )
 
 
-def _shapes(
+def _place_shapes(
     component: Component, pose: Pose
 ) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
     """Make the collision and the visual shapes of a component at a pose in its link."""
-    collisions, visuals = (
-        tuple(
-            RobotShape(shape, Origin.of(pose @ inside if inside else pose), color)
-            for whole in shapes
-            for inside, shape in urdf_shapes(whole)
-        )
-        for shapes, color in (
-            (component.shape.convex_parts(), None),
-            ((component.shape.drawn,), component.color),
-        )
-    )
-    return collisions, visuals
+    collisions = list[RobotShape]()
+    for part in component.shape.convex_parts():
+        collisions += urdf_shapes(part, pose)
+    drawn = urdf_shapes(component.shape.drawn, pose)
+    visuals = [replace(shape, color=component.color) for shape in drawn]
+    return tuple(collisions), tuple(visuals)
 
 
 def merged(parts: Sequence[Weight]) -> Weight:
     """Merge the inertias of rigidly joined parts, all in one frame."""
     masses, centers, _ = zip(*parts, strict=True)
     center: Array = np.average(centers, axis=0, weights=masses)
-    tensor = np.zeros((3, 3))
-    for mass, at, own in parts:
-        arm = at - center
-        tensor += own + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return sum(masses), center, tensor
+    whole = np.zeros((3, 3))
+    for mass, place, tensor in parts:
+        arm = place - center
+        whole += tensor + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return sum(masses), center, whole
 
 
-def _fused(link: RobotLink, tool: Tool) -> RobotLink:
+def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
     """Merge the components that a link bears into it: many shapes, one inertia."""
-    parts = [
-        (c, tool.borne[c.name][1])
-        for c in tool.components
-        if tool.borne[c.name][0] == link.name
-    ]
-    if not parts:
+    borne = [c for c in tool.components if tool.borne[c.name][0] == link.name]
+    if not borne:
         return link
-    weights = [link.inertial.placed()] if link.inertial.mass > 0 else []
-    collisions, visuals = list(link.collisions), list(link.visuals)
-    for component, pose in parts:
-        turn, (center, tensor) = (
-            pose.rotation.as_matrix(),
-            mass_properties(component.shape, component.mass),
-        )
+    weights = []
+    if link.inertial.mass > 0:
+        weights.append(link.inertial.placed())
+    collisions, visuals = link.collisions, link.visuals
+    for component in borne:
+        _, pose = tool.borne[component.name]
+        center, tensor = mass_properties(component.shape, component.mass)
+        turn = pose.rotation.as_matrix()
         weights.append((component.mass, pose.apply(center), turn @ tensor @ turn.T))
-        own = _shapes(component, pose)
-        collisions += own[0]
-        visuals += own[1]
-    return RobotLink(
-        link.name, Inertial.of(*merged(weights)), tuple(collisions), tuple(visuals)
-    )
+        solid, drawn = _place_shapes(component, pose)
+        collisions += solid
+        visuals += drawn
+    return RobotLink(link.name, Inertial.of(*merged(weights)), collisions, visuals)
 
 
 def assemble(
@@ -228,28 +193,9 @@ def assemble(
     visuals: bool = True,
     mesh_path: MeshPath = str,
 ) -> str:
-    """Write the arm with a tool mounted as URDF text; see `assembled` and `write`."""
-    return write(
-        assembled(robot, tool, fused=fused), visuals=visuals, mesh_path=mesh_path
-    )
-
-
-def write(
-    description: Description, *, visuals: bool = True, mesh_path: MeshPath = str
-) -> str:
-    """Write a description as URDF text.
-
-    Args:
-        description: links and joints.
-        visuals: include the visual shapes.
-        mesh_path: maps a mesh's absolute path to the text that is written.
-    """
-    root = etree.Element("robot", name=description.name)
-    root.extend(
-        _link_element(link, visuals, mesh_path) for link in description.links.values()
-    )
-    root.extend(map(_joint_element, description.joints.values()))
-    return _to_text(root)
+    """Write the arm with a tool mounted as URDF text; see `assembled` and `core.robot.writing.write`."""
+    arm = assembled(robot, tool, fused=fused)
+    return write(arm, visuals=visuals, mesh_path=mesh_path)
 
 
 def tool_urdf(tool: Tool, *, mesh_path: MeshPath = str) -> str:
@@ -258,110 +204,4 @@ def tool_urdf(tool: Tool, *, mesh_path: MeshPath = str) -> str:
     A capsule, which URDF lacks, is a cylinder and two spheres. ``mesh_path`` maps a mesh's absolute path to the text
     that is written.
     """
-    return "".join(
-        _to_text(element)
-        for link, joint in tool_parts(tool)
-        for element in (_link_element(link, True, mesh_path), _joint_element(joint))
-    )
-
-
-def _to_text(element: Any) -> str:
-    etree.indent(element, "  ")
-    return str(etree.tostring(element, encoding="unicode")) + "\n"
-
-
-def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
-    element, own = etree.Element("link", name=link.name), link.inertial
-    inertial = etree.SubElement(
-        element, "inertial"
-    )  # of each link: engines would guess one
-    _origin(inertial, Origin(own.center, own.rpy))
-    etree.SubElement(inertial, "mass", value=_number(own.mass))
-    etree.SubElement(
-        inertial, "inertia", dict(zip(MOMENTS, map(_number, own.moments), strict=True))
-    )
-    colors = list(dict.fromkeys(shape.color for shape in link.visuals))
-    for tag, shapes in (
-        ("visual", link.visuals if visuals else ()),
-        ("collision", link.collisions),
-    ):
-        for shape in shapes:
-            part = etree.SubElement(element, tag)
-            _origin(part, shape.origin)
-            etree.SubElement(part, "geometry").append(_geometry(shape, mesh_path))
-            if shape.color is not None and tag == "visual":
-                name = f"{link.name}_color{colors.index(shape.color) or ''}"
-                material = etree.SubElement(part, "material", name=name)
-                etree.SubElement(material, "color", rgba=_numbers(shape.color))
-    return element
-
-
-def _geometry(shape: RobotShape, mesh_path: MeshPath) -> Any:
-    match shape.shape:
-        case Box(size):
-            return etree.Element("box", size=_numbers(size))
-        case Sphere(radius):
-            return etree.Element("sphere", radius=_number(radius))
-        case Cylinder(radius, length):
-            return etree.Element(
-                "cylinder", radius=_number(radius), length=_number(length)
-            )
-        case Capsule(radius, length):
-            return etree.Element(
-                "capsule", radius=_number(radius), length=_number(length)
-            )
-        case Path() as file:
-            scale = {"scale": _numbers(shape.scale)} if shape.scale != ONE else {}
-            return etree.Element("mesh", {"filename": mesh_path(file)} | scale)
-
-
-def _joint_element(joint: RobotJoint) -> Any:
-    """Write a joint. URDF has no springs; other readers skip our ``<spring>``."""
-    element = etree.Element("joint", name=joint.name, type=joint.kind)
-    etree.SubElement(element, "parent", link=joint.parent)
-    etree.SubElement(element, "child", link=joint.child)
-    _origin(element, joint.origin)
-    if joint.kind == "fixed":
-        return element
-    etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
-    if limits := {
-        name: _number(value)
-        for name, value in joint.limits._asdict().items()
-        if value is not None
-    }:
-        etree.SubElement(element, "limit", limits)
-    etree.SubElement(
-        element,
-        "dynamics",
-        damping=_number(joint.damping),
-        friction=_number(joint.friction),
-    )
-    if joint.mimic is not None:
-        name, multiplier, offset = joint.mimic
-        etree.SubElement(
-            element,
-            "mimic",
-            joint=name,
-            multiplier=_number(multiplier),
-            offset=_number(offset),
-        )
-    if joint.spring is not None:
-        stiffness, rest = map(_number, joint.spring)
-        etree.SubElement(element, "spring", stiffness=stiffness, rest=rest)
-    return element
-
-
-def _origin(parent: Any, origin: Origin) -> None:
-    etree.SubElement(
-        parent, "origin", xyz=_numbers(origin.xyz), rpy=_numbers(origin.rpy)
-    )
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(map(_number, values))
-
-
-def _number(value: float) -> str:
-    """Write a number so that it is read to the last bit."""
-    text = f"{value:.15g}"
-    return text if float(text) == value else repr(float(value))
+    return "".join(write_part(*part, mesh_path) for part in tool_parts(tool))

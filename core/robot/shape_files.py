@@ -1,29 +1,29 @@
-"""Write shapes as URDF has them: primitives, and meshes as files."""
+"""Make tools' shapes of those that URDF has, with meshes as files."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
 from core.geometry import Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.support.scratch import scratch, write_once
-from core.values.descriptions import Primitive, rounded_shape
+from core.values.descriptions import Origin, RobotShape, rounded_shape
 
 
-def urdf_shapes(shape: Shape) -> Iterator[tuple[Pose | None, Primitive | Path]]:
-    """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
+def urdf_shapes(shape: Shape, pose: Pose) -> list[RobotShape]:
+    """Make one of our shapes of those that URDF has; a mesh becomes a file of `scratch`."""
+    origin = Origin.of(pose)
     match shape:
-        case Capsule(radius, length):  # URDF has none
-            yield None, rounded_shape(Cylinder(radius, length))
+        case Capsule(radius, length):
+            shapes = [RobotShape(rounded_shape(Cylinder(radius, length)), origin)]
+            ball = rounded_shape(Sphere(radius))
             for end in (-length / 2, length / 2):
-                yield Pose(np.array([0.0, 0.0, end])), rounded_shape(Sphere(radius))
+                place = pose @ Pose(np.array([0.0, 0.0, end]))
+                shapes.append(RobotShape(ball, Origin.of(place)))
+            return shapes
         case Mesh():
             file = scratch() / f"{shape.content}.obj"
-            write_once(
-                file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12))
-            )
-            yield None, file
+            mesh = shape.to_trimesh()
+            write_once(file, lambda: str(mesh.export(file_type="obj", digits=12)))
+            return [RobotShape(file, origin)]
         case _:
-            yield None, rounded_shape(shape)
+            return [RobotShape(rounded_shape(shape), origin)]
