@@ -5,10 +5,13 @@ The text may be wrong in any way: it is parsed without DTD, entities and network
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -38,35 +41,34 @@ from core.values.descriptions import (
 )
 
 MAX_BYTES = 10_000_000
-MAX_PARTS = 500  # links, joints, and shapes of a link
+_MAX_ELEMENTS = 50_000
 MAX_NUMBER = 1e6  # of any unit; keeps products finite
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
-PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+_PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 
 def read_xml(data: bytes, file: Path) -> Element:
     """Parse XML that lies at ``file``, without DTD and entities.
 
     Raises:
-        UserError: it is too large, or no plain XML.
+        UserError: it is no plain XML, or has too many elements.
     """
-    if len(data) > MAX_BYTES:
-        raise UserError(
-            f"{file} has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are read"
-        )
     try:
-        return fromstring(data, forbid_dtd=True)
+        root = fromstring(data, forbid_dtd=True)
     except ParseError as error:
         raise UserError(f"{file} is malformed XML: {error}") from error
-    except (
-        DefusedXmlException,
-        ValueError,
-        LookupError,
-    ) as error:  # an encoding that does not exist
+    except (DefusedXmlException, ValueError, LookupError) as error:
+        # Of the last two kinds is an encoding that does not exist.
         raise UserError(
             f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})"
         ) from error
+    count = sum(1 for _ in root.iter())
+    if count > _MAX_ELEMENTS:
+        raise UserError(
+            f"{file} has {count} elements; at most {_MAX_ELEMENTS} are read"
+        )
+    return root
 
 
 def read_description(
@@ -89,9 +91,8 @@ def read_description(
     """
     root = read_xml(data, file)
     if root.tag != "robot":
-        raise UserError(
-            f"{file} is no URDF: its root is <{shorten(root.tag)[1:-1]}> instead of <robot>"
-        )
+        tag = shorten(root.tag)[1:-1]
+        raise UserError(f"{file} is no URDF: its root is <{tag}> instead of <robot>")
     try:
         return read_tree(root, file, without, taken)
     except UserError as error:
@@ -105,53 +106,138 @@ def read_tree(
     taken: Collection[str] | None = None,
 ) -> Description:
     """Read links and joints, the children of ``root``; see `read_description`."""
-    colors = {
-        m.get("name", ""): _color(m)
-        for m in root.iter("material")
-        if m.find("color") is not None
-    }
-    links, joints = (_unique(root, tag, taken) for tag in ("link", "joint"))
-    bearers: dict[
-        str, tuple[Element, str]
-    ] = {}  # of each link: the joint, and the link that it hangs on
-    for joint in joints.values():
-        parent, child = (_end(joint, tag, links) for tag in ("parent", "child"))
-        if child in bearers:
+    links = _find_named(root, "link", taken)
+    joints: dict[str, tuple[_Part, str]] = {}  # by child: each with its parent
+    for joint in _find_named(root, "joint", taken).values():
+        parent = _find_end(joint, "parent", links)
+        child = _find_end(joint, "child", links)
+        if child in joints:
             raise UserError(
                 f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
             )
-        bearers[child] = joint, parent
+        joints[child] = joint, parent
     for name in without:
         if name not in links:
             raise choices("link", name, links)
-    kept = [name for name in links if not {*_chain(name, bearers)} & {*without}]
-    roots = sorted({*kept} - bearers.keys())
-    if len(roots) != 1:
-        found = (
-            f"{len(roots)} links have no parent: {', '.join(roots[:5])}"
-            if roots
-            else "no link is left"
-        )
-        raise UserError(
-            f"{found}; an arm has one base, join the others to it with fixed joints"
-        )
-    base = file if taken is not None else None
-    return Description(
-        str(root.get("name") or file.stem),
-        {name: _link(links[name], name, colors, base) for name in kept},
-        {
-            child: _joint(joint, parent, child)
-            for child, (joint, parent) in bearers.items()
-            if child in kept
-        },
+
+    kept = _find_kept(
+        {child: parent for child, (_, parent) in joints.items()}, links, without
     )
+    roots = sorted(kept - joints.keys())
+    if len(roots) != 1:
+        found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}"
+        raise UserError(
+            f"{found if roots else 'no link is left'}; an arm has one base, join the others to it with fixed joints"
+        )
+
+    colors = {}
+    for element in root.iter("material"):
+        if element.find("color") is not None:
+            colors[element.get("name", "")] = _read_color(element)
+    folder_of = file if taken is not None else None
+    description = Description(str(root.get("name") or file.stem), {})
+    for name, link in links.items():
+        if name in kept:
+            description.links[name] = _read_link(link, name, colors, folder_of)
+    for child, (joint, parent) in joints.items():
+        if child in kept:
+            description.joints[child] = _read_joint(joint, parent, child)
+    return description
 
 
-def _unique(
+def _find_kept(
+    parents: Mapping[str, str], links: Collection[str], without: Collection[str]
+) -> set[str]:
+    """Find the links that neither are left out nor hang on one that is."""
+    order = TopologicalSorter({child: [parent] for child, parent in parents.items()})
+    for link in links:
+        order.add(link)
+    try:
+        kept = set[str]()
+        for link in order.static_order():
+            if link not in without and parents.get(link, link) in {link, *kept}:
+                kept.add(link)
+    except CycleError as error:
+        loop = " -> ".join(error.args[1])
+        raise UserError(f"links form a loop: {loop}; a URDF is a tree") from error
+    return kept
+
+
+@dataclass(frozen=True)
+class _Part:
+    """An element of a description, and where it stands, for messages."""
+
+    element: Element
+    where: str
+
+    def find(self, tag: str) -> _Part | None:
+        child = self.element.find(tag)
+        return None if child is None else _Part(child, f"{self.where}: {tag}")
+
+    def need(self, tag: str) -> _Part:
+        child = self.element.find(tag)
+        if child is None:
+            raise UserError(f"{self.where} has no <{tag}>")
+        return _Part(child, self.where)
+
+    def numbers(
+        self, name: str, count: int, default: tuple[float, ...] | None = None
+    ) -> Any:
+        """Read an attribute of so many numbers.
+
+        Raises:
+            UserError: it is not there and has no ``default``, or is something else.
+        """
+        text = self.element.get(name)
+        if text is None:
+            if default is None:
+                raise UserError(f"{self.where}: {name} is missing")
+            return default
+        try:
+            values = tuple(map(float, text.split()))
+        except ValueError:
+            values = ()
+        plain = text.isascii() and "_" not in text
+        finite = all(abs(value) <= MAX_NUMBER for value in values)  # nan is not
+        if not (plain and finite and len(values) == count):
+            wanted = "a number" if count == 1 else f"{count} numbers"
+            raise UserError(
+                f"{self.where}: {name} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}"
+            )
+        return values
+
+    def positive(self, name: str, count: int) -> Any:
+        """Read an attribute of so many lengths."""
+        values = self.numbers(name, count)
+        if min(values) <= 0:
+            raise UserError(
+                f"{self.where}: {name} is {min(values):g}; it must be greater than 0"
+            )
+        return values
+
+    def number(self, name: str, default: float | None = None) -> float:
+        return self.numbers(name, 1, None if default is None else (default,))[0]
+
+    def fields(self, tag: str, **fields: Any) -> dict[str, Any]:
+        """Read the numbers that a child has of these, which have their defaults."""
+        child = self.find(tag)
+        if child is not None:
+            for name in fields.keys() & child.element.attrib.keys():
+                fields[name] = child.number(name)
+        return fields
+
+    def origin(self) -> Origin:
+        origin = self.find("origin")
+        if origin is None:
+            return Origin()
+        return Origin(origin.numbers("xyz", 3, ZERO), origin.numbers("rpy", 3, ZERO))
+
+
+def _find_named(
     root: Element, tag: str, taken: Collection[str] | None
-) -> dict[str, Element]:
+) -> dict[str, _Part]:
     """Find the elements of a kind by name."""
-    found: dict[str, Element] = {}
+    found: dict[str, _Part] = {}
     for element in root.findall(tag):
         name = element.get("name")
         if name is None:
@@ -168,124 +254,89 @@ def _unique(
             raise UserError(
                 f"two {tag}s are named {name!r}; each needs a name of its own"
             )
-        found[name] = element
-    if len(found) > MAX_PARTS:
-        raise UserError(f"there are {len(found)} {tag}s; at most {MAX_PARTS} are read")
+        found[name] = _Part(element, f"{tag} {name!r}")
     return found
 
 
-def _end(joint: Element, tag: str, links: Mapping[str, Element]) -> str:
-    end, where = joint.find(tag), f"joint {joint.get('name')!r}"
+def _find_end(joint: _Part, tag: str, links: Collection[str]) -> str:
+    """Find the link at an end of a joint."""
+    end = joint.element.find(tag)
     name = None if end is None else end.get("link")
     if name is None:
-        raise UserError(f'{where} names no {tag}; add <{tag} link="..."/>')
+        raise UserError(f'{joint.where} names no {tag}; add <{tag} link="..."/>')
     if name not in links:
-        raise choices("link", name, links, where)
+        raise choices("link", name, links, joint.where)
     return name
 
 
-def _chain(link: str, bearers: Mapping[str, tuple[Element, str]]) -> list[str]:
-    chain = [link]
-    while chain[-1] in bearers:
-        above = bearers[chain[-1]][1]
-        if above in chain:
-            raise UserError(
-                f"links form a loop: {' -> '.join([above, *chain[chain.index(above) :][::-1]])}; a URDF is a tree"
-            )
-        chain.append(above)
-    return chain
-
-
-def _link(
-    element: Element, name: str, colors: Mapping[str, Color], file: Path | None
+def _read_link(
+    link: _Part, name: str, colors: Mapping[str, Color], file: Path | None
 ) -> RobotLink:
-    where = f"link {name!r}"
-    collisions, visuals = (
-        tuple(_shapes(element, tag, where, colors, file))
-        for tag in ("collision", "visual")
-    )
-    inertial, where = element.find("inertial"), f"{where}: inertial"
+    collisions = _read_shapes(link, "collision", colors, file)
+    visuals = _read_shapes(link, "visual", colors, file)
+    inertial = link.find("inertial")
     if inertial is None:
         return RobotLink(name, Inertial(), collisions, visuals)
-    origin, mass = (
-        _origin(inertial, where),
-        _number(_child(inertial, "mass", where), "value", where),
-    )
+    origin = inertial.origin()
+    mass = inertial.need("mass").number("value")
     if mass < 0:
-        raise UserError(f"{where}: mass is {mass:g} kg; it can't be negative")
-    given = inertial.find("inertia")
-    moments: Any = (
-        (0.0,) * 6
-        if given is None
-        else tuple(_number(given, n, where, 0.0) for n in MOMENTS)
-    )
+        raise UserError(f"{inertial.where}: mass is {mass:g} kg; it can't be negative")
+    moments: Any = Inertial.moments
+    if inertial.element.find("inertia") is not None:
+        tensor = inertial.need("inertia")
+        moments = tuple(tensor.number(name, 0.0) for name in MOMENTS)
     return RobotLink(
         name, Inertial(mass, origin.xyz, moments, origin.rpy), collisions, visuals
     )
 
 
-def _shapes(
-    link: Element, tag: str, where: str, colors: Mapping[str, Color], file: Path | None
-) -> Iterator[RobotShape]:
-    elements = link.findall(tag)
-    if len(elements) > MAX_PARTS:
-        raise UserError(
-            f"{where} has {len(elements)} <{tag}> elements; at most {MAX_PARTS} are read"
-        )
-    where = f"{where}: {tag}"
-    for element in elements:
-        geometry, material, color = (
-            _child(element, "geometry", where),
-            element.find("material"),
-            None,
-        )
+def _read_shapes(
+    link: _Part, tag: str, colors: Mapping[str, Color], file: Path | None
+) -> tuple[RobotShape, ...]:
+    shapes = []
+    for element in link.element.findall(tag):
+        part = _Part(element, f"{link.where}: {tag}")
+        geometry = part.need("geometry").element
         if len(geometry) != 1:
-            kinds = "box, sphere, cylinder or mesh"
             raise UserError(
-                f"{where}: <geometry> needs one shape: {kinds}; it has {len(geometry)}"
+                f"{part.where}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
             )
+        shape, scale = _read_geometry(part, geometry[0], file)
+        color = None
+        material = element.find("material")
         if material is not None:
-            named = colors.get(material.get("name", ""))
-            color = named if material.find("color") is None else _color(material)
-        shape, scale = _geometry(geometry[0], where, file)
-        yield RobotShape(shape, _origin(element, where), color, scale)
+            color = colors.get(material.get("name", ""))
+            if material.find("color") is not None:
+                color = _read_color(material)
+        shapes.append(RobotShape(shape, part.origin(), color, scale))
+    return tuple(shapes)
 
 
-def _geometry(
-    element: Element, where: str, file: Path | None
+def _read_geometry(
+    part: _Part, element: Element, file: Path | None
 ) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
-    inside = f"{where}: {element.tag}"
-
-    def sizes(name: str, count: int = 1) -> Sequence[float]:
-        values = _numbers(element, name, count, inside)
-        if min(values) <= 0:
-            raise UserError(
-                f"{where}: {name} is {min(values):g}; it must be greater than 0"
-            )
-        return values
-
+    where = part.where
+    shape = _Part(element, f"{where}: {element.tag}")
     match element.tag:
         case "box":
-            x, y, z = sizes("size", 3)
-            return Box((x, y, z)), ONE
+            return Box(shape.positive("size", 3)), ONE
         case "sphere":
-            return Sphere(*sizes("radius")), ONE
+            return Sphere(*shape.positive("radius", 1)), ONE
         case "cylinder":
-            return Cylinder(*sizes("radius"), *sizes("length")), ONE
+            radius, length = shape.positive("radius", 1), shape.positive("length", 1)
+            return Cylinder(*radius, *length), ONE
         case "mesh":
-            x, y, z = _numbers(element, "scale", 3, inside, ONE)
-            if 0.0 in (x, y, z):
+            scale = shape.numbers("scale", 3, ONE)
+            if 0.0 in scale:
+                x, y, z = scale
                 raise UserError(
                     f"{where}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0"
                 )
             name = element.get("filename") or ""
-            return Path(name) if file is None else find_mesh(name, file, where), (
-                x,
-                y,
-                z,
-            )
+            return Path(name) if file is None else find_mesh(name, file, where), scale
+    tag = shorten(element.tag)[1:-1]
     raise UserError(
-        f"{where}: <{shorten(element.tag)[1:-1]}> is no shape of a URDF: use box, sphere, cylinder or mesh"
+        f"{where}: <{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh"
     )
 
 
@@ -296,160 +347,70 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     a ``share`` of AMENT_PREFIX_PATH.
 
     Raises:
-        UserError: the name or the package can't be resolved, or there is no such file.
+        UserError: the name can't be resolved, or there is no such file.
     """
-    scheme, _, rest = name.partition("://") if "://" in name else ("", "", name)
-    if not rest or "\0" in rest or len(rest) > 4096:
+    scheme, _, path = name.rpartition("://")
+    if not path:
         raise UserError(f"{where}: mesh has no filename that can be read")
     if scheme not in ("", "file", "package"):
         raise UserError(
             f"{where}: mesh {shorten(name)}: {scheme}:// is not read; give a path, or package://"
         )
-    found = file.parent / (unquote(rest) if scheme else rest)
+    mend = ""
+    folders = [file.parent]
+    if scheme:
+        path = unquote(path)
     if scheme == "package":
-        package, _, inner = rest.partition("/")
-        above = file.resolve().parents
-        roots = [
-            Path(root)
-            for path in PACKAGE_PATHS
-            for root in os.environ.get(path, "").split(os.pathsep)
-            if root
-        ]
-        places = [*above, *roots, *(root / "share" for root in roots)]
-        folders = [*above, *(folder / package for folder in places), *roots]
-        home = next(
-            (
-                folder
-                for folder in folders
-                if folder.name == package and folder.is_dir()
-            ),
-            None,
+        folders = [*file.resolve().parents, *_package_folders()]
+        mend = (
+            f"; package {shorten(path.partition('/')[0])} must lie beside or above the URDF, or in a folder of "
+            f"{_PACKAGE_PATHS[0]}"
         )
-        if home is None:
-            mend = (
-                f"put it there, or add the folder that holds it to {PACKAGE_PATHS[0]}"
-            )
-            raise UserError(
-                f"{where}: package {shorten(package)} is neither beside nor above the URDF; {mend}"
-            )
-        found = home / inner
-    try:
-        there = found.is_file()
-    except OSError:  # a name that is too long
-        there = False
-    if not there:
-        raise UserError(
-            f"{where}: there is no mesh file {visible(str(found))} (named {shorten(name, 200)})"
-        )
-    return found.resolve()
+    for folder in folders:
+        with contextlib.suppress(OSError):  # of a name that is too long
+            if (folder / path).is_file():
+                return (folder / path).resolve()
+    wanted = visible(str(folders[0] / path))
+    raise UserError(
+        f"{where}: there is no mesh file {wanted} (named {shorten(name, 200)}){mend}"
+    )
 
 
-def _joint(element: Element, parent: str, child: str) -> RobotJoint:
-    name = element.get("name", "")
-    where, kind = f"joint {name!r}", element.get("type", "")
+def _package_folders() -> Iterator[Path]:
+    """Yield the folders outside the URDF's own in which packages may lie."""
+    for variable in _PACKAGE_PATHS:
+        for name in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            root = Path(name)
+            yield from (root, root / "share", root.parent)
+
+
+def _read_joint(joint: _Part, parent: str, child: str) -> RobotJoint:
+    kind = joint.element.get("type", "")
     if kind not in _KINDS:
-        raise choices("type", kind, _KINDS, where)
-
-    def numbers(tag: str, **defaults: float | None) -> list[Any]:
-        part = element.find(tag)
-        written = (
-            {}
-            if part is None
-            else {
-                n: _number(part, n, f"{where}: {tag}")
-                for n in defaults
-                if n in part.attrib
-            }
-        )
-        return [*(defaults | written).values()]
-
-    about, follows = element.find("axis"), element.find("mimic")
-    x, y, z = (
-        (1.0, 0.0, 0.0)
-        if about is None
-        else _numbers(about, "xyz", 3, f"{where}: axis")
-    )
-    if kind in MOVING and math.hypot(x, y, z) < 1e-6:
-        raise UserError(f"{where}: its axis has length 0")
-    limits = Limits(*numbers("limit", **dict.fromkeys(Limits._fields)))
-    damping, friction = numbers("dynamics", damping=0.0, friction=0.0)
-    factors = numbers("mimic", multiplier=1.0, offset=0.0)
-    mimic = None if follows is None else Mimic(follows.get("joint", ""), *factors)
-    spring = (
-        None
-        if element.find("spring") is None
-        else tuple(numbers("spring", stiffness=0.0, rest=0.0))
-    )
-    origin = _origin(element, where)
+        raise choices("type", kind, _KINDS, joint.where)
+    axis = joint.find("axis")
+    direction = RobotJoint.axis if axis is None else axis.numbers("xyz", 3)
+    if kind in MOVING and math.hypot(*direction) < 1e-6:
+        raise UserError(f"{joint.where}: its axis has length 0")
+    mimic = joint.element.find("mimic")
+    factors = joint.fields("mimic", multiplier=1.0, offset=0.0)
+    spring = joint.fields("spring", stiffness=0.0, rest=0.0)
     return RobotJoint(
-        name,
+        joint.element.get("name", ""),
         kind,
         parent,
         child,
-        origin,
-        (x, y, z),
-        limits,
-        mimic,
-        damping,
-        friction,
-        spring,
+        joint.origin(),
+        direction,
+        Limits(**joint.fields("limit", **Limits()._asdict())),
+        None if mimic is None else Mimic(mimic.get("joint", ""), **factors),
+        **joint.fields("dynamics", damping=0.0, friction=0.0),
+        spring=tuple(spring.values()) if joint.find("spring") else None,
     )
 
 
-def _child(element: Element, tag: str, where: str) -> Element:
-    child = element.find(tag)
-    if child is None:
-        raise UserError(f"{where} has no <{tag}>")
-    return child
-
-
-def _origin(element: Element, where: str) -> Origin:
-    origin = element.find("origin")
-    if origin is None:
-        return Origin()
-    (x, y, z), (roll, pitch, yaw) = (
-        _numbers(origin, n, 3, f"{where}: origin", ZERO) for n in ("xyz", "rpy")
-    )
-    return Origin((x, y, z), (roll, pitch, yaw))
-
-
-def _color(material: Element) -> Color:
-    where = f"material {shorten(material.get('name', ''))}"
-    red, green, blue, opacity = np.clip(
-        _numbers(_child(material, "color", where), "rgba", 4, where), 0.0, 1.0
-    )
-    return float(red), float(green), float(blue), float(opacity)
-
-
-def _number(
-    element: Element, name: str, where: str, default: float | None = None
-) -> float:
-    return _numbers(element, name, 1, where, None if default is None else (default,))[0]
-
-
-def _numbers(
-    element: Element,
-    name: str,
-    count: int,
-    where: str,
-    default: tuple[float, ...] | None = None,
-) -> tuple[float, ...]:
-    text = element.get(name)
-    if text is None:
-        if default is None:
-            raise UserError(f"{where}: {name} is missing")
-        return default
-    try:
-        values = tuple(
-            float(word) for word in text.split() if text.isascii() and "_" not in text
-        )
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(
-        math.isfinite(v) and abs(v) <= MAX_NUMBER for v in values
-    ):
-        wanted = "a number" if count == 1 else f"{count} numbers"
-        raise UserError(
-            f"{where}: {name} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}"
-        )
-    return values
+def _read_color(material: Element) -> Color:
+    part = _Part(material, f"material {shorten(material.get('name', ''))}")
+    rgba = part.need("color").numbers("rgba", 4)
+    red, green, blue, opacity = np.clip(rgba, 0.0, 1.0).tolist()
+    return red, green, blue, opacity

@@ -98,7 +98,7 @@ def test_packages_are_found_in_ros_paths(changed, file, monkeypatch, tmp_path):
     change = ("package://outside_arm", "package://other_arm")
     with pytest.raises(
         UserError,
-        match="package 'other_arm' is neither beside nor above the URDF; put it there, or",
+        match="package 'other_arm' must lie beside or above the URDF, or in a folder",
     ):
         changed(change)
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere{os.pathsep}{tmp_path}/share")
