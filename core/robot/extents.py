@@ -37,21 +37,21 @@ class Finger(NamedTuple):
 
 def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
     """Measure the collision shapes of each link that has some, in its own frame."""
-    return extents_of(
-        (s.name, s.pose.apply(corners(s.geometry)))
-        for s in robot_solids(robot, gripper)
-    )
+    placed = []
+    for solid in robot_solids(robot, gripper):
+        placed.append((solid.name, solid.pose.apply(corners(solid.geometry))))
+    return extents_of(placed)
 
 
 def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
     """Find the extents of named groups of points (N, 3); several of one name are one."""
-    found: dict[str, Extent] = {}
+    groups: dict[str, list[Array]] = {}
     for name, points in placed:
-        low, high = found.get(name, (points[0], points[0]))
-        found[name] = (
-            np.minimum(low, points.min(axis=0)),
-            np.maximum(high, points.max(axis=0)),
-        )
+        groups.setdefault(name, []).append(points)
+    found = {}
+    for name, group in groups.items():
+        points = np.concatenate(group)
+        found[name] = points.min(axis=0), points.max(axis=0)
     return found
 
 
@@ -65,24 +65,17 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     extents = link_extents(robot, True)
     found = []
     for name in GRIPPER_MOUNTS:
-        joint, own = model.links[name]
-        opens, tip = (
-            own.rotation.inv().apply(model.axes[joint][1]),
-            poses[name].rotation.inv().apply((0.0, 0.0, -1.0)),
-        )
-        found.append(
-            Finger(
-                name,
-                poses[name],
-                extents[name],
-                _nearest_axis(opens),
-                _nearest_axis(tip),
-            )
-        )
+        joint, in_joint = model.links[name]
+        _, slide = model.axes[joint]
+        opens = _nearest_axis(in_joint.rotation.inv().apply(slide))
+        tip = _nearest_axis(poses[name].rotation.inv().apply((0.0, 0.0, -1.0)))
+        found.append(Finger(name, poses[name], extents[name], opens, tip))
     return tuple(found)
 
 
 def _nearest_axis(way: Array) -> Array:
+    """Return the unit vector along an axis that is nearest to a way (3,)."""
+    longest = np.abs(way).argmax()
     axis = np.zeros(3)
-    axis[np.abs(way).argmax()] = np.sign(way[np.abs(way).argmax()])
+    axis[longest] = np.sign(way[longest])
     return axis

@@ -27,17 +27,19 @@ class RobotModel:
     Joints are numbered as in Pinocchio: 0 is the world, and joint j has column j - 1 of the joints' values.
 
     Attributes:
+        model: Pinocchio's.
+        data: of the model.
         axes: for each joint, the direction that it turns about (3,), and that it moves along (3,), in its frame.
+        parents: for each joint, the number of the one before it.
+        supports: for each joint, itself and the joints before it.
         links: the number of the joint that moves a link, and the link's pose in that joint's frame.
     """
 
-    model: Any  # Pinocchio's, and its ``data``
+    model: Any
     data: Any
     axes: tuple[tuple[Array, Array], ...]
-    parents: tuple[int, ...]  # for each joint, the number of the one before it
-    supports: tuple[
-        frozenset[int], ...
-    ]  # for each joint, itself and the joints before it
+    parents: tuple[int, ...]
+    supports: tuple[frozenset[int], ...]
     links: dict[str, tuple[int, Pose]]
 
     @cached_property
@@ -48,13 +50,10 @@ class RobotModel:
     @cached_property
     def reach(self) -> float:
         """How far a link's frame can be from the axis of any joint before it, at most, metres."""
-        chain = [
-            float(np.linalg.norm(placement.translation))
-            for placement in list(self.model.jointPlacements)[2:]
-        ]
-        return sum(chain) + max(
-            float(np.linalg.norm(pose.position)) for _, pose in self.links.values()
-        )
+        placements = list(self.model.jointPlacements)[2:]
+        chain = sum(float(np.linalg.norm(place.translation)) for place in placements)
+        links = [np.linalg.norm(pose.position) for _, pose in self.links.values()]
+        return chain + float(max(links))
 
     @cached_property
     def frames(self) -> tuple[Array, Array]:
@@ -86,11 +85,11 @@ def jointed(tool: Tool) -> Tool:
 @lru_cache(maxsize=8)
 def _load(robot: Robot, tool: Tool) -> RobotModel:
     model = pin.buildModelFromXML(assemble(robot, tool, fused=True, visuals=False))
-    links = {
-        frame.name: (frame.parentJoint, Pose.from_matrix(frame.placement.homogeneous))
-        for frame in model.frames
-        if frame.type == pin.FrameType.BODY
-    }
+    links = {}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            pose = Pose.from_matrix(frame.placement.homogeneous)
+            links[frame.name] = frame.parentJoint, pose
     supports = tuple(frozenset(support.tolist()) - {0} for support in model.supports)
     axes = [(np.zeros(3), np.zeros(3))]
     for joint in list(model.joints)[1:]:
@@ -105,25 +104,17 @@ def _load(robot: Robot, tool: Tool) -> RobotModel:
 
 def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
     """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
-    others = (
-        *robot.finger_joints,
-        *(joint_name(bearer.name) for bearer in tool.bearers),
-    )
-    columns = dict(
-        zip(
-            (*robot.arm_joints, *others),
-            np.column_stack([arm, fingers]).T,
-            strict=False,
-        )
-    )
+    own = [joint_name(bearer.name) for bearer in tool.bearers]
+    names = (*robot.arm_joints, *robot.finger_joints, *own)
+    values = np.column_stack([arm, fingers])
+    columns = dict(zip(names, values.T, strict=False))
     return np.column_stack([columns[name] for name in robot_model(robot, tool).joints])
 
 
 def finger_values(robot: Robot, tool: Tool, opening: Array) -> Array:
     """Return the fingers' joints (T, F + K) at an ``opening`` (T,), metres, with the tool's own joints at 0."""
-    return np.outer(
-        opening, [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers)
-    )
+    shares = [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers)
+    return np.outer(opening, shares)
 
 
 def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
@@ -150,27 +141,25 @@ def link_frames(
     """
     model = robot_model(robot, tool)
     rotations, positions = joint_frames(model, joint_values(robot, tool, arm, fingers))
-    return {
-        name: place(
-            rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position
+    frames = {}
+    for name, (joint, pose) in model.links.items():
+        rotation = pose.rotation.as_matrix()
+        frames[name] = place(
+            rotations[joint], positions[joint], rotation, pose.position
         )
-        for name, (joint, pose) in model.links.items()
-    }
+    return frames
 
 
 def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
     """Place each link in the world, with the arm at joints (J,) and the fingers open."""
     tool = Tool(gripper=gripper)
-    frames = link_frames(
-        robot,
-        tool,
-        np.asarray(joints)[None],
-        finger_values(robot, tool, np.array([robot.opening_m])),
-    )
-    return {
-        name: Pose.from_rotation(position[0], Rotation.from_matrix(rotation[0]))
-        for name, (rotation, position) in frames.items()
-    }
+    fingers = finger_values(robot, tool, np.array([robot.opening_m]))
+    poses = {}
+    frames = link_frames(robot, tool, np.asarray(joints)[None], fingers)
+    for name, (rotations, positions) in frames.items():
+        rotation = Rotation.from_matrix(rotations[0])
+        poses[name] = Pose.from_rotation(positions[0], rotation)
+    return poses
 
 
 @lru_cache(maxsize=8)
@@ -198,10 +187,8 @@ def place(
     Returns:
         Rotations (..., T, 3, 3) and positions (..., T, 3).
     """
-    rows = _rows(rotations)
-    return (rows @ rotation).reshape(rotations.shape), positions + rotate(
-        rotations, position
-    )
+    turned = (_rows(rotations) @ rotation).reshape(rotations.shape)
+    return turned, positions + rotate(rotations, position)
 
 
 def rotate(rotations: Array, vectors: Array) -> Array:
@@ -217,9 +204,10 @@ def _rows(rotations: Array) -> Array:
 # Levenberg-Marquardt: a radian weighs as much as this many metres, so that out of reach the position comes first.
 _RADIAN_WEIGHT = 0.3
 _POSITION_TOLERANCE = 1e-5
-_MAX_STEPS = 60
+_MAX_STEPS = 60  # of a pose
 # Of a whole sequence; reference solutions need some hundred. Beyond it each pose gets few, and may be missed by more.
-_MAX_STEPS_ALL, _FEW_STEPS = 50_000, 3
+_MAX_STEPS_ALL = 50_000
+_FEW_STEPS = 3
 
 _EYE = np.eye(6)
 _STRIDE = 0.5  # radians, of each joint in a step
@@ -251,11 +239,10 @@ class Arm:
         self._model = robot_model(robot, Tool()).model
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
-        # The frame's placement: views of memory that Pinocchio keeps up to date.
-        self._here, self._back = (
-            self._data.oMf[self._frame].translation,
-            self._data.oMf[self._frame].rotation.T,
-        )
+        # Views of memory that Pinocchio keeps up to date.
+        placement = self._data.oMf[self._frame]
+        self._here = placement.translation
+        self._back = placement.rotation.T
         self.lower: Array = self._model.lowerPositionLimit.copy()
         self.upper: Array = self._model.upperPositionLimit.copy()
         self.velocity_limits: Array = self._model.velocityLimit.copy()
@@ -309,21 +296,17 @@ class Arm:
         pose to the next: what would need it is out of reach. Work is bounded: see ``_MAX_STEPS_ALL``.
         """
         left = _MAX_STEPS_ALL
-        joints, errors = (
-            np.empty((len(positions), len(self.home))),
-            np.empty((len(positions), 2)),
-        )
-        for k, (position, rotation) in enumerate(
-            zip(positions, rotations, strict=True)
-        ):
+        joints = np.empty((len(positions), len(self.home)))
+        errors = np.empty((len(positions), 2))
+        for k, position in enumerate(positions):
             most = _MAX_STEPS if left > 0 else _FEW_STEPS
-            seed, error, steps = self._closest(position, rotation, seed, most, jump_rad)
+            seed, error, steps = self._closest(
+                position, rotations[k], seed, most, jump_rad
+            )
             left -= steps
             joints[k] = seed
-            errors[k] = (
-                math.sqrt(error[:3].dot(error[:3])),
-                math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT,
-            )
+            errors[k, 0] = math.sqrt(error[:3].dot(error[:3]))
+            errors[k, 1] = math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
         return joints, errors
 
     def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
@@ -343,12 +326,11 @@ class Arm:
         Most planning time is spent here: numpy's fastest calls.
         """
         q = np.minimum(np.maximum(seed, self.lower), self.upper)
-        lower, upper = (
-            np.maximum(self.lower, q - jump_rad),
-            np.minimum(self.upper, q + jump_rad),
-        )
+        lower = np.maximum(self.lower, q - jump_rad)
+        upper = np.minimum(self.upper, q + jump_rad)
         error = self._miss(position, rotation, q)
-        cost, damping = float(error.dot(error)), 1e-4
+        cost = float(error.dot(error))
+        damping = 1e-4
         count = 0
         for count in range(most):
             if cost < _POSITION_TOLERANCE**2:
@@ -365,29 +347,26 @@ class Arm:
                 jacobian[:, held] = 0.0
                 idle[held] = 0.0
             square = jacobian.dot(jacobian.T) + damping * _EYE
-            step = idle + jacobian.T.dot(
-                dgesv(square.T, error - jacobian.dot(idle), True, True)[2]
-            )
-            trial = np.minimum(
-                np.maximum(q + np.minimum(np.maximum(step, -_STRIDE), _STRIDE), lower),
-                upper,
-            )
+            missing = error - jacobian.dot(idle)
+            _, _, solution, _ = dgesv(square.T, missing, True, True)
+            step = idle + jacobian.T.dot(solution)
+            step = np.minimum(np.maximum(step, -_STRIDE), _STRIDE)
+            trial = np.minimum(np.maximum(q + step, lower), upper)
             trial_error = self._miss(position, rotation, trial)
             trial_cost = float(trial_error.dot(trial_error))
-            if trial_cost < cost:
-                small = cost - trial_cost < 1e-6 * cost
-                q, error, cost, damping = (
-                    trial,
-                    trial_error,
-                    trial_cost,
-                    max(damping / 5, 1e-8),
-                )
-                if small:
-                    break
-            else:
+            if not trial_cost < cost:  # nan is not
                 damping *= 10
                 if damping > 1e3:
                     break
+                continue
+            gained = cost - trial_cost
+            settled = gained < 1e-6 * cost
+            q = trial
+            error = trial_error
+            cost = trial_cost
+            damping = max(damping / 5, 1e-8)
+            if settled:
+                break
         return q, error, count
 
     def home_for(self, pose: Pose) -> Array:

@@ -7,10 +7,11 @@ meshes share one, and engines that load files by name never mix two up.
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import platformdirs
@@ -47,20 +48,17 @@ def kept(kind: str, suffix: str, content: bytes, make: Callable[[], bytes]) -> P
         UserError: it can't be made, or not be written.
     """
     name = hashlib.sha256(f"{_VERSION} ".encode() + content).hexdigest()[:32]
-    file = (
-        platformdirs.user_cache_path("vlmgineer") / "meshes" / kind / f"{name}.{suffix}"
-    )
+    folder = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind
+    file = folder / f"{name}.{suffix}"
     try:
-        if not (
-            file.is_file() and file.stat().st_size
-        ):  # a power cut may leave it empty
-            data = make()
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(file, data, shared=True)
+        # A power cut may leave it empty.
+        if not (file.is_file() and file.stat().st_size):
+            folder.mkdir(parents=True, exist_ok=True)
+            write_whole(file, make(), shared=True)
     except OSError as error:
-        mend = "make the folder writable, or choose another with XDG_CACHE_HOME"
         raise UserError(
-            f"meshes can't be kept in {file.parent}: {error.strerror}; {mend}"
+            f"meshes can't be kept in {folder}: {error.strerror}; make the folder writable, or choose another with "
+            "XDG_CACHE_HOME"
         ) from error
     return file
 
@@ -75,9 +73,8 @@ def farthest(corners: Array) -> Array:
     first = corners[:1]
     while len(first) < 4:
         center = first.mean(axis=0)
-        axes = np.linalg.svd(first - center)[2][
-            : len(first) - 1
-        ]  # of the line or plane through them
+        # Of the line or plane through them.
+        axes = np.linalg.svd(first - center)[2][: len(first) - 1]
         off = (corners - center) - (corners - center) @ axes.T @ axes
         first = np.vstack([first, corners[np.linalg.norm(off, axis=1).argmax()]])
     hull = ConvexHull(first, incremental=True)
@@ -90,26 +87,25 @@ def farthest(corners: Array) -> Array:
 @lru_cache(maxsize=8)
 def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
     """List the visual shapes of each link of the bare arm that has some, with its gripper or without."""
-    links = assembled(robot, Tool(gripper=gripper)).links.values()
-    visuals = {
-        link.name: tuple(visual for shape in link.visuals for visual in _visuals(shape))
-        for link in links
-    }
-    return {name: shapes for name, shapes in visuals.items() if shapes}
+    found = {}
+    for link in assembled(robot, Tool(gripper=gripper)).links.values():
+        if link.visuals:
+            visuals = itertools.chain.from_iterable(map(_visuals, link.visuals))
+            found[link.name] = tuple(visuals)
+    return found
 
 
 def _visuals(visual: RobotShape) -> Iterator[Visual]:
-    shape, pose, color = visual.shape, visual.origin.pose, visual.color or _GREY
+    shape = visual.shape
+    pose = visual.origin.pose
+    color = visual.color or _GREY
     if not isinstance(shape, Path):
         yield Visual(shape, pose, color)
         return
-    for mesh, own in _pieces(shape):
-        scaled = (
-            mesh
-            if visual.scale == ONE
-            else Mesh.from_trimesh(mesh.to_trimesh().apply_scale(visual.scale))
-        )
-        yield Visual(scaled, pose, own or color)
+    for mesh, painted in _pieces(shape):
+        if visual.scale != ONE:
+            mesh = Mesh.from_trimesh(mesh.to_trimesh().apply_scale(visual.scale))
+        yield Visual(mesh, pose, painted or color)
 
 
 @lru_cache(maxsize=64)
@@ -120,17 +116,12 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
         if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
             color: Color | None = None
             if piece.visual.kind == "texture":
-                red, green, blue, opacity = (
-                    float(x) / 255 for x in piece.visual.material.main_color
-                )
+                rgba = piece.visual.material.main_color.tolist()
+                red, green, blue, opacity = (share / 255 for share in rgba)
                 color = (red, green, blue, opacity)
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))
     return tuple(pieces)
-
-
-if TYPE_CHECKING:
-    import trimesh
 
 
 def solids(
@@ -144,7 +135,6 @@ def solids(
     by_mount: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]
-        by_mount.setdefault(mount, []).append(
-            (component, component.shape.to_trimesh().apply_transform(pose.matrix))
-        )
+        solid = component.shape.to_trimesh().apply_transform(pose.matrix)
+        by_mount.setdefault(mount, []).append((component, solid))
     return by_mount

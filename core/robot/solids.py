@@ -59,11 +59,10 @@ class Solid:
 def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
     """Build the convex hull of a mesh or of points as a Coal shape."""
     convex = mesh.convex_hull
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    points = coal.StdVec_Vec3s()
     points.extend(np.asarray(convex.vertices, dtype=np.float64))
-    faces.extend(
-        coal.Triangle(*(int(corner) for corner in face)) for face in convex.faces
-    )
+    faces = coal.StdVec_Triangle()
+    faces.extend(coal.Triangle(*face) for face in convex.faces.tolist())
     return coal.Convex(points, faces)
 
 
@@ -87,11 +86,8 @@ def corners(geometry: Any) -> Array:
     if isinstance(geometry, coal.ConvexBase):
         return np.asarray(geometry.points())
     middle, half = bounding_box(geometry)
-    return (
-        np.array(np.meshgrid(*np.column_stack([middle - half, middle + half])))
-        .reshape(3, -1)
-        .T
-    )
+    ranges = np.column_stack([middle - half, middle + half])
+    return np.array(np.meshgrid(*ranges)).reshape(3, -1).T
 
 
 def bounding_box(geometry: Any) -> tuple[Array, Array]:
@@ -130,10 +126,8 @@ def contact(a: Solid, b: Solid) -> tuple[float, Array]:
 
 def closest(ones: Iterable[Solid], others: Iterable[Solid]) -> tuple[float, Array]:
     """Measure the least signed distance of two groups of solids, and find the point (3,) midway there."""
-    return min(
-        (contact(*pair) for pair in itertools.product(ones, others)),
-        key=lambda found: found[0],
-    )
+    contacts = itertools.starmap(contact, itertools.product(ones, others))
+    return min(contacts, key=lambda found: found[0])
 
 
 class Obstacles:
@@ -142,28 +136,23 @@ class Obstacles:
     def __init__(self, solids: Iterable[Solid]) -> None:
         self._solids = tuple(solids)
         bounds = np.array([solid.bounds() for solid in self._solids]).reshape(-1, 2, 3)
-        self._centers, self._halves = bounds[:, 0], bounds[:, 1]
+        self._centers = bounds[:, 0]
+        self._halves = bounds[:, 1]
 
     def gaps(self, solid: Solid, margin: float) -> Iterator[tuple[str, float]]:
         """Yield the name of and the signed distance to each solid that may be within ``margin`` metres, or farther."""
         center, half = solid.bounds()
-        close = (np.abs(self._centers - center) <= self._halves + half + margin).all(
-            axis=1
-        )
-        return (
-            (self._solids[i].name, signed_distance(solid, self._solids[i]))
-            for i in np.flatnonzero(close)
-        )
+        near = np.abs(self._centers - center) <= self._halves + half + margin
+        for i in np.flatnonzero(near.all(axis=1)):
+            other = self._solids[i]
+            yield other.name, signed_distance(solid, other)
 
 
 def gap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> float:
     """Measure the gap between two shapes, metres, both poses in one frame; 0 if they touch or overlap."""
-    return max(
-        0.0,
-        signed_distance(
-            Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)
-        ),
-    )
+    first = Solid("", solid_geometry(a), pose_a)
+    second = Solid("", solid_geometry(b), pose_b)
+    return max(0.0, signed_distance(first, second))
 
 
 @lru_cache(maxsize=8)
@@ -173,10 +162,9 @@ def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     for link in assembled(robot, Tool(gripper=gripper)).links.values():
         for part in link.collisions:
             shape = part.shape
-            geometry = (
-                hull(trimesh.load_mesh(shape).apply_scale(part.scale))
-                if isinstance(shape, Path)
-                else solid_geometry(shape)
-            )
+            if isinstance(shape, Path):
+                geometry = hull(trimesh.load_mesh(shape).apply_scale(part.scale))
+            else:
+                geometry = solid_geometry(shape)
             solids.append(Solid(link.name, geometry, part.origin.pose))
     return tuple(solids)

@@ -21,14 +21,15 @@ MOVING = ("revolute", "continuous", "prismatic")
 Primitive = Box | Sphere | Cylinder | Capsule
 Triple = tuple[float, float, float]
 Scale = Triple
-Weight = tuple[
-    float, Array, Array
-]  # mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all
+# Mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all.
+Weight = tuple[float, Array, Array]
 ZERO: Triple = (0.0, 0.0, 0.0)
 ONE: Scale = (1.0, 1.0, 1.0)
 
 
-PICOMETRES, DIGITS = ".12f", ".15g"  # how numbers are rounded before they are written
+# How numbers are rounded before they are written.
+PICOMETRES = ".12f"
+DIGITS = ".15g"
 
 
 def rounded(value: float, form: str = DIGITS) -> float:
@@ -98,10 +99,11 @@ class Inertial:
 
     def placed(self, link: Pose | None = None) -> Weight:
         """Place it in a frame in which the link has a pose; None: in the link's own."""
-        own = Origin(self.center, self.rpy).pose
-        own = own if link is None else link @ own
-        axes = own.rotation.as_matrix()
-        return self.mass, own.position, axes @ self.tensor @ axes.T
+        pose = Origin(self.center, self.rpy).pose
+        if link is not None:
+            pose = link @ pose
+        axes = pose.rotation.as_matrix()
+        return self.mass, pose.position, axes @ self.tensor @ axes.T
 
 
 @dataclass(frozen=True)
@@ -212,21 +214,16 @@ class Description:
 
     def renamed(self, names: Mapping[str, str]) -> Description:
         """Give links other names."""
-        links = [
-            replace(link, name=names.get(link.name, link.name))
-            for link in self.links.values()
-        ]
-        joints = [
-            replace(
-                joint,
-                parent=names.get(joint.parent, joint.parent),
-                child=names.get(joint.child, joint.child),
-            )
-            for joint in self.joints.values()
-        ]
-        return Description(
-            self.name, {k.name: k for k in links}, {k.child: k for k in joints}
-        )
+        links = {}
+        for name, link in self.links.items():
+            new = names.get(name, name)
+            links[new] = replace(link, name=new)
+        joints = {}
+        for name, joint in self.joints.items():
+            new = names.get(name, name)
+            parent = names.get(joint.parent, joint.parent)
+            joints[new] = replace(joint, parent=parent, child=new)
+        return Description(self.name, links, joints)
 
     def rigid_parts(self, heads: Iterable[str]) -> dict[str, tuple[str, Pose]]:
         """Map each link to the link in ``heads`` (or the root) that it is rigidly joined to, and its pose in it."""
