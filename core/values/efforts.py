@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-LEAST_S, LEAST_KG = 0.1, 0.001  # less counts as this
+LEAST_S = 0.1  # less counts as this, as with mass
+LEAST_KG = 0.001
 NARROW = 0.1  # added to margins, so that those near 0 can be compared
 HOLDS = 0.95  # the mean reward from which on a design holds
 _ROUNDING = 1e-9  # of a sum of rewards
@@ -55,15 +55,3 @@ class Effort:
         if self.margin is not None and reference.margin is not None:
             wider = (NARROW + self.margin) / (NARROW + reference.margin)
         return float((faster * lighter * wider) ** (1 / 3))
-
-
-def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return the numbers of the points that no other beats in one respect without losing in the other, by the first.
-
-    Less is better in both. Of equal points the first counts.
-    """
-    found: list[int] = []
-    for number in sorted(range(len(points)), key=lambda n: points[n]):
-        if not found or points[number][1] < points[found[-1]][1]:
-            found.append(number)
-    return found

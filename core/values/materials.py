@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
-from core.errors import UsageError
+from core.errors import UsageError, check_positive
 from core.geometry import Box, Compound, Shape
 from core.values.tools import Tool
 
@@ -44,10 +43,8 @@ class Material:
     def __post_init__(self) -> None:
         for name in ("density_kg_m3", "young_pa", "strength_pa", "most_g"):
             value = getattr(self, name)
-            if value is not None and not 0 < value < math.inf:
-                raise UsageError(
-                    f"material.{name} must be positive and finite, got {value}"
-                )
+            if value is not None:
+                check_positive("material.", **{name: value})
         if not 0.01 <= self.infill <= 1:
             raise UsageError(
                 f"material.infill is a share, 0.01 to 1, got {self.infill}"
@@ -82,16 +79,15 @@ class Material:
 
     def made(self, tool: Tool) -> Tool:
         """Return the tool as made of this material: with its friction, and its masses if they follow from it."""
-        changes: dict[str, Any] = (
-            {} if self.friction is None else {"friction": self.friction}
-        )
+        if self.friction is not None:
+            tool = replace(tool, friction=self.friction)
         if self.density_kg_m3 is not None:
-            weighed = (
-                replace(c, mass=self.density_kg_m3 * self.volume_of(c.shape))
-                for c in tool.components
-            )
-            changes["components"] = tuple(weighed)
-        return replace(tool, **changes) if changes else tool
+            weighed = []
+            for component in tool.components:
+                mass = self.density_kg_m3 * self.volume_of(component.shape)
+                weighed.append(replace(component, mass=mass))
+            tool = replace(tool, components=tuple(weighed))
+        return tool
 
 
 PAPER = Material()

@@ -5,10 +5,9 @@ Plugins import all of it from `core.interfaces`.
 
 from __future__ import annotations
 
-import math
 import threading
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from core.support.secrets import scrub
 from core.support.text import clean, kind
@@ -82,9 +81,11 @@ class Spending:
     """
 
     def __init__(self, max_cost_usd: float | None, max_tokens: int | None) -> None:
-        self.max_cost_usd, self._max_tokens = max_cost_usd, max_tokens
+        self.max_cost_usd = max_cost_usd
+        self._max_tokens = max_tokens
         self.limited = max_cost_usd is not None or max_tokens is not None
-        self._cost_usd, self._tokens = 0.0, 0
+        self._cost_usd = 0.0
+        self._tokens = 0
         self._lock = threading.Lock()
 
     def add(self, tokens: int, cost_usd: float) -> None:
@@ -104,7 +105,8 @@ class Spending:
 
 MOST = 2**53  # of a count; the store holds less than 2**63
 MOST_USD = 1e6  # for a call
-_LONGEST = 200, 2000  # characters of a model's name and of an error
+_LONGEST_MODEL = 200  # characters of its name
+_LONGEST_ERROR = 2000
 
 
 def checked(reply: Reply) -> Reply:
@@ -113,42 +115,35 @@ def checked(reply: Reply) -> Reply:
     A count or a cost that can't be is unknown then; a text that is none is an error. What has a text or a count of
     tokens was paid for, and is an answer.
     """
-    text, error = reply.text, reply.error
+    text = reply.text
+    error = reply.error
     if not isinstance(text, str):
-        text, error = "", error or f"the text is {kind(text)}"
+        error = error or f"the text is {kind(text)}"
+        text = ""
+    # JSON can hold half a pair, a UTF-8 file can't.
+    text = scrub(text.encode("utf-8", "replace").decode("utf-8"))
+    if error is not None:
+        error = clean(scrub(str(error)), _LONGEST_ERROR)
+    failed = error is not None and not text and not reply.prompt_tokens
+    cost = _limit(reply.cost_usd, MOST_USD)
     return replace(
         reply,
-        text=scrub(
-            text.encode("utf-8", "replace").decode("utf-8")
-        ),  # JSON can hold half a pair, a UTF-8 file can't
-        model=_line(reply.model, _LONGEST[0]),
-        error=None if error is None else _line(error, _LONGEST[1]),
+        text=text,
+        model=clean(scrub(str(reply.model)), _LONGEST_MODEL),
+        error=error,
         prompt_tokens=_count(reply.prompt_tokens),
         completion_tokens=_count(reply.completion_tokens),
-        cost_usd=_cost(reply.cost_usd),
-        unanswered=reply.unanswered is True
-        and error is not None
-        and not text
-        and not reply.prompt_tokens,
+        cost_usd=None if cost is None else float(cost),
+        unanswered=reply.unanswered is True and failed,
     )
-
-
-def _line(text: object, longest: int) -> str:
-    return clean(scrub(str(text)), longest)
 
 
 def _count(value: object) -> int | None:
-    return (
-        value
-        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < MOST
-        else None
-    )
+    return _limit(value, MOST) if isinstance(value, int) else None
 
 
-def _cost(value: object) -> float | None:
-    number = (
-        isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and 0 <= value < MOST_USD
-    )
-    return float(value) if number and math.isfinite(value) else None  # type: ignore[arg-type]
+def _limit(value: Any, most: float) -> Any:
+    """Return a number from 0 on and below ``most``; None: it is something else."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return value if 0 <= value < most else None
+    return None

@@ -51,11 +51,14 @@ class Numbers:
         ``steps`` and ``most`` are those of all coordinates, or of each (C,).
         """
         table = np.atleast_2d(points).astype(np.float64)
-        same = np.ones(table.shape)
-        each, lower, upper = (
-            np.ravel(same * n) for n in (steps, -np.asarray(most), most)
+        full = np.ones(table.shape)
+        return cls(
+            table.ravel(),
+            np.ravel(full * steps),
+            np.ravel(full * -np.asarray(most)),
+            np.ravel(full * most),
+            (table.shape,),
         )
-        return cls(table.ravel(), each, lower, upper, ((len(table), table.shape[1]),))
 
     def moved(self, values: Array, others: Array, rng: np.random.Generator) -> Array:
         """Return ``values`` (N,) after a random move of neighbouring points of one table, within the bounds.
@@ -63,38 +66,35 @@ class Numbers:
         One of their coordinates shifts by up to ten steps, all alike. Or, as often, where there are ``others`` (M, N),
         the points go towards those of one of them, or away, by an amount drawn from the standard normal distribution.
         """
-        moved, points = values.copy(), self._neighbours(rng)
+        moved = values.copy()
+        table = self._draw_points(rng)
         if len(others) and rng.random() < 0.5:
-            points = points.ravel()
-            moved[points] += (
-                rng.standard_normal()
-                * (others[rng.integers(len(others))] - values)[points]
-            )
+            points = table.ravel()
+            amount = rng.standard_normal()
+            other = others[rng.integers(len(others))]
+            moved[points] += amount * (other - values)[points]
         else:
-            points = points[:, rng.integers(points.shape[1])]
-            size = np.exp(
-                rng.uniform(*np.log(SHIFTS))
-            )  # small and large ones as often: nobody knows the scale
+            points = table[:, rng.integers(table.shape[1])]
+            # Small and large ones as often: nobody knows the scale.
+            size = np.exp(rng.uniform(*np.log(SHIFTS)))
             moved[points] += rng.choice((-size, size)) * self.steps[points]
         return np.clip(moved, self.lower, self.upper)
 
-    def _neighbours(self, rng: np.random.Generator) -> npt.NDArray[np.intp]:
-        """Draw neighbouring points, of large tables more often; the numbers' indices, (P, C)."""
-        ends = np.cumsum([count * each for count, each in self.shapes])
+    def _draw_points(self, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+        """Draw neighbouring points of one table, of large tables more often; the numbers' indices, (P, C)."""
+        ends = np.cumsum([points * width for points, width in self.shapes])
         table = int(np.searchsorted(ends, rng.integers(len(self)), side="right"))
-        count, each = self.shapes[table]
-        begin, end = np.sort(rng.choice(count + 1, 2, replace=False))
-        found: npt.NDArray[np.intp] = ends[table] + np.arange(
-            (begin - count) * each, (end - count) * each
-        )
-        return found.reshape(-1, each)
+        points, width = self.shapes[table]
+        begin, end = np.sort(rng.choice(points + 1, 2, replace=False))
+        all_points = np.arange(ends[table] - points * width, ends[table])
+        return all_points.reshape(points, width)[begin:end]
 
     def __add__(self, other: Numbers) -> Numbers:
-        ours, theirs = ((n.values, n.steps, n.lower, n.upper) for n in (self, other))
-        values, steps, lower, upper = (
-            np.concatenate(pair) for pair in zip(ours, theirs, strict=True)
-        )
-        return Numbers(values, steps, lower, upper, self.shapes + other.shapes)
+        arrays = {}
+        for name in ("values", "steps", "lower", "upper"):
+            pair = (getattr(self, name), getattr(other, name))
+            arrays[name] = np.concatenate(pair)
+        return Numbers(**arrays, shapes=self.shapes + other.shapes)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -120,9 +120,7 @@ class Variable(Generic[D]):
 
         None: the two differ in more than numbers. By default these are the values of ``other``.
         """
-        ours, theirs = self.parameters(design), self.parameters(other)
-        return (
-            theirs.values
-            if type(design) is type(other) and len(ours) == len(theirs)
-            else None
-        )
+        theirs = self.parameters(other)
+        if type(design) is type(other) and len(self.parameters(design)) == len(theirs):
+            return theirs.values
+        return None

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from core.errors import UsageError
+from core.errors import UsageError, check_positive
 from core.geometry import Cylinder, Pose
 from core.values.descriptions import Description
 from core.values.urdf import read_description
@@ -147,10 +147,7 @@ class Robot:
             raise UsageError(
                 f"robot {self.name}: acceleration limits must be positive, inertias 0 or more"
             )
-        if not 0 < self.payload_kg < math.inf:
-            raise UsageError(
-                f"robot {self.name}: payload_kg must be positive, got {self.payload_kg}"
-            )
+        check_positive(f"robot {self.name}: ", payload_kg=self.payload_kg)
 
     def __hash__(self) -> int:
         return hash((self.name, self.base, self.mount, self.home))

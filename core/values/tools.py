@@ -162,38 +162,33 @@ class Tool:
 
     @cached_property
     def _placed(self) -> dict[str, tuple[str, Pose]]:
-        placed: dict[str, tuple[str, Pose]] = {
-            mount: (mount, Pose()) for mount in self.mounts
-        }
-        for component in self.components:
-            mount, pose = placed[component.parent]
-            placed[component.name] = (mount, pose @ component.pose)
-        return {component.name: placed[component.name] for component in self.components}
-
-    @cached_property
-    def parts(self) -> tuple[ConvexPart, ...]:
-        """The convex shapes that collide, in the order of the components."""
-        borne = self.borne
-        return tuple(
-            ConvexPart(c.name, shape, *borne[c.name])
-            for c in self.components
-            for shape in c.shape.convex_parts()
-        )
+        return self._place(across_joints=True)
 
     @cached_property
     def borne(self) -> dict[str, tuple[str, Pose]]:
         """For each component the mount or the component with a joint that bears it, and its pose in that frame."""
-        borne: dict[str, tuple[str, Pose]] = {
-            mount: (mount, Pose()) for mount in self.mounts
-        }
-        for c in self.components:
-            bearer, pose = borne[c.parent]
-            borne[c.name] = (
-                (bearer, pose @ c.pose)
-                if c.joint is None
-                else (c.name, c.link.inverse())
-            )
-        return {component.name: borne[component.name] for component in self.components}
+        return self._place(across_joints=False)
+
+    def _place(self, *, across_joints: bool) -> dict[str, tuple[str, Pose]]:
+        """Find for each component what bears it, and its pose in that frame."""
+        places = {mount: (mount, Pose()) for mount in self.mounts}
+        for component in self.components:
+            bearer, pose = places[component.parent]
+            place = bearer, pose @ component.pose
+            if component.joint is not None and not across_joints:
+                place = component.name, component.link.inverse()
+            places[component.name] = place
+        return {component.name: places[component.name] for component in self.components}
+
+    @cached_property
+    def parts(self) -> tuple[ConvexPart, ...]:
+        """The convex shapes that collide, in the order of the components."""
+        parts = []
+        for component in self.components:
+            bearer, pose = self.borne[component.name]
+            for shape in component.shape.convex_parts():
+                parts.append(ConvexPart(component.name, shape, bearer, pose))
+        return tuple(parts)
 
     @property
     def borne_on(self) -> tuple[str, ...]:
@@ -203,11 +198,11 @@ class Tool:
     @cached_property
     def bearers(self) -> tuple[Bearer, ...]:
         """The K components with a joint, in the order of the joints' values."""
-        ends = {mount: (mount, Pose()) for mount in self.mounts} | self.borne
-        return tuple(
-            Bearer(
-                c.name, ends[c.parent][0], ends[c.parent][1] @ c.pose @ c.link, c.joint
-            )
-            for c in self.components
-            if c.joint is not None
-        )
+        bearers = []
+        for component in self.components:
+            if component.joint is not None:
+                parent = component.parent
+                bearer, pose = self.borne.get(parent, (parent, Pose()))
+                frame = pose @ component.pose @ component.link
+                bearers.append(Bearer(component.name, bearer, frame, component.joint))
+        return tuple(bearers)

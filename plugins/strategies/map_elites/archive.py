@@ -21,7 +21,6 @@ from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
 from core.trial import TIE, Evaluation, best_first
-from core.values.efforts import front
 
 MAX_BINS = 100
 
@@ -202,12 +201,26 @@ class Archive:
 
 def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     """Return what holds and is not beaten in mass without a longer motion, the lightest first."""
-    held = [
-        (e, (effort.mass_kg, effort.motion_s))
-        for e in evaluations
-        if e.holds and (effort := e.effort) is not None
-    ]
-    return [held[number][0] for number in front([point for _, point in held])]
+    points = list[tuple[float, float]]()
+    held = list[Evaluation]()
+    for evaluation in evaluations:
+        effort = evaluation.effort
+        if evaluation.holds and effort is not None:
+            points.append((effort.mass_kg, effort.motion_s))
+            held.append(evaluation)
+    return [held[number] for number in front(points)]
+
+
+def front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Return the numbers of the points that no other beats in one respect without losing in the other, by the first.
+
+    Less is better in both. Of equal points the first counts.
+    """
+    found: list[int] = []
+    for number in sorted(range(len(points)), key=lambda n: points[n]):
+        if not found or points[number][1] < points[found[-1]][1]:
+            found.append(number)
+    return found
 
 
 def save_archive(

@@ -1,14 +1,11 @@
-"""Time, mass and margin: what is saved against a reference, and the front of two of them."""
+"""Time, mass and margin: what is saved against a reference."""
 
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from core.values.efforts import Effort, front, holds
+from core.values.efforts import Effort, holds
 
 REFERENCE = Effort(8.0, 0.2, 0.4)
 
@@ -36,13 +33,3 @@ def test_a_mean_that_is_the_limit_but_for_rounding_holds():
 def test_what_is_no_effort(numbers):
     with pytest.raises(ValueError, match=r"an effort has finite|at most 1"):
         Effort(*numbers)
-
-
-@given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 9)), min_size=1))
-def test_nothing_beats_the_front(points):
-    found = front(points)
-    for x, y in points:
-        assert any(points[n][0] <= x and points[n][1] <= y for n in found)
-    ahead = np.diff(np.array([points[n] for n in found]), axis=0)
-    assert (ahead[:, :1] > 0).all()
-    assert (ahead[:, 1:] < 0).all()

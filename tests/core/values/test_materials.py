@@ -72,19 +72,19 @@ def test_paper_leaves_a_tool_as_it_is():
         (["material=wood"], "no material 'wood'; possible: abs, "),
         (
             ["material=pla", "material.density_kg_m3=-5"],
-            "material.density_kg_m3 must be positive and finite, got -5",
+            "material.density_kg_m3 must be greater than 0, got -5",
         ),
         (
             ["material=pla", "material.density_kg_m3=inf"],
-            "material.density_kg_m3 must be positive and finite, got inf",
+            "material.density_kg_m3 must be greater than 0, got inf",
         ),
         (
             ["material=pla", "material.young_pa=0"],
-            "material.young_pa must be positive and finite, got 0",
+            "material.young_pa must be greater than 0, got 0",
         ),
         (
             ["material=pla", "material.strength_pa=nan"],
-            "material.strength_pa must be positive and finite, got nan",
+            "material.strength_pa must be greater than 0, got nan",
         ),
         (
             ["material=pla", "material.infill=2"],

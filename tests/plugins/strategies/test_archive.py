@@ -21,6 +21,7 @@ from plugins.strategies.map_elites.archive import (
     Archive,
     Measure,
     extent,
+    front,
     observes,
     read_measures,
     save_archive,
@@ -186,3 +187,13 @@ def test_the_designs_of_an_archive_can_be_tried(tmp_path):
         assert tried.candidate.strategy == int(row["strategy"])
         assert extent(tried.candidate.tool) == pytest.approx(float(row["extent_m"]))
         assert tried.candidate.tool.mass == pytest.approx(float(row["mass_kg"]))
+
+
+@given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 9)), min_size=1))
+def test_nothing_beats_the_front(points):
+    found = front(points)
+    for x, y in points:
+        assert any(points[n][0] <= x and points[n][1] <= y for n in found)
+    ahead = np.diff(np.array([points[n] for n in found]), axis=0)
+    assert (ahead[:, :1] > 0).all()
+    assert (ahead[:, 1:] < 0).all()
