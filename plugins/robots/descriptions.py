@@ -12,7 +12,7 @@ from typing import Any
 
 from core.errors import UserError
 from core.geometry import Cylinder
-from core.robot.description import write
+from core.robot.writing import write
 from core.values.descriptions import Description, Inertial, Origin, RobotShape, rounded
 from core.values.urdf import read_description
 from plugins.robots.hulls import hull_file

@@ -4,11 +4,12 @@ import inspect
 import typing
 
 from core.interfaces import Robot
-from plugins.robots.reading import ArmSettings, read_robot
+from plugins.robots.reading import read_robot
+from plugins.robots.settings import ArmSettings
 
 
 def urdf(**settings: typing.Any) -> Robot:
-    """Make the arm between a description's base and flange; `plugins.robots.reading.ArmSettings` are the settings."""
+    """Make the arm between a description's base and flange; `plugins.robots.settings.ArmSettings` are the settings."""
     return read_robot(**settings)
 
 

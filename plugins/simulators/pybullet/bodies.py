@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from core.geometry import Mesh, Pose, Shape
-from core.robot.description import write
+from core.robot.writing import write
 from core.scene import Body
 from core.support.scratch import write_once
 from core.values.descriptions import (

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from core.design import Tool
-from core.robot.description import assembled, write
+from core.robot.description import assembled
+from core.robot.writing import write
 from core.values.robots import Robot
 from plugins.simulators.inertia import Inertia, principal
 from plugins.simulators.pybullet.bodies import inertial, text_file

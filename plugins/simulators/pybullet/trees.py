@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
-from core.robot.description import write
+from core.robot.writing import write
 from core.scene import Body, Joint, Scene
 from core.values.descriptions import (
     Description,

@@ -8,7 +8,8 @@ import trimesh
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
-from core.robot.description import assemble, assembled, write
+from core.robot.description import assemble, assembled
+from core.robot.writing import write
 from core.values.urdf import read_description
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
 from tests.shapes import bowl, prism

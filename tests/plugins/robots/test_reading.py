@@ -16,7 +16,8 @@ from core.geometry import Pose
 from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
-from plugins.robots.reading import BoltOptions, GripperOptions, read_robot
+from plugins.robots.reading import read_robot
+from plugins.robots.settings import BoltOptions, GripperOptions
 from tests.outside_arm import FLANGE, HOME, LIMIT
 
 pytestmark = pytest.mark.usefixtures("in_this_process")

@@ -1,0 +1,282 @@
+"""Choose the arm in a description: its flange, its joints, its gripper, and what is held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.errors import UsageError, UserError, choices
+from core.geometry import Array, Pose
+from core.interfaces import Gripper
+from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
+from plugins.robots.normalise import Problems
+from plugins.robots.settings import GripperOptions
+
+TURNING = ("revolute", "continuous")
+_TURN = 2 * math.pi  # a continuous joint turns so far each way: limits are finite
+_MOST_JOINTS = 7  # of an arm
+_NAMED = 20  # names that a message lists
+
+
+def hold_joints(
+    description: Description, fixed: Sequence[str] | Mapping[str, float]
+) -> Description:
+    """Hold joints at values, radians or metres.
+
+    Raises:
+        UserError: there is no such joint, or a value is not in its limits.
+    """
+    if not isinstance(fixed, Mapping):
+        fixed = dict.fromkeys(fixed, 0.0)
+    joints = dict(description.joints)
+    for name, value in fixed.items():
+        if name not in description.named:
+            raise choices("joint", name, description.named, "fixed")
+        joint = description.named[name]
+        lower, upper = joint.range
+        possible = lower <= value <= upper
+        if joint.kind == "continuous":
+            possible = math.isfinite(value)
+        if not possible:
+            raise UserError(
+                f"joint {name!r} can't be held at {value:g}: its limits are {lower:g} to {upper:g}; give a value, "
+                f"robot.fixed={{{name}:{lower:g}}}"
+            )
+        origin = joint.origin
+        if value:
+            origin = Origin.of(origin.pose @ _move(joint, value), DIGITS)
+        joints[joint.child] = replace(joint, kind="fixed", origin=origin, mimic=None)
+    return replace(description, joints=joints)
+
+
+def _move(joint: RobotJoint, value: float) -> Pose:
+    """Place what a joint bears, in its frame at 0."""
+    way = value * joint.direction
+    if joint.kind in TURNING:
+        return Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way))
+    return Pose(way)
+
+
+def choose_flange(description: Description, flange: str | None) -> str:
+    """Return the link that bears tools; None: the only one that bears no other.
+
+    Raises:
+        UserError: there is no such link, or several could be meant; names them.
+    """
+    if flange is not None:
+        if flange not in description.links:
+            raise choices("link", flange, description.links)
+        return flange
+    parents = {joint.parent for joint in description.joints.values()}
+    leaves = sorted(description.links.keys() - parents)
+    if len(leaves) == 1:
+        return leaves[0]
+
+    after: dict[int, list[str]] = {}  # links by the number of joints that turn them
+    for link in description.links:
+        turns = [joint.kind in TURNING for joint in joints_before(description, link)]
+        after.setdefault(sum(turns), []).append(link)
+    most = max((count for count in after if count <= _MOST_JOINTS), default=0)
+    ends = [
+        f"after {count}: {', '.join(after[count][:_NAMED])}"
+        for count in (most, most - 1)
+        if count > 0
+    ]
+    raise UsageError(
+        f"which link bears tools? Choose it with robot.flange=LINK; by the joints that turn, {'; '.join(ends)}"
+    )
+
+
+def joints_before(description: Description, link: str) -> list[RobotJoint]:
+    """List the joints between the base and a link."""
+    return [description.joints[child] for child in description.above(link)[-2::-1]]
+
+
+def find_arm(description: Description, flange: str) -> list[RobotJoint]:
+    """List the joints that move between base and flange."""
+    between = joints_before(description, flange)
+    arm = [joint for joint in between if joint.kind != "fixed"]
+    if not arm:
+        raise UserError(
+            f"no joint moves between base {description.root!r} and flange {flange!r}"
+        )
+    return arm
+
+
+def limit_turning(joint: RobotJoint) -> RobotJoint:
+    """Check a joint of the arm, and give it finite limits."""
+    where = f"joint {joint.name!r} between base and flange"
+    if joint.kind not in TURNING:
+        raise UserError(
+            f"{where} is {joint.kind}; an arm's joints turn; hold it at a value with "
+            f"robot.fixed={{{joint.name}:{joint.range[0]:g}}}"
+        )
+    if joint.mimic:
+        raise UserError(
+            f"{where} mimics another one, which can't be; drive each by itself"
+        )
+    wrong = Problems()
+    ends: tuple[float, float] | None = (-_TURN, _TURN)
+    if joint.kind == "revolute":
+        ends = wrong.attempt(read_span, joint, "radians")
+    effort = wrong.attempt(read_limit, joint, "effort", "N m")
+    velocity = wrong.attempt(read_limit, joint, "velocity", "rad/s")
+    wrong.report()
+    assert ends is not None
+    return replace(joint, kind="revolute", limits=Limits(*ends, effort, velocity))
+
+
+def read_span(joint: RobotJoint, unit: str) -> tuple[float, float]:
+    """Return the range of a joint that moves."""
+    lower, upper = joint.range
+    if not lower < upper:
+        raise UserError(
+            f"joint {joint.name!r} can't move: its limits are {lower:g} to {upper:g}; "
+            f'give <limit lower="..." upper="..." effort="..." velocity="..."/>, {unit}'
+        )
+    return lower, upper
+
+
+def read_limit(joint: RobotJoint, name: str, unit: str) -> float:
+    """Return the limit of effort or velocity of a joint that is driven."""
+    value: float | None = getattr(joint.limits, name)
+    if value is None or value <= 0:
+        found = "has no" if value is None else f"has {value:g} as"
+        raise UserError(
+            f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}"
+        )
+    return value
+
+
+def check_home(
+    home: Sequence[float] | None, arm: Sequence[RobotJoint]
+) -> tuple[float, ...]:
+    """Return the home, a value within its limits for each of the arm's joints."""
+    if home is None:
+        raise UsageError(
+            "robot.home is needed, at which the flange looks down; `vlmgineer home` with these words finds it"
+        )
+    if len(home) != len(arm):
+        names = ", ".join(joint.name for joint in arm)
+        raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {names}")
+    for value, joint in zip(home, arm, strict=True):
+        lower, upper = joint.range
+        if not lower <= value <= upper:
+            raise UsageError(
+                f"home {value:g} of joint {joint.name!r} is not in its limits {lower:g} to {upper:g}"
+            )
+    return tuple(map(float, home))
+
+
+def choose_gripper(
+    description: Description,
+    options: GripperOptions,
+    flange: str,
+    arm: Sequence[RobotJoint],
+) -> tuple[Gripper, list[RobotJoint]]:
+    """Check the gripper, whose mount is the flange's pose, and its two joints."""
+    if options.link not in description.links:
+        raise choices("link", options.link, description.links, "gripper")
+    for name in options.joints:
+        if name not in description.named:
+            raise choices("joint", name, description.named, "gripper")
+    left, right = (description.named[name] for name in options.joints)
+    fingers = (left, right)
+    parts = description.rigid_parts(joint.child for joint in (*arm, *fingers))
+    head, in_head = parts[options.link]
+    flange_head, flange_in_head = parts[flange]
+    if head != flange_head or options.link in description.above(flange):
+        raise UserError(
+            f"gripper link {options.link!r} must be fixed to flange {flange!r}, not before it"
+        )
+    for joint in fingers:
+        borne = options.link in description.above(joint.child)
+        if joint.kind != "prismatic" or not borne:
+            raise UserError(
+                f"joint {joint.name!r} is no prismatic joint on gripper link {options.link!r}"
+            )
+    same_body = parts[left.parent][0] == parts[right.parent][0]
+    if not same_body or _slide(left, parts) @ _slide(right, parts) > -0.9:
+        raise UserError(
+            f"{left.name!r} and {right.name!r} don't move in opposite directions; turn one's axis around"
+        )
+    limits = _finger_limits(fingers, options)
+    gripper = Gripper(
+        link=options.link,
+        mount=in_head.inverse() @ flange_in_head,
+        near_mount=(options.link,),
+        joints=(left.name, right.name),
+        links=(left.child, right.child),
+        travel_m=limits.upper or 0.0,
+        force_n=limits.effort or 0.0,
+        friction=options.friction,
+    )
+    return gripper, [replace(joint, limits=limits) for joint in fingers]
+
+
+def _slide(joint: RobotJoint, parts: Mapping[str, tuple[str, Pose]]) -> Array:
+    """Return the direction (3,) in which a finger slides, in the frame of the rigid part that bears it."""
+    _, bearer = parts[joint.parent]
+    way = joint.origin.pose.rotation.apply(joint.direction)
+    return np.asarray(bearer.rotation.apply(way))
+
+
+def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Limits:
+    """Return the limits of both fingers, which open from 0, closed, to as far as both can."""
+    left, right = fingers
+    opening = []
+    for joint in fingers:
+        if not joint.mimic or joint.limits.upper:
+            opening.append(read_span(joint, "metres"))
+    if not opening or any(lower != 0 for lower, _ in opening):
+        raise UserError(
+            f"{left.name!r} and {right.name!r} must move from 0, closed, to how far they open"
+        )
+    driving = [joint for joint in fingers if not joint.mimic] or [left]
+    force = options.force_n
+    if force is None:
+        force = min(read_limit(joint, "effort", "N") for joint in driving)
+    if not 0 < force < math.inf or not 0 <= options.friction < math.inf:
+        raise UsageError(
+            f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}"
+        )
+    speed = min(read_limit(joint, "velocity", "m/s") for joint in driving)
+    return Limits(0.0, min(upper for _, upper in opening), force, speed)
+
+
+def check_rest(description: Description, drives: Iterable[str]) -> None:
+    """Refuse joints that would move by themselves: all that are neither fixed nor among ``drives``.
+
+    Raises:
+        UserError: names them, and the words that hold them or leave out what they bear.
+    """
+    free = {
+        joint.child: joint
+        for joint in description.joints.values()
+        if joint.kind != "fixed" and joint.name not in drives
+    }
+    if not free:
+        return
+    tops = [link for link in free if not free.keys() & {*description.above(link)[1:]}]
+    values = {}
+    elsewhere = False  # than at 0
+    for joint in free.values():
+        lower, upper = joint.range
+        value = min(max(lower, 0.0), upper)
+        values[joint.name] = f"{joint.name}:{value:g}"
+        elsewhere |= bool(value) and joint.kind != "continuous"
+    held = f"[{','.join(values)}]"
+    if elsewhere:
+        held = f"{{{','.join(values.values())}}}"
+    kinds = [f"{joint.name!r} is {joint.kind}" for joint in free.values()]
+    found = ", ".join(kinds[:3])
+    if len(kinds) > 3:
+        found += f" and {len(kinds) - 3} others move"
+    raise UserError(
+        f"beside joint {found}, and neither the arm's nor the gripper's; hold with robot.fixed={held}, or leave out "
+        f"robot.without=[{','.join(tops)}]"
+    )

@@ -1,0 +1,122 @@
+"""Turn the mount of an arm of one's own as its home has it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import RIGID_MOUNT
+from core.errors import UsageError, UserError
+from core.geometry import Array, Pose
+from core.interfaces import Robot
+from core.robot.kinematics import Arm, link_poses
+from core.robot.solids import robot_solids
+from core.support.text import short_numbers
+
+_TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
+# Of the middle of the link before the last joint: a flange that looks up is above it.
+_UNDER_M = 0.005
+_EXACT = 1e-3  # metres and radians
+
+
+def mounted(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
+    """Turn the mount of an `unmounted` robot as its home has it, and the arm in place until that is exactly upright.
+
+    Args:
+        robot: made by `plugins.robots.reading.unmounted`.
+        axis: the last joint's (3,) in the flange's frame: a flange is square to it.
+        rpy: how the mount is turned in the flange's frame, radians; None: by right angles, to be nearest to the world.
+
+    Raises:
+        UserError: at home the flange does not look down (says which way it is off), or can't be turned so near there.
+    """
+    flange = Arm(robot).forward(np.array(robot.home)).rotation
+    turn = _turn_by_right_angles(robot, axis, flange) if rpy is None else _read_rpy(rpy)
+    _check_upright(robot, flange, turn)
+    mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
+    gripper = robot.gripper
+    if gripper is not None:
+        gripper = replace(gripper, mount=gripper.mount @ mount)
+    robot = replace(robot, mount=mount, gripper=gripper)
+
+    arm = Arm(robot)
+    upright = Pose(arm.forward(arm.home).position)
+    solution = arm.inverse(upright, arm.home)
+    if solution.error_m > _EXACT or solution.error_rad > _EXACT:
+        raise UserError(
+            f"near home the arm can't turn the flange straight down: it misses it by {solution.error_m:.3f} m and "
+            f"{solution.error_rad:.3f} rad; choose another home"
+        )
+    return replace(robot, home=tuple(solution.joints.round(6).tolist()))
+
+
+def _read_rpy(rpy: Sequence[float]) -> Rotation:
+    if len(rpy) != 3 or not all(map(math.isfinite, rpy)):
+        raise UsageError(f"mount_rpy must be three finite numbers, got {list(rpy)}")
+    return Rotation.from_euler("xyz", rpy)
+
+
+def _turn_by_right_angles(robot: Robot, axis: Array, flange: Rotation) -> Rotation:
+    """Turn the mount in the flange's frame by right angles, so that its axes are nearest to the world's."""
+    down = flange.apply(axis)
+    tilt = math.acos(min(1.0, abs(down[2])))
+    if tilt > _TILT_RAD:
+        upward = down * np.sign(down[2] or 1.0)
+        way, _ = Rotation.align_vectors([(0.0, 0.0, 1.0)], [upward])
+        raise UserError(
+            f"at home the axis of {robot.arm_joints[-1]!r} is {math.degrees(tilt):.0f} degrees off the vertical; "
+            f"{_describe_turn(way)}, or choose a home where the flange looks down (vlmgineer home), or turn the "
+            "mount: robot.mount_rpy"
+        )
+    turns = Rotation.create_group("O")
+    off = (turns.inv() * flange.inv()).magnitude()
+    return turns[int(off.argmin())]
+
+
+def _check_upright(robot: Robot, flange: Rotation, turn: Rotation) -> None:
+    """Refuse a mount whose axes at home are far from the world's, and a flange that looks up."""
+    exact = flange.inv()
+    off = float((exact.inv() * turn).magnitude())
+    if off > _TILT_RAD:
+        same = Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy
+        raise UserError(
+            f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's; "
+            f"{_describe_turn((flange * turn).inv())}, or set robot.mount_rpy=[{short_numbers(same, 4, ',')}]"
+        )
+    height = wrist_height(robot, np.array(robot.home))
+    if height < -_UNDER_M:
+        raise UserError(
+            f"at home the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange "
+            f"{robot.mount_link!r}, which looks up; choose a home where it looks down (vlmgineer home)"
+        )
+
+
+def _describe_turn(rotation: Rotation) -> str:
+    """Say how the flange has to turn in the world."""
+    way = rotation.as_rotvec()
+    angle = float(np.linalg.norm(way))
+    axis = short_numbers(way / angle, 2, ", ")
+    return f"turn the flange by {math.degrees(angle):.0f} degrees about the world's axis ({axis})"
+
+
+def wrist_height(robot: Robot, joints: Array) -> float:
+    """Measure how far above the mount, along the last joint, the middle of the link before that joint is, metres.
+
+    Of a flange that looks down it is above, whatever the flange's own shape and frame. 0: no link has a shape.
+    """
+    poses = link_poses(robot, False, joints)
+    middles: dict[str, list[Array]] = {}
+    for solid in robot_solids(robot, False):
+        middle, _ = solid.bounds()
+        middles.setdefault(solid.name, []).append(poses[solid.name].apply(middle))
+    last = robot.description.named[robot.arm_joints[-1]]
+    for link in robot.description.above(last.parent):
+        if link in middles:
+            along = poses[last.child].rotation.apply(last.direction)
+            way = np.mean(middles[link], axis=0) - poses[RIGID_MOUNT].position
+            return float(way @ along * along[2])
+    return 0.0
