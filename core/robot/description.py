@@ -107,7 +107,7 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
     for component in tool.components:
         own = component.link.inverse()
         center, tensor = mass_properties(component.shape, component.mass)
-        inertial = Inertial.of(component.mass, own.apply(center), tensor)
+        inertial = Inertial.from_tensor(component.mass, own.apply(center), tensor)
         link = RobotLink(component.name, inertial, *_place_shapes(component, own))
 
         pose = component.pose
@@ -122,7 +122,7 @@ def _joint(
     name: str, parent: str, pose: Pose, moving: ToolJoint | None = None
 ) -> RobotJoint:
     """Make the joint that bears a link of a tool, or a frame."""
-    fixed = RobotJoint(joint_name(name), "fixed", parent, name, Origin.of(pose))
+    fixed = RobotJoint(joint_name(name), "fixed", parent, name, Origin.from_pose(pose))
     if moving is None:
         return fixed
 
@@ -154,7 +154,7 @@ def _place_shapes(
     return tuple(collisions), tuple(visuals)
 
 
-def merged(parts: Sequence[Weight]) -> Weight:
+def merge_inertias(parts: Sequence[Weight]) -> Weight:
     """Merge the inertias of rigidly joined parts, all in one frame."""
     masses, centers, _ = zip(*parts, strict=True)
     center: Array = np.average(centers, axis=0, weights=masses)
@@ -182,7 +182,9 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
         solid, drawn = _place_shapes(component, pose)
         collisions += solid
         visuals += drawn
-    return RobotLink(link.name, Inertial.of(*merged(weights)), collisions, visuals)
+    return RobotLink(
+        link.name, Inertial.from_tensor(*merge_inertias(weights)), collisions, visuals
+    )
 
 
 def assemble(

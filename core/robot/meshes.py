@@ -41,7 +41,9 @@ class Visual(NamedTuple):
     color: Color
 
 
-def kept(kind: str, suffix: str, content: bytes, make: Callable[[], bytes]) -> Path:
+def keep_file(
+    kind: str, suffix: str, content: bytes, make: Callable[[], bytes]
+) -> Path:
     """Make a file in the user's cache folder, once for each content.
 
     Raises:

@@ -57,7 +57,7 @@ class Origin:
     rpy: Triple = ZERO
 
     @classmethod
-    def of(cls, pose: Pose, form: str = PICOMETRES) -> Origin:
+    def from_pose(cls, pose: Pose, form: str = PICOMETRES) -> Origin:
         """Make the frame of a pose, rounded."""
         x, y, z, roll, pitch, yaw = (
             rounded(value, form) for value in (*pose.position, *pose.rpy)
@@ -82,13 +82,15 @@ class Inertial:
     rpy: Triple = ZERO
 
     @classmethod
-    def of(
+    def from_tensor(
         cls, mass: float, center: Array, tensor: Array, form: str = PICOMETRES
     ) -> Inertial:
         """Take an inertia in the link's axes, rounded; ``form`` is that of the centre."""
         xx, xy, xz, _, yy, yz, *_, zz = (rounded(value) for value in np.ravel(tensor))
         return cls(
-            rounded(mass), Origin.of(Pose(center), form).xyz, (xx, xy, xz, yy, yz, zz)
+            rounded(mass),
+            Origin.from_pose(Pose(center), form).xyz,
+            (xx, xy, xz, yy, yz, zz),
         )
 
     @property

@@ -14,7 +14,7 @@ import yaml
 
 from core.geometry import Pose
 from core.interfaces import ISO_9409_1_50, Gripper, Robot
-from plugins.robots.descriptions import description, mended
+from plugins.robots.descriptions import description, mend
 from plugins.robots.programs import program
 
 _HERE = files(__package__)
@@ -22,13 +22,8 @@ _HERE = files(__package__)
 
 @cache
 def _arms() -> dict[str, Any]:
-    arms: dict[str, Any] = yaml.safe_load(
-        _HERE.joinpath("arms.yaml").read_text(encoding="utf-8")
-    )
-    return {
-        name: {key: _tuple(value) for key, value in arm.items()}
-        for name, arm in arms.items()
-    }
+    text = _HERE.joinpath("arms.yaml").read_text(encoding="utf-8")
+    return _freeze(yaml.safe_load(text))
 
 
 def _factory(name: str) -> Callable[[], Robot]:
@@ -40,10 +35,10 @@ def _factory(name: str) -> Callable[[], Robot]:
         angles: Any = {
             key: math.radians(degrees) for key, degrees in arm.pop("flange", {}).items()
         }
-        hand = {key: _tuple(value) for key, value in arm.pop("gripper", {}).items()}
+        hand = dict(arm.pop("gripper", {}))
         return Robot(
             name=name,
-            urdf=mended(file, **changes) if changes else description(file),
+            urdf=mend(file, **changes) if changes else description(file),
             mount=mount,
             flange=replace(ISO_9409_1_50, **angles),
             gripper=Gripper(mount=_pose(hand.pop("mount")), **hand) if hand else None,
@@ -66,12 +61,18 @@ def measured(name: str) -> dict[str, dict[str, float | None]]:
     return json.loads(file.read_text("utf-8")) if file.is_file() else {}
 
 
-def _tuple(value: Any) -> Any:
-    return tuple(map(_tuple, value)) if isinstance(value, list) else value
+def _freeze(value: Any) -> Any:
+    """Make tuples of lists."""
+    if isinstance(value, dict):
+        return {key: _freeze(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return tuple(map(_freeze, value))
+    return value
 
 
 def _pose(steps: Sequence[Sequence[float]]) -> Pose:
-    return reduce(
-        Pose.__matmul__,
-        (Pose.xyz_rpy(step[:3], tuple(map(math.radians, step[3:]))) for step in steps),
-    )
+    poses = []
+    for x, y, z, *degrees in steps:
+        roll, pitch, yaw = map(math.radians, degrees)
+        poses.append(Pose.xyz_rpy((x, y, z), (roll, pitch, yaw)))
+    return reduce(Pose.__matmul__, poses)

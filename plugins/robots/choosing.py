@@ -48,7 +48,7 @@ def hold_joints(
             )
         origin = joint.origin
         if value:
-            origin = Origin.of(origin.pose @ _move(joint, value), DIGITS)
+            origin = Origin.from_pose(origin.pose @ _move(joint, value), DIGITS)
         joints[joint.child] = replace(joint, kind="fixed", origin=origin, mimic=None)
     return replace(description, joints=joints)
 

@@ -49,7 +49,7 @@ def description(file: str) -> str:
     return text.replace(_PREFIX, f"{robots_folder().parent}/")
 
 
-def mended(
+def mend(
     file: str,
     *,
     drop: Collection[str] = (),
@@ -78,40 +78,35 @@ def mended(
             raise LookupError(f"the description has no link {name!r}")
     links = {}
     for name, link in arm.links.items():
-        visuals = tuple(
-            shape
-            for shape in link.visuals
-            if Path(str(shape.shape)).name not in undrawn
-        )
-        links[name] = replace(link, visuals=visuals)
+        if name in drop:
+            continue
+        drawn = [s for s in link.visuals if Path(str(s.shape)).name not in undrawn]
+        links[name] = replace(link, visuals=tuple(drawn))
         if name in inertials:
             mass, center, moments = inertials[name]
-            own = Inertial(mass, tuple(center), tuple(moments))
-            links[name] = replace(links[name], inertial=Inertial.of(*own.placed()))
-        if given := collisions.get(name):
-            if isinstance(given, str):
-                shape = RobotShape(hull_file(robots_folder() / given, ours=True))
-            else:
-                shape = RobotShape(
-                    Cylinder(given["radius"], given["length"]),
-                    Origin((0.0, 0.0, given["z"])),
-                )
+            given = Inertial(mass, tuple(center), tuple(moments))
+            whole = Inertial.from_tensor(*given.placed())
+            links[name] = replace(links[name], inertial=whole)
+        if name in collisions:
+            shape = _collision(collisions[name])
             links[name] = replace(links[name], collisions=(shape,))
     joints = {}
     for child, joint in arm.joints.items():
-        if new := limits.get(joint.name):
-            ends = joint.limits._replace(
-                **{key: rounded(value) for key, value in new.items()}
-            )
-            joint = replace(
-                joint,
-                kind="revolute" if joint.kind == "continuous" else joint.kind,
-                limits=ends,
-            )
-        if not {child, joint.parent} & {*drop}:
-            joints[child] = joint
-    return write(
-        Description(
-            arm.name, {name: links[name] for name in links if name not in drop}, joints
-        )
-    )
+        if {child, joint.parent} & {*drop}:
+            continue
+        if joint.name in limits:
+            numbers = limits[joint.name]
+            exact = {key: rounded(value) for key, value in numbers.items()}
+            kind = "revolute" if joint.kind == "continuous" else joint.kind
+            ends = joint.limits._replace(**exact)
+            joint = replace(joint, kind=kind, limits=ends)
+        joints[child] = joint
+    return write(Description(arm.name, links, joints))
+
+
+def _collision(given: str | Mapping[str, float]) -> RobotShape:
+    """Make the hull of a mesh, or a cylinder: see `mend`."""
+    if isinstance(given, str):
+        return RobotShape(hull_file(robots_folder() / given, ours=True))
+    cylinder = Cylinder(given["radius"], given["length"])
+    return RobotShape(cylinder, Origin((0.0, 0.0, given["z"])))

@@ -21,7 +21,7 @@ from core.support.text import short_numbers
 from core.values.descriptions import Description
 from plugins.robots.home_search import HOME_DIGITS, find_home
 from plugins.robots.normalise import ALSO
-from plugins.robots.reading import describe, unmounted
+from plugins.robots.reading import build_unmounted, describe
 from plugins.robots.settings import ArmSettings
 from plugins.robots.urdf import urdf
 
@@ -53,7 +53,7 @@ def main(words: list[str]) -> None:
     at = part.pose.inverse().apply(np.array(cfg.at, dtype=float))
     description = describe(chosen)
     try:
-        robot, axis = unmounted(description, chosen, anywhere=True)
+        robot, axis = build_unmounted(description, chosen, anywhere=True)
         robot = find_home(robot, axis, chosen, at)
     except UserError as error:  # a line for each problem
         raise type(error)(str(error).replace(ALSO, "\n- ")) from error

@@ -16,7 +16,7 @@ from core.interfaces import JointTrajectory, Robot
 from core.robot.kinematics import Arm, Solution, arm_of, link_poses
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_numbers
-from plugins.robots.mounting import mounted, wrist_height
+from plugins.robots.mounting import turn_mount, wrist_height
 from plugins.robots.settings import ArmSettings
 
 HOME_DIGITS = 3  # of a joint
@@ -35,7 +35,7 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
     Prefer one far from the joints' limits and from singularities, with the links high above the base.
 
     Args:
-        robot: made by `plugins.robots.reading.unmounted`, as ``axis`` is.
+        robot: made by `plugins.robots.reading.build_unmounted`, as ``axis`` is.
         axis: the last joint's (3,) in the flange's frame.
         chosen: the settings of the arm.
         at: metres.
@@ -56,7 +56,7 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
     for solution in found:
         home = tuple(solution.joints.round(HOME_DIGITS).tolist())
         try:
-            upright = mounted(replace(robot, home=home), axis, chosen.mount_rpy)
+            upright = turn_mount(replace(robot, home=home), axis, chosen.mount_rpy)
         except UserError as error:
             problem = str(error)
             continue

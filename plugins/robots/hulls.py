@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from core.errors import UserError
 from core.geometry import Color
-from core.robot.meshes import farthest, kept
+from core.robot.meshes import farthest, keep_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.values.descriptions import ONE, Scale
@@ -40,9 +40,8 @@ def hull_file(mesh: Path, scale: Scale = ONE, *, ours: bool = False) -> Path:
         UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
-    return kept(
-        "hulls", "stl", key.encode() + _content(mesh), lambda: _made(ours, mesh, *scale)
-    )
+    content = key.encode() + _content(mesh)
+    return keep_file("hulls", "stl", content, lambda: _run_build(ours, mesh, *scale))
 
 
 def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
@@ -60,11 +59,10 @@ def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
         UserError: the mesh can't be read or is too large, or the file can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
-    return kept(
-        "visuals",
-        "dae",
-        key.encode() + _content(mesh),
-        lambda: _made(False, mesh, *scale, *color),
+    content = key.encode() + _content(mesh)
+    numbers = (*scale, *color)
+    return keep_file(
+        "visuals", "dae", content, lambda: _run_build(False, mesh, *numbers)
     )
 
 
@@ -72,8 +70,10 @@ def main_color(drawn: Path) -> Color | None:
     """Read the colour of the largest part of what `visual_file` wrote: PyBullet draws a link in one colour."""
     with drawn.open("rb") as file:
         found = re.search(rb"<diffuse>\s*<color>([^<]*)<", file.read(_HEAD))
-    red, green, blue, opacity = map(float, found[1].split()) if found else (0.0,) * 4
-    return (red, green, blue, opacity) if found else None
+    if found is None:
+        return None
+    red, green, blue, opacity = map(float, found[1].split())
+    return red, green, blue, opacity
 
 
 def _content(mesh: Path) -> bytes:
@@ -92,13 +92,12 @@ def _content(mesh: Path) -> bytes:
         ) from error
 
 
-def _made(ours: bool, mesh: Path, *numbers: float) -> bytes:
+def _run_build(ours: bool, mesh: Path, *numbers: float) -> bytes:
+    """Call `build`, in a process of its own unless the file is ours."""
     words = (str(mesh), *map(str, numbers))
-    return (
-        build(b"", *words)
-        if ours
-        else isolated(build, f"mesh {mesh}", b"", *words, limit_s=LIMIT_S)
-    )
+    if ours:
+        return build(b"", *words)
+    return isolated(build, f"mesh {mesh}", b"", *words, limit_s=LIMIT_S)
 
 
 def build(_: bytes, mesh: str, *words: str) -> bytes:
@@ -140,9 +139,8 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
     if not all(np.isfinite(some).all() for some in corners):
         raise UserError("has a corner that is not a finite number; export it again")
     factors = factor * np.array(scale)
-    if (
-        size := max(float(np.abs(some * factors).max()) for some in corners)
-    ) > _LARGEST_M:
+    size = max(float(np.abs(some * factors).max()) for some in corners)
+    if size > _LARGEST_M:
         mend = 'if it is in millimetres, give its <mesh> scale="0.001 0.001 0.001"'
         raise UserError(f"reaches {size:.4g} m from its origin; {mend}")
     for part in parts:
@@ -156,9 +154,8 @@ def _hull(parts: list[trimesh.Trimesh]) -> bytes:
     )
     try:
         corners = farthest(corners[ConvexHull(corners).vertices])
-        return bytes(
-            trimesh.Trimesh(corners, process=False).convex_hull.export(file_type="stl")
-        )
+        hull = trimesh.Trimesh(corners, process=False).convex_hull
+        return bytes(hull.export(file_type="stl"))
     except QhullError as error:
         mend = "a collision shape needs a volume: give it depth, or use a <box>"
         raise UserError(f"is flat; {mend}") from error
@@ -167,31 +164,25 @@ def _hull(parts: list[trimesh.Trimesh]) -> bytes:
 def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
     drawn = []
     for part in sorted(parts, key=lambda part: -part.area):  # see `main_color`
-        own = (
-            getattr(part.visual, "material", part.visual).main_color / 255
-            if part.visual.defined
-            else color
-        )
-        plain = _coarse(part)
-        plain.visual = trimesh.visual.TextureVisuals(
-            material=trimesh.visual.material.PBRMaterial(baseColorFactor=own)
-        )
+        painted = color
+        if part.visual.defined:
+            painted = getattr(part.visual, "material", part.visual).main_color / 255
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=painted)
+        plain = _coarsen(part)
+        plain.visual = trimesh.visual.TextureVisuals(material=material)
         drawn.append(plain)
     return bytes(trimesh.exchange.dae.export_collada(drawn)).replace(b"Y_UP", b"Z_UP")
 
 
-def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def _coarsen(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Copy a mesh with at most `MAX_DRAWN` triangles: corners of one cell of a grid become one."""
     coarse = trimesh.Trimesh(mesh.vertices, mesh.faces)
     cells = 256
     while len(coarse.faces) > MAX_DRAWN:
         width = mesh.extents.max() / cells
         cells = cells // 2
-        coarse = trimesh.Trimesh(
-            np.round(mesh.vertices / width) * width, mesh.faces
-        )  # merges what is equal
-        coarse.update_faces(
-            coarse.unique_faces()
-            & (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1)
-        )
+        corners = np.round(mesh.vertices / width) * width
+        coarse = trimesh.Trimesh(corners, mesh.faces)  # merges what is equal
+        whole = (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1)
+        coarse.update_faces(coarse.unique_faces() & whole)
     return coarse

@@ -23,11 +23,11 @@ _UNDER_M = 0.005
 _EXACT = 1e-3  # metres and radians
 
 
-def mounted(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
-    """Turn the mount of an `unmounted` robot as its home has it, and the arm in place until that is exactly upright.
+def turn_mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
+    """Turn the mount of a robot as its home has it, and the arm in place until the mount is exactly upright.
 
     Args:
-        robot: made by `plugins.robots.reading.unmounted`.
+        robot: made by `plugins.robots.reading.build_unmounted`.
         axis: the last joint's (3,) in the flange's frame: a flange is square to it.
         rpy: how the mount is turned in the flange's frame, radians; None: by right angles, to be nearest to the world.
 

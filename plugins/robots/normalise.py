@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Color, Pose
-from core.robot.description import merged
+from core.robot.description import merge_inertias
 from core.values.descriptions import (
     DIGITS,
     Description,
@@ -26,9 +26,8 @@ from plugins.robots.hulls import hull_file, main_color, visual_file
 
 ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
-_BASE = Inertial(
-    1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01)
-)  # of one without: it stays, but engines want a mass
+# Of a base without one: it stays, but engines want a mass.
+_BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 T = TypeVar("T")
@@ -51,7 +50,7 @@ class Problems(list[UserError]):
             raise type(self[0])(ALSO.join(map(str, self)))
 
 
-def normalised(
+def normalise(
     description: Description,
     drives: Mapping[str, RobotJoint],
     flange: str,
@@ -90,7 +89,7 @@ def normalised(
     for head in heads:
         joint = description.joints[head]
         parent, pose = parts[joint.parent]
-        origin = Origin.of(pose @ joint.origin.pose, DIGITS)
+        origin = Origin.from_pose(pose @ joint.origin.pose, DIGITS)
         moving = drives.get(joint.name)
         joints[head] = RobotJoint(joint.name, "fixed", parent, head, origin)
         if moving is not None:
@@ -106,7 +105,7 @@ def normalised(
             "fixed",
             head,
             flange,
-            Origin.of(pose, DIGITS),
+            Origin.from_pose(pose, DIGITS),
         )
     return Description(description.name, links, joints)
 
@@ -116,23 +115,20 @@ def _joined(
 ) -> RobotLink:
     """Make rigidly joined links, at poses in the frame of the first, one. A base needs no inertia of its own."""
     try:
-        inertial = Inertial.of(*_inertia(head, parts), form=DIGITS)
+        inertial = Inertial.from_tensor(*_inertia(head, parts), form=DIGITS)
     except UserError:
         if not base:
             raise
-        inertial = (
-            _BASE if any(link.collisions for link, _ in parts) else Inertial()
-        )  # else it is only a frame
-    visuals = [
-        _read_alike(shape, pose, True)
-        for link, pose in parts
-        for shape in link.visuals or link.collisions
-    ]
-    collisions = [
-        _read_alike(shape, pose, False)
-        for link, pose in parts
-        for shape in link.collisions
-    ]
+        # Without shapes it is only a frame.
+        solid = any(link.collisions for link, _ in parts)
+        inertial = _BASE if solid else Inertial()
+    visuals = []
+    collisions = []
+    for link, pose in parts:
+        for shape in link.visuals or link.collisions:
+            visuals.append(_read_alike(shape, pose, True))
+        for shape in link.collisions:
+            collisions.append(_read_alike(shape, pose, False))
     return RobotLink(head, inertial, tuple(collisions), tuple(visuals))
 
 
@@ -142,17 +138,18 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
     Raises:
         UserError: there is no mass, or no body could have these moments.
     """
-    where = f"link {head!r}" + (
-        f" with what is fixed to it ({len(parts) - 1} more)" if len(parts) > 1 else ""
-    )
-    heavy = [
-        link.inertial.placed(pose) for link, pose in parts if link.inertial.mass > 0
-    ]
+    where = f"link {head!r}"
+    if len(parts) > 1:
+        where += f" with what is fixed to it ({len(parts) - 1} more)"
+    heavy = []
+    for link, pose in parts:
+        if link.inertial.mass > 0:
+            heavy.append(link.inertial.placed(pose))
     if not heavy:
         raise UserError(
             f"{where} moves, but has no mass; give it <inertial> with mass and inertia"
         )
-    mass, center, tensor = merged(heavy)
+    mass, center, tensor = merge_inertias(heavy)
     moments = np.linalg.eigvalsh(tensor)
     if not moments[0] > 0:
         raise UserError(
@@ -172,12 +169,10 @@ def _read_alike(shape: RobotShape, pose: Pose, drawn: bool) -> RobotShape:
     """Place a shape in the frame of another link, with a mesh that every engine reads alike."""
     color = shape.color or _GREY
     file = shape.shape
-    origin = Origin.of(pose @ shape.origin.pose, DIGITS)
-    if isinstance(file, Path):
-        file = (
-            visual_file(file, color, shape.scale)
-            if drawn
-            else hull_file(file, shape.scale)
-        )
-        color = main_color(file) or color if drawn else color
-    return RobotShape(file, origin, color)
+    origin = Origin.from_pose(pose @ shape.origin.pose, DIGITS)
+    if not isinstance(file, Path):
+        return RobotShape(file, origin, color)
+    if not drawn:
+        return RobotShape(hull_file(file, shape.scale), origin, color)
+    visual = visual_file(file, color, shape.scale)
+    return RobotShape(visual, origin, main_color(visual) or color)

@@ -24,8 +24,8 @@ from plugins.robots.choosing import (
     hold_joints,
     limit_turning,
 )
-from plugins.robots.mounting import mounted
-from plugins.robots.normalise import Problems, normalised
+from plugins.robots.mounting import turn_mount
+from plugins.robots.normalise import Problems, normalise
 from plugins.robots.settings import ArmSettings, BoltOptions
 
 # A URDF has neither; each is a setting.
@@ -60,7 +60,7 @@ def read_robot(
     chosen = ArmSettings(path, home, flange, **settings)
     description = describe(chosen)
     try:
-        return mounted(*unmounted(description, chosen, name), chosen.mount_rpy)
+        return turn_mount(*build_unmounted(description, chosen, name), chosen.mount_rpy)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 
@@ -82,7 +82,7 @@ def describe(chosen: ArmSettings) -> Description:
     return read_description(data, path, chosen.without or (), taken=RESERVED)
 
 
-def unmounted(
+def build_unmounted(
     description: Description,
     chosen: ArmSettings,
     name: str = "urdf",
@@ -124,7 +124,7 @@ def unmounted(
             )
         )
     detached = [] if gripper is None else [gripper.link]
-    whole = wrong.attempt(normalised, description, drives, flange, detached)
+    whole = wrong.attempt(normalise, description, drives, flange, detached)
     wrong.report()
     assert whole is not None
     assert home is not None

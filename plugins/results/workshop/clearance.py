@@ -10,7 +10,7 @@ import pinocchio as pin
 from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Recording
-from core.robot.description import assemble, merged
+from core.robot.description import assemble, merge_inertias
 from core.robot.kinematics import arm_of, joint_values, open_mounts
 from core.scene import Scene
 from core.solids.contacts import nearest
@@ -131,7 +131,7 @@ def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
         )
         parts.append((component.mass, at.apply(center), turn @ tensor @ turn.T))
     mass, center, tensor = (
-        merged(parts) if parts else (0.0, np.zeros(3), np.zeros((3, 3)))
+        merge_inertias(parts) if parts else (0.0, np.zeros(3), np.zeros((3, 3)))
     )
     return {
         "frame": robot.mount_link,

@@ -113,7 +113,7 @@ def collisions_of(
         else:
             shape = rounded_shape(part.shape, DIGITS)
         pose = part.pose if frame is None else frame @ part.pose
-        shapes.append(RobotShape(shape, Origin.of(pose, DIGITS)))
+        shapes.append(RobotShape(shape, Origin.from_pose(pose, DIGITS)))
     return tuple(shapes)
 
 
@@ -121,7 +121,7 @@ def inertial(inertia: Inertia | None) -> Inertial:
     """Make a link's inertia; None: fixed, without mass."""
     if inertia is None:
         return Inertial()
-    origin = Origin.of(inertia.frame, DIGITS)
+    origin = Origin.from_pose(inertia.frame, DIGITS)
     xx, yy, zz = (rounded(moment, DIGITS) for moment in inertia.moments)
     moments = (xx, 0.0, 0.0, yy, 0.0, zz)
     return Inertial(rounded(inertia.mass, DIGITS), origin.xyz, moments, origin.rpy)

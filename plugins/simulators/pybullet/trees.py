@@ -252,7 +252,7 @@ def _joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
         kind = "continuous"
     limits = Limits(rounded(lower, DIGITS), rounded(upper, DIGITS), 0.0, 1000.0)
     x, y, z = (rounded(value, DIGITS) for value in joint.axis)
-    origin = Origin.of(pose, DIGITS)
+    origin = Origin.from_pose(pose, DIGITS)
     return RobotJoint(f"{link}_joint", kind, parent, link, origin, (x, y, z), limits)
 
 

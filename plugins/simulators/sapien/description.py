@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Pose, Shape
-from core.robot.description import assembled, merged
+from core.robot.description import assembled, merge_inertias
 from core.values.descriptions import RobotJoint, Weight
 from core.values.robots import Robot
 from plugins.simulators.inertia import Inertia, principal
@@ -103,4 +103,4 @@ def _along_x(joint: RobotJoint, parent: Pose) -> AxisJoint:
 def _inertia(weights: Sequence[Weight]) -> Inertia:
     if not weights:  # a base that stands for the ground
         return Inertia(1.0, Pose(), np.ones(3))
-    return principal(*merged(weights))
+    return principal(*merge_inertias(weights))

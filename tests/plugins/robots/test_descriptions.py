@@ -7,14 +7,14 @@ import pytest
 from core.geometry import Cylinder
 from core.values.descriptions import Inertial, Origin, RobotShape
 from core.values.urdf import read_description
-from plugins.robots.descriptions import mended
+from plugins.robots.descriptions import mend
 
 UR5 = "ur_description/urdf/ur5_robot.urdf"
 MOMENTS = (0.1, 0.01, 0.02, 0.2, 0.03, 0.25)
 
 
 def arm(file=UR5, **changes):
-    return read_description(mended(file, **changes).encode(), Path(file))
+    return read_description(mend(file, **changes).encode(), Path(file))
 
 
 def test_dropped_links_are_gone_with_their_joints():
@@ -23,13 +23,13 @@ def test_dropped_links_are_gone_with_their_joints():
     assert not gone & {*left.links, *left.joints}
     assert sum(joint.kind == "revolute" for joint in left.joints.values()) == 6
     assert not any(
-        word in mended(UR5, drop=gone) for word in ("gazebo", "transmission", "<!--")
+        word in mend(UR5, drop=gone) for word in ("gazebo", "transmission", "<!--")
     )
 
 
 def test_what_is_not_there_is_named():
     with pytest.raises(LookupError, match="no link 'hand'"):
-        mended(UR5, drop=["hand"])
+        mend(UR5, drop=["hand"])
 
 
 def test_inertias_and_limits_are_replaced():

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from core.errors import UserError
 from core.geometry import Array, Mesh
-from core.robot.meshes import kept
+from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
@@ -146,7 +146,7 @@ def _hull(corners: Array) -> Mesh:
 def _cut(data: bytes, kind: str, max_parts: int, name: str) -> dict[str, Array]:
     words = [kind, str(max_parts)]
     key = " ".join([*words, ""]).encode() + data
-    file = kept(
+    file = keep_file(
         "imports", "npz", key, lambda: isolated(cut_bytes, f"mesh {name}", data, *words)
     )
     try:
