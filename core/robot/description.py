@@ -105,10 +105,10 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
     """Yield the links of a tool's components, and the joints that bear them."""
     frames = {component.name: component.link for component in tool.components}
     for component in tool.components:
-        own = component.link.inverse()
+        in_link = component.link.inverse()
         center, tensor = mass_properties(component.shape, component.mass)
-        inertial = Inertial.from_tensor(component.mass, own.apply(center), tensor)
-        link = RobotLink(component.name, inertial, *_place_shapes(component, own))
+        inertial = Inertial.from_tensor(component.mass, in_link.apply(center), tensor)
+        link = RobotLink(component.name, inertial, *_place_shapes(component, in_link))
 
         pose = component.pose
         if component.joint is not None:

@@ -104,8 +104,8 @@ def _load(robot: Robot, tool: Tool) -> RobotModel:
 
 def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
     """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
-    own = [joint_name(bearer.name) for bearer in tool.bearers]
-    names = (*robot.arm_joints, *robot.finger_joints, *own)
+    borne = [joint_name(bearer.name) for bearer in tool.bearers]
+    names = (*robot.arm_joints, *robot.finger_joints, *borne)
     values = np.column_stack([arm, fingers])
     columns = dict(zip(names, values.T, strict=False))
     return np.column_stack([columns[name] for name in robot_model(robot, tool).joints])

@@ -54,12 +54,12 @@ def _to_text(element: Any) -> str:
 
 def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
     # Each link has an inertia: engines would guess one.
-    own = link.inertial
+    inertia = link.inertial
     inertial = _element(
         "inertial",
-        _origin_element(Origin(own.center, own.rpy)),
-        _element("mass", value=own.mass),
-        _element("inertia", **dict(zip(MOMENTS, own.moments, strict=True))),
+        _origin_element(Origin(inertia.center, inertia.rpy)),
+        _element("mass", value=inertia.mass),
+        _element("inertia", **dict(zip(MOMENTS, inertia.moments, strict=True))),
     )
     element = _element("link", inertial, name=link.name)
     colors = list(dict.fromkeys(shape.color for shape in link.visuals))

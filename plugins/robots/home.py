@@ -50,20 +50,20 @@ def main(words: list[str]) -> None:
     if len(cfg.at) != 3 or not all(map(math.isfinite, cfg.at)):
         raise UsageError(f"at must be three numbers, metres, got {list(cfg.at)}")
     chosen = ArmSettings(**check_settings(urdf, dict(part.settings), "robot=urdf", {}))
-    at = part.pose.inverse().apply(np.array(cfg.at, dtype=float))
+    place = part.pose.inverse().apply(np.array(cfg.at, dtype=float))
     description = describe(chosen)
     try:
         robot, axis = build_unmounted(description, chosen, anywhere=True)
-        robot = find_home(robot, axis, chosen, at)
+        robot = find_home(robot, axis, chosen, place)
     except UserError as error:  # a line for each problem
         raise type(error)(str(error).replace(ALSO, "\n- ")) from error
 
     arm = arm_of(robot)
     room = np.minimum(arm.home - arm.lower, arm.upper - arm.home)
-    place = part.pose.apply(arm.forward(arm.home).position)
+    found = part.pose.apply(arm.forward(arm.home).position)
     say(
         f"the flange {robot.mount_link!r}, borne by {', '.join(robot.arm_joints)}, is at "
-        f"({short_numbers(place, 3, ', ')}) and looks down; joint {robot.arm_joints[int(room.argmin())]!r} is nearest "
+        f"({short_numbers(found, 3, ', ')}) and looks down; joint {robot.arm_joints[int(room.argmin())]!r} is nearest "
         f"to a limit, {room.min():.2f} rad from it"
     )
     say(f"robot.home=[{short_numbers(arm.home, HOME_DIGITS, ',')}]")

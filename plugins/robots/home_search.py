@@ -29,8 +29,8 @@ _STRAIGHT = 0.08
 _RADIAN_M = 0.3  # a turn of the flange weighs as much as this way
 
 
-def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robot:
-    """Find a home at which the flange is ``at`` (3,) in the base's frame and looks down, with the mount turned so.
+def find_home(robot: Robot, axis: Array, chosen: ArmSettings, place: Array) -> Robot:
+    """Find a home at which the flange is at ``place`` (3,) in the base's frame, and looks down with its mount.
 
     Prefer one far from the joints' limits and from singularities, with the links high above the base.
 
@@ -38,14 +38,14 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
         robot: made by `plugins.robots.reading.build_unmounted`, as ``axis`` is.
         axis: the last joint's (3,) in the flange's frame.
         chosen: the settings of the arm.
-        at: metres.
+        place: metres.
 
     Raises:
         UserError: none is found; says what came nearest.
     """
     arm = arm_of(robot)
     tried = []
-    for goal in _goals(axis, chosen.mount_rpy, at):
+    for goal in _goals(axis, chosen.mount_rpy, place):
         for start in _starts(arm):
             tried.append(arm.inverse(goal, start))
     found = [s for s in tried if s.error_m < _NEAR_M and s.error_rad < _NEAR_RAD]
@@ -65,22 +65,23 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, at: Array) -> Robo
         if met is None:
             return upright
         problem = f"there {met.describe(np.zeros(1))}"
+    where = short_numbers(place, 3, ", ")
     raise UserError(
-        f"no joints bring the flange to ({short_numbers(at, 3, ', ')}) from its base, looking down: {problem}; choose "
-        "another at=, or place the arm elsewhere with robot.base=[x,y,z,yaw]"
+        f"no joints bring the flange to ({where}) from its base, looking down: {problem}; choose another at=, or place "
+        "the arm elsewhere with robot.base=[x,y,z,yaw]"
     )
 
 
 def _goals(
-    axis: Array, rpy: tuple[float, float, float] | None, at: Array
+    axis: Array, rpy: tuple[float, float, float] | None, place: Array
 ) -> Iterator[Pose]:
     """Yield the flange's poses at which a mount on it can have the axes of the base."""
     if rpy is not None:
-        yield Pose.from_rotation(at, Rotation.from_euler("xyz", rpy).inv())
+        yield Pose.from_rotation(place, Rotation.from_euler("xyz", rpy).inv())
         return
     for turn in Rotation.create_group("O").inv():
         if abs(turn.apply(axis)[2]) > 0.94:
-            yield Pose.from_rotation(at, turn)
+            yield Pose.from_rotation(place, turn)
 
 
 def _starts(arm: Arm) -> Iterator[Array]:
