@@ -15,9 +15,10 @@ from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypo
 from core.robot.kinematics import Arm, arm_of
 from core.robot.paths import APART_M, place_knots
 from core.robot.timing import PEAK, Leg, time_leg
+from core.support.text import clean
 
 _SLOWED = 1.05  # from here on it is reported
-_NAMED = 3  # waypoints that are
+_MAX_NAMES = 30  # characters of the waypoints' numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +54,14 @@ class Motion:
 
     def slowdowns(self) -> list[str]:
         """Say in a line which waypoints were reached later than asked; none: all were in time."""
-        late = np.flatnonzero(self.slowed > _SLOWED)
+        late = np.flatnonzero(self.slowed > _SLOWED) + 1
         if len(late) == 0:
             return []
-        names = ", ".join(str(k + 1) for k in late[:_NAMED])
-        if len(late) > _NAMED:
-            names += f" and {len(late) - _NAMED} more"
-        slower = f"{self.slowed.max():.1f} times slower than asked"
-        if len(late) == 1:
-            return [f"waypoint {names}: the arm's limits make its way {slower}"]
-        return [f"waypoints {names}: the arm's limits make their ways up to {slower}"]
+        names = clean(", ".join(map(str, late)), _MAX_NAMES)
+        return [
+            f"waypoint {names}: the arm's limits make the way there up to {self.slowed.max():.1f} times slower "
+            "than asked"
+        ]
 
 
 class Begin(NamedTuple):

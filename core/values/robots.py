@@ -135,13 +135,9 @@ class Robot:
         count = len(self.arm_joints)
         for name in ("home", "acceleration_limits", "motor_inertia"):
             values = getattr(self, name)
-            if len(values) != count:
+            if len(values) != count or not all(map(math.isfinite, values)):
                 raise UsageError(
-                    f"robot {self.name}: {name} has {len(values)} numbers for {count} joints"
-                )
-            if not all(map(math.isfinite, values)):
-                raise UsageError(
-                    f"robot {self.name}: {name} has a number that is not finite"
+                    f"robot {self.name}: {name} needs {count} finite numbers, one for each joint, got {values}"
                 )
         if not min(self.acceleration_limits) > 0 or min(self.motor_inertia) < 0:
             raise UsageError(
