@@ -70,11 +70,12 @@ class Beams:
         self._shapes = {c.name: c.shape for c in tool.components}
         self.chains: dict[str, list[tuple[str, Beam]]] = {}
         for component in tool.components:
-            name, parent = component.name, component.parent
+            parent = component.parent
             chain = list(self.chains.get(parent, ()))
             if parent in self._shapes:
-                chain.append((parent, self.beam(parent, joints[name])))
-            self.chains[name] = chain
+                beam = self.beam(parent, joints[component.name])
+                chain.append((parent, beam))
+            self.chains[component.name] = chain
 
     def bending(self) -> dict[str, tuple[float, float]]:
         """Estimate for each component what a newton at its far end does: how far that moves, and the largest stress.
@@ -94,10 +95,13 @@ class Beams:
 
         Along a beam of length L from a to b, seen from the point, the integral of r^2 is L (a a + a b + b b) / 3.
         """
-        moved_m, stress_pa = 0.0, 0.0
+
+        moved_m = 0.0
+        stress_pa = 0.0
         beams = [beam for _, beam in self.chains[name]]
         for beam in (*beams, self.beam(name, point)):
-            a, b = beam.start - point, beam.stop - point
+            a = beam.start - point
+            b = beam.stop - point
             moved_m += beam.softness * float(a @ a + a @ b + b @ b) / 3
             far = max(np.linalg.norm(a), np.linalg.norm(b))
             stress_pa = max(stress_pa, beam.weakness * float(far))
@@ -112,11 +116,14 @@ class Beams:
         start = self.joints[name]
         shape = self._shapes[name]
         along = np.abs((stop - start) @ self._poses[name].rotation.as_matrix())
+
         size = shape.bounds[1]
         thin, wide = sorted(np.delete(size, along.argmax()))
+
         walls = self.material.wall_mm / 500
         hollow = max(0.0, wide - walls) * max(0.0, thin - walls) ** 3
         hollow *= 1 - self.material.infill
+
         filled = shape.volume / float(np.prod(size))
         second_moment = filled**2 * (wide * thin**3 - hollow) / 12
 
@@ -138,6 +145,7 @@ def flange_moment(tool: Tool, robot: Robot) -> float:
     """Compute the largest moment of a tool's weight about the mount, N m: with its centre of mass level with it."""
     mounts = open_mounts(robot, tool.gripper)
     placed = tool.placed()
+
     moments = np.zeros(3)  # of mass
     for component in tool.components:
         mount, pose = placed[component.name]
@@ -167,6 +175,7 @@ def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {why}; {mend}")
     if material.density_kg_m3 is None:
         return
+
     moment = flange_moment(tool, robot)
     most = moment_limit(robot)
     if moment > most:

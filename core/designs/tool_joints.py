@@ -82,6 +82,7 @@ def check_joints(
         raise DesignError(
             f"the tool has {len(tool.bearers)} moving joints; at most {MAX_JOINTS} are allowed"
         )
+
     share = spring_share(material)
     energies = {}
     for bearer in tool.bearers:
@@ -93,6 +94,7 @@ def check_joints(
             raise DesignError(
                 f"the joint of component {bearer.name!r} {error}"
             ) from error
+
     energy = sum(energies.values())
     most = share * MAX_SPRINGS_J
     if energy > most:
@@ -117,10 +119,12 @@ def _check_range(joint: ToolJoint) -> None:
     span = f"goes from {joint.lower:g} to {joint.upper:g} {limits.unit}"
     if max(-joint.lower, joint.upper) > limits.most:
         raise DesignError(f"{span}; at most {limits.most:.3g} is allowed")
+
     if joint.upper - joint.lower < limits.least_range:
         raise DesignError(
             f"{span}; give it a range of {limits.least_range:g} or more, or no joint"
         )
+
     if abs(joint.rest) > limits.most:
         raise DesignError(
             f"has a spring that is relaxed at {joint.rest:g} {limits.unit}; at most {limits.most:.3g}"
@@ -135,6 +139,7 @@ def _check_motion(tool: Tool, bearer: Bearer) -> None:
         raise DesignError(
             f"moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed"
         )
+
     hertz = math.sqrt(joint.stiffness / inertia) / (2 * math.pi)
     if hertz > MAX_HZ:
         would_do = joint.stiffness * (MAX_HZ / hertz) ** 2
@@ -142,6 +147,7 @@ def _check_motion(tool: Tool, bearer: Bearer) -> None:
             f"has too stiff a spring: what it moves would swing at {hertz:.0f} Hz, and at most {MAX_HZ:g} "
             f"can be simulated; a stiffness of {would_do:.2g} would do, or more mass"
         )
+
     if joint.damping > MAX_DECAY * inertia:
         raise DesignError(
             f"has too much damping: {joint.damping:g} for an inertia of {inertia:.2g}; at most "
@@ -153,6 +159,7 @@ def _check_strength(joint: ToolJoint, share: float) -> float:
     """Refuse springs, dampers and brakes that are too strong; return the spring's energy at the end of its range."""
     limits = LIMITS[joint.kind]
     strain = max(abs(joint.lower - joint.rest), abs(joint.upper - joint.rest))
+
     exerted = joint.stiffness * strain
     most = share * limits.spring
     if exerted > most:
@@ -160,10 +167,12 @@ def _check_strength(joint: ToolJoint, share: float) -> float:
             f"has too strong a spring: it exerts {exerted:.3g} {limits.load} where it is {strain:.3g} {limits.unit} "
             f"from its rest; at most {most:.2g} {limits.load} are allowed"
         )
+
     if joint.damping > limits.damping:
         raise DesignError(
             f"has a damping of {joint.damping:.3g} {limits.resistance}; at most {limits.damping:g} is allowed"
         )
+
     if joint.friction > limits.spring:
         raise DesignError(
             f"has a dry friction of {joint.friction:.3g} {limits.load}; at most {limits.spring:g} is allowed"
@@ -176,7 +185,8 @@ def weigh_moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
 
     Of a slider the second is the mass again. What hangs on a further joint is left out: it need not follow.
     """
-    mass, inertia = 0.0, 0.0
+    mass = 0.0
+    inertia = 0.0
     axis: Array = np.array(bearer.joint.axis)
     for component in tool.components:
         carrier, pose = tool.borne[component.name]
@@ -216,11 +226,13 @@ def _check_touch(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
     """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one."""
     joint = bearer.joint
     pairs = list(itertools.product(solids[bearer.parent], solids[bearer.name]))
+
     lever = 1.0
     if joint.kind == "hinge":
         lever = max(map(_reach, solids[bearer.name]))
     count = (joint.upper - joint.lower) * lever / _STEP_M
     count = int(np.clip(count, _FEWEST_STEPS, _MOST_STEPS))
+
     near: tuple[Solid, Solid] | None = None  # what touched last: likely to go on
     for value in np.linspace(joint.lower, joint.upper, count).tolist():
         place = bearer.pose @ _move(joint, value)

@@ -72,6 +72,7 @@ def assembled(
         fused: merge the tool's components into the link that bears them (for engines: fewer links, the same physics)
             instead of giving each a link of its own (for people).
     """
+
     gripper = robot.gripper
     if tool is None:
         tool = Tool(gripper=gripper is not None)
@@ -91,11 +92,13 @@ def assembled(
     for name, parent, pose, joint in tool.bearers if fused else ():
         links[name] = RobotLink(name)
         joints[name] = _joint(name, parent, pose, joint)
+
     if robot.base != Pose():
         links[BASE] = RobotLink(BASE)
         joints[arm.root] = replace(
             _joint(arm.root, BASE, robot.base), name=joint_name(BASE)
         )
+
     if fused:
         links = {name: _fuse(link, tool) for name, link in links.items()}
     return Description(arm.name, links, joints)
@@ -170,10 +173,13 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
     borne = [c for c in tool.components if tool.borne[c.name][0] == link.name]
     if not borne:
         return link
+
     weights = []
     if link.inertial.mass > 0:
         weights.append(link.inertial.placed())
-    collisions, visuals = link.collisions, link.visuals
+
+    collisions = link.collisions
+    visuals = link.visuals
     for component in borne:
         _, pose = tool.borne[component.name]
         center, tensor = mass_properties(component.shape, component.mass)

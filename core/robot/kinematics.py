@@ -90,7 +90,9 @@ def _load(robot: Robot, tool: Tool) -> RobotModel:
         if frame.type == pin.FrameType.BODY:
             pose = Pose.from_matrix(frame.placement.homogeneous)
             links[frame.name] = frame.parentJoint, pose
+
     supports = tuple(frozenset(support.tolist()) - {0} for support in model.supports)
+
     axes = [(np.zeros(3), np.zeros(3))]
     for joint in list(model.joints)[1:]:
         data = joint.createData()
@@ -106,6 +108,7 @@ def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
     """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
     borne = [joint_name(bearer.name) for bearer in tool.bearers]
     names = (*robot.arm_joints, *robot.finger_joints, *borne)
+
     values = np.column_stack([arm, fingers])
     columns = dict(zip(names, values.T, strict=False))
     return np.column_stack([columns[name] for name in robot_model(robot, tool).joints])
@@ -139,8 +142,10 @@ def link_frames(
 
     ``arm`` (T, J) and ``fingers`` (T, F + K) are the joints; without the gripper the fingers do not matter.
     """
+
     model = robot_model(robot, tool)
     rotations, positions = joint_frames(model, joint_values(robot, tool, arm, fingers))
+
     frames = {}
     for name, (joint, pose) in model.links.items():
         rotation = pose.rotation.as_matrix()
@@ -154,6 +159,7 @@ def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
     """Place each link in the world, with the arm at joints (J,) and the fingers open."""
     tool = Tool(gripper=gripper)
     fingers = finger_values(robot, tool, np.array([robot.opening_m]))
+
     poses = {}
     frames = link_frames(robot, tool, np.asarray(joints)[None], fingers)
     for name, (rotations, positions) in frames.items():
@@ -325,9 +331,11 @@ class Arm:
 
         Most planning time is spent here: numpy's fastest calls.
         """
+
         q = np.minimum(np.maximum(seed, self.lower), self.upper)
         lower = np.maximum(self.lower, q - jump_rad)
         upper = np.minimum(self.upper, q + jump_rad)
+
         error = self._miss(position, rotation, q)
         cost = float(error.dot(error))
         damping = 1e-4
@@ -339,6 +347,7 @@ class Arm:
                 self._model, self._data, q, self._frame, pin.LOCAL
             )
             jacobian[3:] *= _RADIAN_WEIGHT
+
             # The redundant joint motion drifts home, away from the limits; only at first, so that it converges.
             idle = (0.05 if count < 4 else 0.0) * (self.home - q)
             if np.count_nonzero((q <= lower) | (q >= upper)):
@@ -346,19 +355,23 @@ class Arm:
                 held = ((q <= lower) & (gradient < 0)) | ((q >= upper) & (gradient > 0))
                 jacobian[:, held] = 0.0
                 idle[held] = 0.0
+
             square = jacobian.dot(jacobian.T) + damping * _EYE
             missing = error - jacobian.dot(idle)
             _, _, solution, _ = dgesv(square.T, missing, True, True)
             step = idle + jacobian.T.dot(solution)
             step = np.minimum(np.maximum(step, -_STRIDE), _STRIDE)
+
             trial = np.minimum(np.maximum(q + step, lower), upper)
             trial_error = self._miss(position, rotation, trial)
             trial_cost = float(trial_error.dot(trial_error))
+
             if not trial_cost < cost:  # nan is not
                 damping *= 10
                 if damping > 1e3:
                     break
                 continue
+
             gained = cost - trial_cost
             settled = gained < 1e-6 * cost
             q = trial

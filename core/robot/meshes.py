@@ -52,6 +52,7 @@ def keep_file(
     name = hashlib.sha256(f"{_VERSION} ".encode() + content).hexdigest()[:32]
     folder = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind
     file = folder / f"{name}.{suffix}"
+
     try:
         # A power cut may leave it empty.
         if not (file.is_file() and file.stat().st_size):
@@ -72,13 +73,16 @@ def farthest(corners: Array) -> Array:
     if len(corners) > _MANY:
         ways = np.random.default_rng(0).normal(size=(_MANY // 4, 3))
         corners = corners[np.unique([int((corners @ way).argmax()) for way in ways])]
+
     first = corners[:1]
     while len(first) < 4:
         center = first.mean(axis=0)
+
         # Of the line or plane through them.
         axes = np.linalg.svd(first - center)[2][: len(first) - 1]
         off = (corners - center) - (corners - center) @ axes.T @ axes
         first = np.vstack([first, corners[np.linalg.norm(off, axis=1).argmax()]])
+
     hull = ConvexHull(first, incremental=True)
     while len(hull.points) < MAX_CORNERS:
         outside = (corners @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)

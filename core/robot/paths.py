@@ -54,6 +54,7 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
     ways = np.diff(positions, axis=0)
     turns = rotations[:-1].inv() * rotations[1:]
     angles = np.asarray(turns.magnitude())
+
     counts = []
     for way, angle in zip(ways, angles, strict=True):
         cells = max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)
@@ -64,10 +65,12 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
     number = np.append(0, number)  # of the way that each knot lies on
     shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in counts]
     share = np.concatenate([[0.0], *shares])[:, None]
+
     slerp = rotations[number] * Rotation.from_rotvec(turns.as_rotvec()[number] * share)
     quaternions = slerp.as_quat(scalar_first=True)
     # To the last bit as a `Pose` would have them.
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+
     turned = Rotation.from_quat(quaternions, scalar_first=True)
     knots = Knots(positions[number] + share * ways[number], turned.as_matrix(), ends)
 
@@ -92,10 +95,12 @@ def _place_on_curve(
     angles = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
     lengths = np.maximum(ways + _LEVER_M * angles, APART_M)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
+
     places = []
     for (begin, end), count in zip(pairwise(along), counts, strict=True):
         places.append(np.linspace(begin, end, count + 1)[1:])
     place = np.concatenate(places)
+
     rotation = RotationSpline(along, rotations)(place)
     return CubicSpline(along, positions)(place), rotation.as_matrix()
 
@@ -104,9 +109,11 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     """Join joint knots (K, J): a cubic spline, or one without overshoot if that would exceed a limit."""
     s, spline_knots, degree, between = _spline_places(len(knots))
     path = make_interp_spline(s, knots, degree, spline_knots)
+
     joints = path(between)
     below = joints < arm.lower - _ROUNDING_RAD
     above = joints > arm.upper + _ROUNDING_RAD
+
     if (below | above).any():
         return PchipInterpolator(s, knots, axis=0)
     return path

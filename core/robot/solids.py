@@ -61,6 +61,7 @@ def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
     convex = mesh.convex_hull
     points = coal.StdVec_Vec3s()
     points.extend(np.asarray(convex.vertices, dtype=np.float64))
+
     faces = coal.StdVec_Triangle()
     faces.extend(coal.Triangle(*face) for face in convex.faces.tolist())
     return coal.Convex(points, faces)
@@ -142,6 +143,7 @@ class Obstacles:
     def gaps(self, solid: Solid, margin: float) -> Iterator[tuple[str, float]]:
         """Yield the name of and the signed distance to each solid that may be within ``margin`` metres, or farther."""
         center, half = solid.bounds()
+
         near = np.abs(self._centers - center) <= self._halves + half + margin
         for i in np.flatnonzero(near.all(axis=1)):
             other = self._solids[i]

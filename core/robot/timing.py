@@ -77,6 +77,7 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     asked_s = float(leg.asked[0])
     path = join_knots(leg.knots, arm)
     timed = _time_at_rest(path, len(leg.knots) - 1, arm, asked_s, speed)
+
     late = timed.times[-1] > asked_s + _EXACT_S
     moves = float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
     if late and leg.hurried and moves:
@@ -103,11 +104,14 @@ def _time_at_rest(
             _row_minima(half / bend(path, s)),
         )
         gain = np.minimum(_row_minima(half / slope), 5 * PEAK / asked_s**2)
+
     square = np.minimum(fastest, (PEAK / asked_s) ** 2)
     square[[0, -1]] = 0.0
+
     allowed = 2 * s[1] * np.minimum(gain[:-1], gain[1:])
     rate = np.sqrt(_limit_change(square.tolist(), allowed.tolist()))
     lasts = 2 * s[1] / (rate[:-1] + rate[1:])
+
     times, along = _sample_evenly(s, rate, lasts)
     return TimedLeg(times, path(along), [float(times[-1])])
 
@@ -151,16 +155,19 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     toppra.setup_logging("ERROR")
     last = leg.ends[-1]
     path = toppra.SplineInterpolator(np.linspace(0.0, 1.0, len(leg.knots)), leg.knots)
+
     s = sample_cells(last)
     marks = [end * ((len(s) - 1) // last) for end in leg.ends]
     way = np.searchsorted(leg.ends[1:-1], s * last, side="right")
     both = [-1.0, 1.0]
+
     acceleration = JointAccelerationConstraint(
         np.outer(arm.acceleration_limits * speed, both),
         discretization_scheme=DiscretizationType.Interpolation,
     )
     slope = np.maximum(np.abs(path(s, 1)), _APART_RAD)
     quickest = (arm.velocity_limits * speed / slope).min(axis=1)
+
     asked = leg.asked
     for _ in range(_ROUNDS):
         rates = np.minimum(quickest, (PEAK * np.diff(leg.ends) / last / asked)[way])
@@ -175,13 +182,16 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
             raise DesignError(
                 "no tempo was found that keeps the arm's limits; ask for fewer 'through' or more time"
             )
+
         lasts = 2 * np.diff(s) / (rate[:-1] + rate[1:])
         took = np.array([lasts[a:b].sum() for a, b in pairwise(marks)])
+
         short = took < leg.seconds - _EXACT_S
         if not short.any():
             break
         asked = np.where(short, asked * leg.seconds / took, asked)
     times, along = _sample_evenly(s, rate, lasts)
+
     reached = [*accumulate(took[:-1].tolist()), float(times[-1])]
     return TimedLeg(times, path(along), reached)
 
@@ -194,9 +204,11 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
     instants = np.concatenate([[0.0], np.cumsum(lasts)])
     duration = instants[-1]
     times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
+
     step = np.searchsorted(instants, times, side="right") - 1
     step = np.minimum(step, len(lasts) - 1)
     since = times - instants[step]
+
     growth = (rate[step + 1] - rate[step]) / lasts[step] / 2
     along = s[step] + rate[step] * since + growth * since**2
     return times, np.minimum(np.maximum(along, 0.0), 1.0)

@@ -114,6 +114,7 @@ def plan_motion(
     tempo = plan.tempo or Tempo.usual(len(plan))
     if begin is None:
         begin = Begin(arm.home_for(home))
+
     else:
         home = arm.forward(begin.joints)
     positions = np.vstack([home.position, plan.poses[:, :3]])
@@ -174,7 +175,8 @@ def join_legs(
 ) -> tuple[JointTrajectory, Array]:
     """Time legs, and join them to a trajectory; return also when each of the N waypoints is reached (N,)."""
     opening = arm.robot.opening_m
-    times, targets = [np.zeros(1)], [legs[0].knots[:1]]
+    times = [np.zeros(1)]
+    targets = [legs[0].knots[:1]]
     fingers = [opening * (1 - legs[0].grips[:1])]
     reached = list[float]()
     for leg in legs:
@@ -189,6 +191,7 @@ def join_legs(
             times.append(times[-1][-1:] + leg.wait_s)
             targets.append(targets[-1][-1:])
             fingers.append(fingers[-1][-1:])
+
     trajectory = JointTrajectory(
         np.concatenate(times), np.concatenate(targets), np.concatenate(fingers)
     )

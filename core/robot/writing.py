@@ -62,6 +62,7 @@ def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
         _element("inertia", **dict(zip(MOMENTS, inertia.moments, strict=True))),
     )
     element = _element("link", inertial, name=link.name)
+
     colors = list(dict.fromkeys(shape.color for shape in link.visuals))
     for shape in link.visuals if visuals else ():
         part = _shape_element("visual", shape, mesh_path)
@@ -70,6 +71,7 @@ def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
             color = _element("color", rgba=shape.color)
             part.append(_element("material", color, name=name))
         element.append(part)
+
     for shape in link.collisions:
         element.append(_shape_element("collision", shape, mesh_path))
     return element
@@ -107,11 +109,14 @@ def _joint_element(joint: RobotJoint) -> Any:
     )
     if joint.kind == "fixed":
         return element
+
     element.append(_element("axis", xyz=joint.axis))
     if joint.limits != Limits():
         element.append(_element("limit", **joint.limits._asdict()))
+
     resistance = {"damping": joint.damping, "friction": joint.friction}
     element.append(_element("dynamics", **resistance))
+
     if joint.mimic is not None:
         element.append(_element("mimic", **joint.mimic._asdict()))
     if joint.spring is not None:

@@ -67,6 +67,7 @@ class Numbers:
         the points go towards those of one of them, or away, by an amount drawn from the standard normal distribution.
         """
         moved = values.copy()
+
         table = self._draw_points(rng)
         if len(others) and rng.random() < 0.5:
             points = table.ravel()
@@ -84,6 +85,7 @@ class Numbers:
         """Draw neighbouring points of one table, of large tables more often; the numbers' indices, (P, C)."""
         ends = np.cumsum([points * width for points, width in self.shapes])
         table = int(np.searchsorted(ends, rng.integers(len(self)), side="right"))
+
         points, width = self.shapes[table]
         begin, end = np.sort(rng.choice(points + 1, 2, replace=False))
         all_points = np.arange(ends[table] - points * width, ends[table])

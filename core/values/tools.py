@@ -49,6 +49,7 @@ class ToolJoint:
     rest: float = 0.0
 
     def __post_init__(self) -> None:
+
         length = float(np.linalg.norm(self.axis))
         if not 1e-6 < length < np.inf:
             raise DesignError("a joint's axis needs a length: give for example 0 0 1")
@@ -58,6 +59,7 @@ class ToolJoint:
             raise DesignError(
                 f"a joint's range must hold 0, and more than 0; it is {self.lower:g} to {self.upper:g}"
             )
+
         for name in ("damping", "friction", "stiffness"):
             if not getattr(self, name) >= 0:
                 raise DesignError(

@@ -116,6 +116,7 @@ def read_tree(
                 f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
             )
         joints[child] = joint, parent
+
     for name in without:
         if name not in links:
             raise choices("link", name, links)
@@ -125,9 +126,11 @@ def read_tree(
     )
     roots = sorted(kept - joints.keys())
     if len(roots) != 1:
-        found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}"
+        found = "no link is left"
+        if roots:
+            found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}"
         raise UserError(
-            f"{found if roots else 'no link is left'}; an arm has one base, join the others to it with fixed joints"
+            f"{found}; an arm has one base, join the others to it with fixed joints"
         )
 
     colors = {}
@@ -135,6 +138,7 @@ def read_tree(
         if element.find("color") is not None:
             colors[element.get("name", "")] = _read_color(element)
     folder_of = file if taken is not None else None
+
     description = Description(str(root.get("name") or file.stem), {})
     for name, link in links.items():
         if name in kept:
@@ -193,6 +197,7 @@ class _Part:
             if default is None:
                 raise UserError(f"{self.where}: {name} is missing")
             return default
+
         try:
             values = tuple(map(float, text.split()))
         except ValueError:
@@ -215,8 +220,8 @@ class _Part:
             )
         return values
 
-    def number(self, name: str, default: float | None = None) -> float:
-        return self.numbers(name, 1, None if default is None else (default,))[0]
+    def number(self, name: str, *default: float) -> float:
+        return self.numbers(name, 1, default or None)[0]
 
     def fields(self, tag: str, **fields: Any) -> dict[str, Any]:
         """Read the numbers that a child has of these, which have their defaults."""
@@ -261,9 +266,9 @@ def _find_named(
 def _find_end(joint: _Part, tag: str, links: Collection[str]) -> str:
     """Find the link at an end of a joint."""
     end = joint.element.find(tag)
-    name = None if end is None else end.get("link")
-    if name is None:
+    if end is None or "link" not in end.attrib:
         raise UserError(f'{joint.where} names no {tag}; add <{tag} link="..."/>')
+    name = end.attrib["link"]
     if name not in links:
         raise choices("link", name, links, joint.where)
     return name
@@ -281,6 +286,7 @@ def _read_link(
     mass = inertial.need("mass").number("value")
     if mass < 0:
         raise UserError(f"{inertial.where}: mass is {mass:g} kg; it can't be negative")
+
     moments: Any = Inertial.moments
     if inertial.element.find("inertia") is not None:
         tensor = inertial.need("inertia")
@@ -301,7 +307,9 @@ def _read_shapes(
             raise UserError(
                 f"{part.where}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
             )
+
         shape, scale = _read_geometry(part, geometry[0], file)
+
         color = None
         material = element.find("material")
         if material is not None:
@@ -323,8 +331,8 @@ def _read_geometry(
         case "sphere":
             return Sphere(*shape.positive("radius", 1)), ONE
         case "cylinder":
-            radius, length = shape.positive("radius", 1), shape.positive("length", 1)
-            return Cylinder(*radius, *length), ONE
+            radius = shape.positive("radius", 1)
+            return Cylinder(*radius, *shape.positive("length", 1)), ONE
         case "mesh":
             scale = shape.numbers("scale", 3, ONE)
             if 0.0 in scale:
@@ -356,6 +364,7 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
         raise UserError(
             f"{where}: mesh {shorten(name)}: {scheme}:// is not read; give a path, or package://"
         )
+
     mend = ""
     folders = [file.parent]
     if scheme:
@@ -366,10 +375,12 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
             f"; package {shorten(path.partition('/')[0])} must lie beside or above the URDF, or in a folder of "
             f"{_PACKAGE_PATHS[0]}"
         )
+
     for folder in folders:
         with contextlib.suppress(OSError):  # of a name that is too long
             if (folder / path).is_file():
                 return (folder / path).resolve()
+
     wanted = visible(str(folders[0] / path))
     raise UserError(
         f"{where}: there is no mesh file {wanted} (named {shorten(name, 200)}){mend}"
@@ -388,10 +399,14 @@ def _read_joint(joint: _Part, parent: str, child: str) -> RobotJoint:
     kind = joint.element.get("type", "")
     if kind not in _KINDS:
         raise choices("type", kind, _KINDS, joint.where)
+
     axis = joint.find("axis")
-    direction = RobotJoint.axis if axis is None else axis.numbers("xyz", 3)
+    direction = RobotJoint.axis
+    if axis is not None:
+        direction = axis.numbers("xyz", 3)
     if kind in MOVING and math.hypot(*direction) < 1e-6:
         raise UserError(f"{joint.where}: its axis has length 0")
+
     mimic = joint.element.find("mimic")
     factors = joint.fields("mimic", multiplier=1.0, offset=0.0)
     spring = joint.fields("spring", stiffness=0.0, rest=0.0)

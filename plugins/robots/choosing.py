@@ -38,6 +38,7 @@ def hold_joints(
             raise choices("joint", name, description.named, "fixed")
         joint = description.named[name]
         lower, upper = joint.range
+
         possible = lower <= value <= upper
         if joint.kind == "continuous":
             possible = math.isfinite(value)
@@ -46,6 +47,7 @@ def hold_joints(
                 f"joint {name!r} can't be held at {value:g}: its limits are {lower:g} to {upper:g}; give a value, "
                 f"robot.fixed={{{name}:{lower:g}}}"
             )
+
         origin = joint.origin
         if value:
             origin = Origin.from_pose(origin.pose @ _move(joint, value), DIGITS)
@@ -71,6 +73,7 @@ def choose_flange(description: Description, flange: str | None) -> str:
         if flange not in description.links:
             raise choices("link", flange, description.links)
         return flange
+
     parents = {joint.parent for joint in description.joints.values()}
     leaves = sorted(description.links.keys() - parents)
     if len(leaves) == 1:
@@ -80,6 +83,7 @@ def choose_flange(description: Description, flange: str | None) -> str:
     for link in description.links:
         turns = [joint.kind in TURNING for joint in joints_before(description, link)]
         after.setdefault(sum(turns), []).append(link)
+
     most = max((count for count in after if count <= _MOST_JOINTS), default=0)
     ends = [
         f"after {count}: {', '.join(after[count][:_NAMED])}"
@@ -119,6 +123,7 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
         raise UserError(
             f"{where} mimics another one, which can't be; drive each by itself"
         )
+
     wrong = Problems()
     ends: tuple[float, float] | None = (-_TURN, _TURN)
     if joint.kind == "revolute":
@@ -185,6 +190,7 @@ def choose_gripper(
         if name not in description.named:
             raise choices("joint", name, description.named, "gripper")
     left, right = (description.named[name] for name in options.joints)
+
     fingers = (left, right)
     parts = description.rigid_parts(joint.child for joint in (*arm, *fingers))
     head, in_head = parts[options.link]
@@ -193,17 +199,20 @@ def choose_gripper(
         raise UserError(
             f"gripper link {options.link!r} must be fixed to flange {flange!r}, not before it"
         )
+
     for joint in fingers:
         borne = options.link in description.above(joint.child)
         if joint.kind != "prismatic" or not borne:
             raise UserError(
                 f"joint {joint.name!r} is no prismatic joint on gripper link {options.link!r}"
             )
+
     same_body = parts[left.parent][0] == parts[right.parent][0]
     if not same_body or _slide(left, parts) @ _slide(right, parts) > -0.9:
         raise UserError(
             f"{left.name!r} and {right.name!r} don't move in opposite directions; turn one's axis around"
         )
+
     limits = _finger_limits(fingers, options)
     gripper = Gripper(
         link=options.link,
@@ -236,6 +245,7 @@ def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Li
         raise UserError(
             f"{left.name!r} and {right.name!r} must move from 0, closed, to how far they open"
         )
+
     driving = [joint for joint in fingers if not joint.mimic] or [left]
     force = options.force_n
     if force is None:
@@ -244,6 +254,7 @@ def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Li
         raise UsageError(
             f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}"
         )
+
     speed = min(read_limit(joint, "velocity", "m/s") for joint in driving)
     return Limits(0.0, min(upper for _, upper in opening), force, speed)
 
@@ -261,6 +272,7 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
     }
     if not free:
         return
+
     tops = [link for link in free if not free.keys() & {*description.above(link)[1:]}]
     values = {}
     elsewhere = False  # than at 0
@@ -272,6 +284,7 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
     held = f"[{','.join(values)}]"
     if elsewhere:
         held = f"{{{','.join(values.values())}}}"
+
     kinds = [f"{joint.name!r} is {joint.kind}" for joint in free.values()]
     found = ", ".join(kinds[:3])
     if len(kinds) > 3:

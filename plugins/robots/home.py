@@ -49,6 +49,7 @@ def main(words: list[str]) -> None:
         )
     if len(cfg.at) != 3 or not all(map(math.isfinite, cfg.at)):
         raise UsageError(f"at must be three numbers, metres, got {list(cfg.at)}")
+
     chosen = ArmSettings(**check_settings(urdf, dict(part.settings), "robot=urdf", {}))
     place = part.pose.inverse().apply(np.array(cfg.at, dtype=float))
     description = describe(chosen)
@@ -81,6 +82,7 @@ def _describe_beyond(description: Description, robot: Robot) -> None:
             f"{', '.join(beyond)} hang where tools go; leave them out: robot.without=[{names}]"
         )
         return
+
     depth = _measure_depth(robot)
     if depth > _BEYOND_M:
         x, y, z = robot.mount.apply((0.0, 0.0, -depth))

@@ -107,11 +107,13 @@ def _rate(arm: Arm, joints: Array) -> float:
     """Rate joints (J,) as a home."""
     room = np.minimum(joints - arm.lower, arm.upper - joints)
     share = float((room / (arm.upper - arm.lower)).min())
+
     straight = 0.0
     if len(joints) >= 6:
         jacobian = arm.jacobian(joints).copy()
         jacobian[3:] *= _RADIAN_M
         straight = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+
     poses = link_poses(arm.robot, False, joints)
     heights = [pose.position[2] for pose in poses.values()]
     return float(

@@ -138,6 +138,7 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
         raise UserError("has no triangles; export it again")
     if not all(np.isfinite(some).all() for some in corners):
         raise UserError("has a corner that is not a finite number; export it again")
+
     factors = factor * np.array(scale)
     size = max(float(np.abs(some * factors).max()) for some in corners)
     if size > _LARGEST_M:
@@ -168,6 +169,7 @@ def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
         if part.visual.defined:
             painted = getattr(part.visual, "material", part.visual).main_color / 255
         material = trimesh.visual.material.PBRMaterial(baseColorFactor=painted)
+
         plain = _coarsen(part)
         plain.visual = trimesh.visual.TextureVisuals(material=material)
         drawn.append(plain)

@@ -36,7 +36,9 @@ def turn_mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
     """
     flange = Arm(robot).forward(np.array(robot.home)).rotation
     turn = _turn_by_right_angles(robot, axis, flange) if rpy is None else _read_rpy(rpy)
+
     _check_upright(robot, flange, turn)
+
     mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
     gripper = robot.gripper
     if gripper is not None:
@@ -62,6 +64,7 @@ def _read_rpy(rpy: Sequence[float]) -> Rotation:
 
 def _turn_by_right_angles(robot: Robot, axis: Array, flange: Rotation) -> Rotation:
     """Turn the mount in the flange's frame by right angles, so that its axes are nearest to the world's."""
+
     down = flange.apply(axis)
     tilt = math.acos(min(1.0, abs(down[2])))
     if tilt > _TILT_RAD:
@@ -72,6 +75,7 @@ def _turn_by_right_angles(robot: Robot, axis: Array, flange: Rotation) -> Rotati
             f"{_describe_turn(way)}, or choose a home where the flange looks down (vlmgineer home), or turn the "
             "mount: robot.mount_rpy"
         )
+
     turns = Rotation.create_group("O")
     off = (turns.inv() * flange.inv()).magnitude()
     return turns[int(off.argmin())]
@@ -79,6 +83,7 @@ def _turn_by_right_angles(robot: Robot, axis: Array, flange: Rotation) -> Rotati
 
 def _check_upright(robot: Robot, flange: Rotation, turn: Rotation) -> None:
     """Refuse a mount whose axes at home are far from the world's, and a flange that looks up."""
+
     exact = flange.inv()
     off = float((exact.inv() * turn).magnitude())
     if off > _TILT_RAD:
@@ -87,6 +92,7 @@ def _check_upright(robot: Robot, flange: Rotation, turn: Rotation) -> None:
             f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's; "
             f"{_describe_turn((flange * turn).inv())}, or set robot.mount_rpy=[{short_numbers(same, 4, ',')}]"
         )
+
     height = wrist_height(robot, np.array(robot.home))
     if height < -_UNDER_M:
         raise UserError(
@@ -113,6 +119,7 @@ def wrist_height(robot: Robot, joints: Array) -> float:
     for solid in robot_solids(robot, False):
         middle, _ = solid.bounds()
         middles.setdefault(solid.name, []).append(poses[solid.name].apply(middle))
+
     last = robot.description.named[robot.arm_joints[-1]]
     for link in robot.description.above(last.parent):
         if link in middles:

@@ -85,6 +85,7 @@ def normalise(
         links[head] = wrong.attempt(
             _joined, head, joined, head == description.root
         ) or RobotLink(head)
+
     wrong.report()
     for head in heads:
         joint = description.joints[head]
@@ -97,6 +98,7 @@ def normalise(
             joints[head] = replace(
                 joints[head], kind=moving.kind, axis=(x, y, z), limits=moving.limits
             )
+
     if flange not in links:
         head, pose = parts[flange]
         links[flange] = RobotLink(flange)
@@ -149,12 +151,14 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
         raise UserError(
             f"{where} moves, but has no mass; give it <inertial> with mass and inertia"
         )
+
     mass, center, tensor = merge_inertias(heavy)
     moments = np.linalg.eigvalsh(tensor)
     if not moments[0] > 0:
         raise UserError(
             f"{where} has {mass:g} kg, but an inertia that is not positive; give ixx, iyy and izz, kg m^2"
         )
+
     lacking = float(moments[2] - moments[0] - moments[1])
     if lacking > _ROUNDED * moments[2]:
         shown = ", ".join(f"{moment:.3g}" for moment in moments)

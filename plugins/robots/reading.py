@@ -99,6 +99,7 @@ def build_unmounted(
     wrong = Problems()
     description = hold_joints(description, chosen.fixed or {})
     flange = choose_flange(description, chosen.flange)
+
     arm = []
     for joint in find_arm(description, flange):
         arm.append(wrong.attempt(limit_turning, joint) or joint)
@@ -123,11 +124,13 @@ def build_unmounted(
                 "the arm has no collision shape; repeat each <visual> as <collision>: its hull counts"
             )
         )
+
     detached = [] if gripper is None else [gripper.link]
     whole = wrong.attempt(normalise, description, drives, flange, detached)
     wrong.report()
     assert whole is not None
     assert home is not None
+
     speeds = [joint.limits.velocity or 0.0 for joint in arm]
     accelerations = chosen.acceleration or [speed / REACHES_SPEED_S for speed in speeds]
     robot = Robot(
