@@ -61,8 +61,8 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
         counts.append(max(1, math.ceil(cells)))
     ends = [0, *accumulate(counts)]
 
-    number = np.repeat(np.arange(len(ways)), counts)
-    number = np.append(0, number)  # of the way that each knot lies on
+    # For each knot, the number of the way that it lies on, and its share of that way.
+    number = np.append(0, np.repeat(np.arange(len(ways)), counts))
     shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in counts]
     share = np.concatenate([[0.0], *shares])[:, None]
 
@@ -70,7 +70,6 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
     quaternions = slerp.as_quat(scalar_first=True)
     # To the last bit as a `Pose` would have them.
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-
     turned = Rotation.from_quat(quaternions, scalar_first=True)
     knots = Knots(positions[number] + share * ways[number], turned.as_matrix(), ends)
 

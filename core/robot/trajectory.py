@@ -114,9 +114,9 @@ def plan_motion(
     tempo = plan.tempo or Tempo.usual(len(plan))
     if begin is None:
         begin = Begin(arm.home_for(home))
-
     else:
         home = arm.forward(begin.joints)
+
     positions = np.vstack([home.position, plan.poses[:, :3]])
     turns = Rotation.from_euler("xyz", plan.poses[:, 3:6])
     rotations = Rotation.concatenate([home.rotation, turns])
