@@ -105,10 +105,8 @@ def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
 
 def body_solids(body: Body) -> Iterator[Solid]:
     """Yield a body's collision shapes, in the world."""
-    return (
-        Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose)
-        for part in body.collisions
-    )
+    for part in body.collisions:
+        yield Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose)
 
 
 def signed_distance(a: Solid, b: Solid) -> float:

@@ -67,9 +67,8 @@ class ActionPlan(ABC):
     A plan with guards resolves again, with more that was felt, each time a guard ends.
     """
 
-    action: ClassVar[
-        str
-    ]  # the name of the representation that reads it, as in ``action=NAME``
+    # The name of the representation that reads it, as in ``action=NAME``.
+    action: ClassVar[str]
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:

@@ -43,9 +43,8 @@ def robots_folder() -> Path:
 def description(file: str) -> str:
     """Read a description, such as ``panda_description/urdf/panda.urdf``, with absolute paths of its meshes."""
     text = (robots_folder() / file).read_text(encoding="utf-8")
-    text = text[
-        text.index("<robot") :
-    ]  # without an XML declaration, which names an encoding
+    # Without an XML declaration, which names an encoding.
+    text = text[text.index("<robot") :]
     return text.replace(_PREFIX, f"{robots_folder().parent}/")
 
 
