@@ -202,13 +202,14 @@ def close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
     """How far the gripper is closed at times (S,): linearly from each of its grips (N + 1) to the next."""
     if len(reached) > 1:
         return np.interp(times, [0.0, *reached], grips)
-    return grips[0] + (grips[1] - grips[0]) * times / reached[0]
+    closed: Array = grips[0] + (grips[1] - grips[0]) * times / reached[0]
+    return closed
 
 
 def compare_with_asked(reached: Array, asked: Array, tempo: Tempo) -> Array:
     """How many times longer each way takes than its seconds or speed ask for (N,); 1 where nothing is asked."""
     begins = np.concatenate([[0.0], reached[:-1] + tempo.waits[:-1]])
-    slowed = np.maximum(1.0, (reached - begins) / asked)
+    slowed: Array = np.maximum(1.0, (reached - begins) / asked)
     free = ~(np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds))
     slowed[free] = 1.0
     return slowed

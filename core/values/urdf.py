@@ -221,7 +221,7 @@ class _Part:
         return values
 
     def number(self, name: str, *default: float) -> float:
-        return self.numbers(name, 1, default or None)[0]
+        return float(self.numbers(name, 1, default or None)[0])
 
     def fields(self, tag: str, **fields: Any) -> dict[str, Any]:
         """Read the numbers that a child has of these, which have their defaults."""

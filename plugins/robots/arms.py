@@ -23,7 +23,8 @@ _HERE = files(__package__)
 @cache
 def _arms() -> dict[str, Any]:
     text = _HERE.joinpath("arms.yaml").read_text(encoding="utf-8")
-    return _freeze(yaml.safe_load(text))
+    arms: dict[str, Any] = _freeze(yaml.safe_load(text))
+    return arms
 
 
 def _factory(name: str) -> Callable[[], Robot]:
