@@ -5,51 +5,85 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+import trimesh
 
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.scene import Body, Camera
 
-_CLEAR = (
-    0.9  # opacity; a depth camera does not measure what has less: glass has no depth
-)
+_CLEAR = 0.9
+"""Opacity; a depth camera does not measure what has less: glass has no depth."""
 
 
 def nearness(bodies: Iterable[Body], camera: Camera, wide: int, high: int) -> Array:
     """Compute how far bodies reach toward a parallel camera in each pixel (high, wide), metres from the origin.
 
     From above that is the height. Where nothing is, it is nan; what is clear, as glass, is left out.
+
+    Args:
+        bodies: where they are in the layout.
+        camera: a parallel one.
+        wide: pixels.
+        high: pixels.
     """
-    found = np.full((high, wide), -np.inf)
+    nearest = np.full((high, wide), -np.inf)
     for body in bodies:
         for part in body.visuals:
-            if part.color[3] <= _CLEAR:
-                continue
-            mesh = part.shape.to_trimesh()
-            pose = body.pose @ part.pose
-            points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
-            pixels = camera.project(points, wide, high) - 0.5
-            toward = -points @ camera.axes[2]
-            faces = np.asarray(mesh.faces)
-            if mesh.is_volume:  # what faces away is hidden by the rest
-                backward = pose.rotation.inv().apply(camera.axes[2])
-                faces = faces[np.asarray(mesh.face_normals) @ backward < 0]
-            for corners in faces:
-                _raise(found, pixels[corners], toward[corners])
-    return np.where(np.isfinite(found), found, np.nan)
+            if part.color[3] > _CLEAR:
+                mesh = part.shape.to_trimesh()
+                _raise_to_mesh(nearest, mesh, body.pose @ part.pose, camera)
+    return np.where(np.isfinite(nearest), nearest, np.nan)
 
 
-def _raise(found: Array, corners: Array, z: Array) -> None:
-    """Raise ``found`` (H, W) to a triangle of corners (3, 2) in pixels, with the values ``z`` (3,)."""
-    x0, y0 = np.ceil(corners.min(axis=0))
-    x1, y1 = np.floor(corners.max(axis=0))
-    columns = np.arange(max(int(x0), 0), min(int(x1), found.shape[1] - 1) + 1)
-    rows = np.arange(max(int(y0), 0), min(int(y1), found.shape[0] - 1) + 1)
+def _raise_to_mesh(
+    nearest: Array,
+    mesh: trimesh.Trimesh,
+    pose: Pose,
+    camera: Camera,
+) -> None:
+    """Raise ``nearest`` (H, W) to the triangles of a mesh.
+
+    Args:
+        nearest: is changed.
+        mesh: of a shape.
+        pose: of the mesh in the world.
+        camera: a parallel one.
+    """
+    high, wide = nearest.shape
+    points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
+    pixels = camera.project(points, wide, high) - 0.5
+    toward = -points @ camera.axes[2]
+
+    faces = np.asarray(mesh.faces)
+    if mesh.is_volume:  # what faces away is hidden by the rest
+        backward = pose.rotation.inv().apply(camera.axes[2])
+        faces = faces[np.asarray(mesh.face_normals) @ backward < 0]
+    for corners in faces:
+        _raise_to_triangle(nearest, pixels[corners], toward[corners])
+
+
+def _raise_to_triangle(nearest: Array, corners: Array, toward: Array) -> None:
+    """Raise ``nearest`` (H, W) to a triangle.
+
+    Args:
+        nearest: is changed.
+        corners: in pixels, (3, 2).
+        toward: how far each corner reaches toward the camera, (3,), metres.
+    """
+    high, wide = nearest.shape
+    left, top = np.ceil(corners.min(axis=0))
+    right, bottom = np.floor(corners.max(axis=0))
+    columns = np.arange(max(int(left), 0), min(int(right), wide - 1) + 1)
+    rows = np.arange(max(int(top), 0), min(int(bottom), high - 1) + 1)
     edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
-    if not len(columns) or not len(rows) or abs(np.linalg.det(edges)) < 1e-9:
+    is_edge_on = abs(np.linalg.det(edges)) < 1e-9
+    if not len(columns) or not len(rows) or is_edge_on:
         return
-    away = np.stack(np.meshgrid(columns, rows), axis=-1) - corners[0]
-    shares = away @ np.linalg.inv(edges).T
+
+    # The shares of both edges in the way from the first corner to each pixel.
+    ways = np.stack(np.meshgrid(columns, rows), axis=-1) - corners[0]
+    shares = ways @ np.linalg.inv(edges).T
     inside = (shares >= -1e-9).all(axis=-1) & (shares.sum(axis=-1) <= 1 + 1e-9)
-    part = found[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    values = np.where(inside, z[0] + shares @ (z[1:] - z[0]), -np.inf)
-    np.maximum(part, values, out=part)
+
+    values = toward[0] + shares @ (toward[1:] - toward[0])
+    part = nearest[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    np.maximum(part, np.where(inside, values, -np.inf), out=part)

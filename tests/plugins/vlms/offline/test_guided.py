@@ -10,7 +10,7 @@ from core.plugins import installed
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
-from tests.plugins.vlms.test_offline import analysis, brief, candidates
+from tests.plugins.vlms.offline.test_designer import analysis, brief, candidates
 
 SCENES = Path(__file__).parent / "guided"
 NAMES = sorted(path.stem for path in SCENES.glob("*.yaml"))
