@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from core.geometry import Array, Pose
 from core.scene import Body, Camera
+
+if TYPE_CHECKING:
+    import trimesh
 
 _CLEAR = 0.9
 """Opacity; a depth camera does not measure what has less: glass has no depth."""
