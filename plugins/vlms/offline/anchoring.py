@@ -60,6 +60,10 @@ def _share_of_way(ways: Array, subgoal: Subgoal) -> Array:
     """Compute how much of the way to the goal the head has gone, 0..1, (N,), from its ways (N, 3).
 
     The way to the goal is the subgoal's shift on the ground, or as far as the head goes along it.
+
+    Args:
+        ways: of the head since the bodies are moved, (N, 3), metres.
+        subgoal: with a shift on the ground.
     """
     along = ways @ (subgoal.shift * LEVEL) / subgoal.length
     whole = max(float(along.max()), subgoal.length)
@@ -71,6 +75,10 @@ def _choose_base(subgoal: Subgoal, rng: Generator) -> Anchor:
 
     A container's own axes are taken. Scattered bodies are taken where they are in the world, on the way to the goal; a
     body alone by itself, with its own axes or those toward the goal.
+
+    Args:
+        subgoal: the bodies.
+        rng: random numbers.
     """
     container = subgoal.model.find_container(subgoal.solids)
     if container is not None:

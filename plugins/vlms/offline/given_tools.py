@@ -97,7 +97,13 @@ def _make_fresh_plans(
     sampler: Sampler,
     seeds: Mapping[str, PartSeed],
 ) -> list[SampledPlan]:
-    """Make plans with the head that the part for this task was drawn with, or with what is taken for a head."""
+    """Make plans with the head that the part for this task was drawn with, or with what is taken for a head.
+
+    Args:
+        tool: that is given.
+        sampler: for the task at hand.
+        seeds: what the tool's parts were drawn from, by the end of their names.
+    """
     brief = sampler.brief
     seed = seeds.get(task_suffix(brief.task))
     if seed is not None:

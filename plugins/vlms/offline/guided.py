@@ -142,6 +142,10 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     """Make tines that lift a body out of what it stands in, carry it over, and lower it at the goal.
 
     None: something is in the way of lifting or lowering it, or there is no place for tines.
+
+    Args:
+        subgoal: the body.
+        rng: random numbers.
     """
     for start in (np.zeros(3), subgoal.shift + 0.004 * UP):
         if subgoal.is_blocked(_LIFT_M * UP, start, step=0.006):
@@ -194,7 +198,12 @@ class _Carrying(_TinesMotion):
     gap: float
 
     def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Get under the bodies, lift them, carry them over what holds them, lower them, and leave."""
+        """Get under the bodies, lift them, carry them over what holds them, lower them, and leave.
+
+        Args:
+            path: that waypoints are added to.
+            rng: random numbers.
+        """
         heading = self.point.heading
         inside = self.point.rear - self.gap * self.ahead - 0.001 * UP
         self.enter(path, inside)
@@ -272,7 +281,12 @@ class _Tipping(_TinesMotion):
     angle: float
 
     def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Get under the bodies, turn them in steps about their opposite edge, and leave."""
+        """Get under the bodies, turn them in steps about their opposite edge, and leave.
+
+        Args:
+            path: that waypoints are added to.
+            rng: random numbers.
+        """
         heading = self.point.heading
         ahead = self.ahead
         tip = self.point.rear + self.grip * ahead - 0.001 * UP

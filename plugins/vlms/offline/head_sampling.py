@@ -119,7 +119,13 @@ class _HeadDrawing:
         rng: Generator,
         thickness_factor: float,
     ) -> None:
-        """Measure the bodies along the way that they have to go, and the room beside them."""
+        """Measure the bodies along the way that they have to go, and the room beside them.
+
+        Args:
+            subgoal: what is to be moved.
+            rng: random numbers.
+            thickness_factor: see `draw_head`.
+        """
         self._subgoal = subgoal
         self._rng = rng
         self._factor = thickness_factor

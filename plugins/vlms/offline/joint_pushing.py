@@ -139,7 +139,12 @@ class _Pushing:
     length: float
 
     def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Thrust the rod against the body, follow the body's motion, and draw back."""
+        """Thrust the rod against the body, follow the body's motion, and draw back.
+
+        Args:
+            path: that waypoints are added to.
+            rng: random numbers.
+        """
         way = self.joint_motion.way
         turn = frame_along(way)
         point = self.point.point

@@ -100,7 +100,12 @@ def _find_unguarded(plan: Waypoints) -> list[int]:
 
 
 def _known(anchor: Anchor, seen: Seen) -> Anchor:
-    """Return an anchor by what is seen, or the world in place of one that is where a guard ends."""
+    """Return an anchor by what is seen, or the world in place of one that is where a guard ends.
+
+    Args:
+        anchor: of a plan that may have guards.
+        seen: the layout.
+    """
     known = {*seen.poses, Anchor().name, Anchor().toward}
     if {anchor.name, anchor.toward} <= known:
         return anchor

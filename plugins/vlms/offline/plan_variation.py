@@ -207,7 +207,12 @@ def _lengthen(rows: Array, stroke: _Stroke, more: float) -> str:
 
 
 def _slow_down(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
-    """Add a waypoint halfway between each two of the stroke."""
+    """Add a waypoint halfway between each two of the stroke.
+
+    Args:
+        plan: with fewer waypoints than would take too long.
+        stroke: of the plan.
+    """
     start = stroke.start
     end = stroke.end
     halfway = (plan.rows[start:end] + plan.rows[start + 1 : end + 1]) / 2
@@ -229,7 +234,12 @@ def _slow_down(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
 
 
 def _speed_up(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
-    """Leave out every second waypoint within the stroke."""
+    """Leave out every second waypoint within the stroke.
+
+    Args:
+        plan: of any length.
+        stroke: of the plan.
+    """
     kept = []
     for i in range(len(plan.rows)):
         is_within = stroke.start < i < stroke.end

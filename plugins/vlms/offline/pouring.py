@@ -37,7 +37,12 @@ class Handles:
     """
 
     def __init__(self, container: Subgoal, heading: float) -> None:
-        """Measure the handles of a container along a heading, radians about z."""
+        """Measure the handles of a container along a heading, radians about z.
+
+        Args:
+            container: the subgoal of moving it.
+            heading: along which channels slide over the handles.
+        """
         self.container = container
         self.heading = heading
         ahead, _ = heading_axes(heading)
@@ -187,7 +192,12 @@ class _Pouring:
     channels: _Channels
 
     def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Take the container, carry it to the goal, turn it over in steps, and shake it once."""
+        """Take the container, carry it to the goal, turn it over in steps, and shake it once.
+
+        Args:
+            path: that waypoints are added to.
+            rng: random numbers.
+        """
         height = self._take(path, rng)
         there_heading, there, turn = self._carry(path, height, rng)
 

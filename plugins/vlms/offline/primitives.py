@@ -44,7 +44,12 @@ def _draw_rise(subgoal: Subgoal, low: float, rng: Generator) -> Array:
 
 
 def _draw_about(length: float, rng: Generator) -> float:
-    """Draw a length with a random error, mostly a large one, which evolution is to correct."""
+    """Draw a length with a random error, mostly a large one, which evolution is to correct.
+
+    Args:
+        length: that would be right, metres; or a factor.
+        rng: random numbers.
+    """
     error = 0.015 if rng.random() < 0.3 else 0.18
     return length * rng.normal(1.0, error)
 
@@ -102,7 +107,12 @@ def push(
 
 
 def _draw_push_extent(subgoal: Subgoal, rng: Generator) -> Extent:
-    """Draw a heading near the shift's, and measure the bodies along it."""
+    """Draw a heading near the shift's, and measure the bodies along it.
+
+    Args:
+        subgoal: what is moved.
+        rng: random numbers.
+    """
     error = rng.normal(0.0, 0.06)
     if rng.random() >= 0.4:
         error = 0.0
@@ -113,6 +123,10 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     """Draw how far a head pushes, metres, at which speed, m/s, and by how much it swings about, radians.
 
     Bodies that are to fall off an edge, or farther away than the arm reaches, are pushed fast.
+
+    Args:
+        subgoal: what is moved.
+        rng: random numbers.
     """
     goal = subgoal.center + subgoal.shift
     distance = np.hypot(*subgoal.workspace.from_axis(goal))
@@ -303,6 +317,10 @@ def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
     """Draw how far bodies are lifted to be carried, metres.
 
     It is as high as the goal asks for, and over what is near where they are carried along.
+
+    Args:
+        subgoal: what is carried.
+        rng: random numbers.
     """
     over_obstacles = 0.0
     if subgoal.length > _IN_PLACE_M:

@@ -100,7 +100,12 @@ class _Rays:
     """
 
     def __init__(self, subgoal: Subgoal, way: Array) -> None:
-        """Cast rays along ``way`` (3,) on a grid that goes a little beyond the bodies."""
+        """Cast rays along ``way`` (3,) on a grid that goes a little beyond the bodies.
+
+        Args:
+            subgoal: the bodies, around which the rays go.
+            way: along the rays, in the world.
+        """
         self.turn = frame_along(way)
         points = self.turn.inverse().apply(subgoal.points)
         lower = points.min(axis=0) - _AROUND_M
@@ -187,7 +192,13 @@ def _find_push_points(
     way: Array,
     pole: Array | None,
 ) -> list[PushPoint]:
-    """Search for what `find_push_points` returns, from the stoutest rod to the thinnest."""
+    """Search for what `find_push_points` returns, from the stoutest rod to the thinnest.
+
+    Args:
+        subgoal: the bodies.
+        way: along which they are pushed, (3,).
+        pole: see `find_push_points`.
+    """
     rays = _Rays(subgoal, way)
     hit = rays.near.min(axis=-1)
     blocked = rays.obstacle_near.min(axis=-1, initial=np.inf)
@@ -249,7 +260,12 @@ class _Underside:
     """
 
     def __init__(self, subgoal: Subgoal, heading: float) -> None:
-        """Cast rays upward through a subgoal's bodies, and lay them out along a heading, radians about z."""
+        """Cast rays upward through a subgoal's bodies, and lay them out along a heading, radians about z.
+
+        Args:
+            subgoal: the bodies.
+            heading: along which the tines go.
+        """
         self._center = subgoal.center
         self._heading = heading
         self._ahead, side = (axis[:2] for axis in heading_axes(heading))

@@ -141,7 +141,13 @@ class SceneAnalysis:
 
 
 def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
-    """Draw the shift (3,) that brings a subgoal's bodies to their goal: by their mean where it is a place."""
+    """Draw the shift (3,) that brings a subgoal's bodies to their goal: by their mean where it is a place.
+
+    Args:
+        subgoal: the bodies, without a shift so far.
+        goal: with a place, or without.
+        rng: random numbers.
+    """
     if goal.place is not None:
         middle = _mean_position(subgoal.solids)
         return goal_position(middle, goal) - middle

@@ -106,6 +106,9 @@ def _write_plans(strategy: Strategy, sampler: Sampler) -> list[list[Any]]:
     Args:
         strategy: with plans for the layout that the sampler was made for.
         sampler: which knows whether guards may be written.
+
+    Returns:
+        The waypoints or steps of each plan, as the actions have them.
     """
     written = []
     for number, plan in enumerate(strategy.plans):

@@ -104,7 +104,14 @@ def _shift(
     scale: float,
     rng: Generator,
 ) -> ToolChange:
-    """Move a component, and with it its descendants."""
+    """Move a component, and with it its descendants.
+
+    Args:
+        tool: of any origin.
+        number: of the component.
+        scale: of the way, 0..1.
+        rng: random numbers.
+    """
     component = tool.components[number]
     pose = component.pose
     way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
@@ -120,7 +127,14 @@ def _turn(
     scale: float,
     rng: Generator,
 ) -> ToolChange:
-    """Turn a component, and with it its descendants."""
+    """Turn a component, and with it its descendants.
+
+    Args:
+        tool: of any origin.
+        number: of the component.
+        scale: of the angle, 0..1.
+        rng: random numbers.
+    """
     component = tool.components[number]
     axis = int(rng.integers(3))
     sign = rng.choice([-1.0, 1.0])
@@ -134,7 +148,13 @@ def _turn(
 
 
 def _replace(tool: Tool, number: int, rng: Generator) -> ToolChange:
-    """Put a box in the place of a component."""
+    """Put a box in the place of a component.
+
+    Args:
+        tool: of any origin.
+        number: of a component without children.
+        rng: random numbers.
+    """
     component = tool.components[number]
     sides = component.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3))
     x, y, z = np.clip(sides, _THINNEST_M, 0.6).tolist()
@@ -188,7 +208,12 @@ def _resize(tool: Tool, scale: float, rng: Generator) -> ToolChange:
 
 
 def _add(tool: Tool, rng: Generator) -> ToolChange:
-    """Add a plate on a face of a component of the second half."""
+    """Add a plate on a face of a component of the second half.
+
+    Args:
+        tool: of any origin.
+        rng: random numbers.
+    """
     count = len(tool.components)
     parent = tool.components[int(rng.integers(count // 2, count))]
     axis = int(rng.integers(3))
@@ -232,7 +257,12 @@ def _find_leaves(tool: Tool) -> list[int]:
 
 
 def _free_name(name: str, tool: Tool) -> str:
-    """Return ``name``, with a number if a component has it."""
+    """Return ``name``, with a number if a component has it.
+
+    Args:
+        name: of a new component.
+        tool: which gets it.
+    """
     taken = {component.name for component in tool.components}
     free = name
     number = 2
@@ -308,7 +338,13 @@ def _blend(first: Tool, second: Tool, share: float) -> ToolChange:
 
 
 def _blend_components(start: Component, end: Component, share: float) -> Component:
-    """Blend the sizes and poses of two components, by a share of the second, 0..1."""
+    """Blend the sizes and poses of two components, by a share of the second, 0..1.
+
+    Args:
+        start: which gives its name and its kind of shape.
+        end: of the same name.
+        share: 0..1, of the way from the first to the second.
+    """
     rest = 1 - share
     sides = rest * start.shape.bounds[1] + share * end.shape.bounds[1]
     position = rest * start.pose.position + share * end.pose.position

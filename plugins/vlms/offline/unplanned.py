@@ -36,7 +36,12 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
 
 
 def _has_ball_joint(targets: Sequence[Target], scene: Scene) -> bool:
-    """Report whether a goal is about a ball joint."""
+    """Report whether a goal is about a ball joint.
+
+    Args:
+        targets: of all goals.
+        scene: which has the joints.
+    """
     balls = {joint.name for joint in scene.joints if joint.kind == "ball"}
     return any(target.joint in balls for target in targets)
 
@@ -58,13 +63,23 @@ def _has_force_limit(task: Task) -> bool:
 
 
 def _has_second(task: Task, targets: Sequence[Target]) -> bool:
-    """Report whether there are several goals, one of which needs a head of its own."""
+    """Report whether there are several goals, one of which needs a head of its own.
+
+    Args:
+        task: whose goals may all count.
+        targets: of all goals.
+    """
     guided = any(target.joint or target.axis for target in targets)
     return task.every and len(targets) > 1 and guided
 
 
 def _turns_level(goal: Target, scene: Scene) -> bool:
-    """Report whether a goal's axis must turn about the vertical."""
+    """Report whether a goal's axis must turn about the vertical.
+
+    Args:
+        goal: with an axis, or without.
+        scene: which has the goal's bodies.
+    """
     if goal.axis is None or not goal.bodies:
         return False
 

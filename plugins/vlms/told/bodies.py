@@ -85,7 +85,12 @@ def _kind(body: Body) -> str:
 
 
 def _choose(words: Words, number: float) -> str:
-    """Choose the word for a number."""
+    """Choose the word for a number.
+
+    Args:
+        words: by rising limits, the last of which is endless.
+        number: which is below one of them.
+    """
     return next(word for limit, word in words if number < limit)
 
 

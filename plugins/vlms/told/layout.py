@@ -107,7 +107,12 @@ def _describe_pose(pose: Pose) -> str:
 
 
 def _describe_body(body: Body, is_alone: bool) -> str:
-    """Describe a body's collision shapes, or a soft body; ``is_alone``: it has its row to itself."""
+    """Describe a body's collision shapes, or a soft body; ``is_alone``: it has its row to itself.
+
+    Args:
+        body: rigid or soft.
+        is_alone: whether the row is about this body alone.
+    """
     if isinstance(body, Soft):
         form = body.form
         size = short_numbers(np.ptp(form.nodes, axis=0), 3)
@@ -195,7 +200,12 @@ class _Inside:
         return f"{'xyz'[axis]} {self._find_end(axis, -1)} to {self._find_end(axis, 1)}"
 
     def _find_end(self, axis: int, sign: int) -> str:
-        """Go from the middle along an axis until a shape is met; ``open``: none is, up to the body's bounds."""
+        """Go from the middle along an axis until a shape is met; ``open``: none is, up to the body's bounds.
+
+        Args:
+            axis: number of the body's own axis.
+            sign: which way along it.
+        """
         point = self.middle.copy()
         while self._low[axis] < point[axis] < self._high[axis]:
             gap = self.clearance(point)

@@ -109,7 +109,12 @@ def outline(robot: Robot, tool: Tool) -> str:
 
 
 def _describe_box(low: Array, high: Array) -> str:
-    """Write the lowest and the highest corner (3,) of a box."""
+    """Write the lowest and the highest corner (3,) of a box.
+
+    Args:
+        low: metres.
+        high: metres.
+    """
     return f"{short_numbers(low, 4)} to {short_numbers(high, 4)}"
 
 

@@ -233,7 +233,12 @@ class _Grid:
         self._write(place, f"{position:.2f}")
 
     def _write(self, place: tuple[float, float], text: str) -> None:
-        """Write a text on a pale ground."""
+        """Write a text on a pale ground.
+
+        Args:
+            place: of the text's left upper corner, pixels.
+            text: of one line.
+        """
         box = self._pen.textbbox(place, text, font_size=_FONT)
         self._pen.rectangle(box, fill=(*_PALE, 190))
         self._pen.text(place, text, fill=_INK, font_size=_FONT)
@@ -265,7 +270,12 @@ def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: Sequence[Body]) -
 
 
 def _fill(body: Body, camera: Camera) -> Array:
-    """Compute which pixels (H, W) a body covers."""
+    """Compute which pixels (H, W) a body covers.
+
+    Args:
+        body: of which all visible parts count.
+        camera: a parallel one.
+    """
     silhouette = Pillow.new("1", SIZE)
     pen = ImageDraw.Draw(silhouette)
     for part in body.visuals:
@@ -338,7 +348,13 @@ class _Labels:
         self._pen.ellipse([(x - 3, y - 3), (x + 3, y + 3)], outline=_INK)
 
     def _draw_name(self, name: str, x: float, y: float) -> None:
-        """Write a name near a point, with a line to it."""
+        """Write a name near a point, with a line to it.
+
+        Args:
+            name: of the body.
+            x: of its origin, pixels.
+            y: of its origin, pixels.
+        """
         pen = self._pen
         box = self._find_place(x, y, pen.textlength(name, font_size=_FONT) + 4)
         self._names.append(box)
