@@ -66,11 +66,11 @@ def bodies_table(task: Task, seed: int) -> str:
         names.setdefault(row, []).append(body.name)
 
     rows = []
-    for row, alike in names.items():
+    for cells, alike in names.items():
         name = alike[0]
         if len(alike) > 1:
             name = f"{alike[0]} ... {alike[-1]} ({len(alike)})"
-        rows.append((name, *row[1:]))
+        rows.append((name, *cells[1:]))
 
     return table(("body", "is", "weight", "origin of its frame"), rows)
 

@@ -228,8 +228,8 @@ def describe_shape(shape: Shape) -> str:
         case Capsule(radius, length):
             return f"capsule, radius {short_number(radius, 3)}, length {short_number(length, 3)} without its ends"
         case Mesh(vertices):
-            size = short_numbers(np.ptp(vertices, axis=0), 3)
-            return f"convex part of {len(vertices)} corners, {size}"
+            extent = short_numbers(np.ptp(vertices, axis=0), 3)
+            return f"convex part of {len(vertices)} corners, {extent}"
 
 
 def _describe_friction(body: Body) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from PIL import Image as Pillow
 from PIL import ImageDraw
 from scipy.ndimage import binary_erosion
@@ -269,7 +270,7 @@ def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: Sequence[Body]) -
     picture.paste(ink.convert("RGB"), mask=mask)
 
 
-def _fill(body: Body, camera: Camera) -> Array:
+def _fill(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
     """Compute which pixels (H, W) a body covers.
 
     Args:
