@@ -5,14 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Candidate
+from core.design import Candidate, Tool
 from core.errors import UsageError
 from core.interfaces import Outcome, Recording, RolloutSettings, Waypoints
+from core.plugins import installed
 from core.plugins.blame import PluginError
 from core.scene import State
 from core.simulation.attempt import prepare
 from core.simulation.play import find_problems, play
 from plugins.fitness.robustness import Perturbation, PerturbationRange
+from tasks.bring_cube import BringCube
+from tests.engines import simulator
 from tests.faults import Crowded, Faulty, Slide, candidate
 from tests.panda import ARM
 from tests.playing import condition, evaluate_batch
@@ -20,10 +23,8 @@ from tests.playing import condition, evaluate_batch
 SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 
 
-def evaluated(*candidates, task=None, simulator=None, settings=SETTINGS):
-    return evaluate_batch(
-        task or Slide(), simulator or Faulty(), candidates, 0, settings
-    )
+def evaluated(*candidates, task=None, engine=None, settings=SETTINGS):
+    return evaluate_batch(task or Slide(), engine or Faulty(), candidates, 0, settings)
 
 
 def test_what_breaks_a_rule_is_not_tried_and_the_order_is_kept():
@@ -57,7 +58,7 @@ class Lost(Faulty):
 
 
 def test_a_rollout_without_states_has_failed():
-    (evaluation,) = evaluated(candidate(0), simulator=Lost())
+    (evaluation,) = evaluated(candidate(0), engine=Lost())
     assert (evaluation.status, evaluation.reason) == (
         "failed",
         "the simulator returned no state",
@@ -149,7 +150,7 @@ LOOSE = RolloutSettings(settle_s=0, hold_s=0, penetration="ignore")
 def test_a_reward_may_read_a_trace_of_many_worlds():
     simulator = Filming()
     near, far = evaluated(
-        candidate(0), candidate(30), task=Traced(), simulator=simulator, settings=LOOSE
+        candidate(0), candidate(30), task=Traced(), engine=simulator, settings=LOOSE
     )
     assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [
         (25, True, 0.4)
@@ -159,15 +160,13 @@ def test_a_reward_may_read_a_trace_of_many_worlds():
         0.75,
     )  # 5 N on average since the sample before
     assert (far.status, far.reward) == ("ok", 0.0)
-    (alone,) = evaluated(
-        candidate(30), task=Traced(), simulator=simulator, settings=LOOSE
-    )
+    (alone,) = evaluated(candidate(30), task=Traced(), engine=simulator, settings=LOOSE)
     assert alone.reward == far.reward
 
 
 def test_who_reads_no_trace_pays_nothing():
     simulator = Filming()
-    evaluated(candidate(0), simulator=simulator, settings=LOOSE)
+    evaluated(candidate(0), engine=simulator, settings=LOOSE)
     assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [
         (0, False, 0)
     ]
@@ -260,3 +259,21 @@ def test_a_reward_of_another_signature_names_the_task():
         match=r"task Slide: reward\(self, start, end, film\) must be reward\(self, start",
     ):
         evaluated(candidate(0), task=Confused())
+
+
+def test_a_condition_makes_its_scene_once_for_all_candidates(monkeypatch):
+    build = BringCube.scene
+    seeds = []
+
+    def scene(task, seed):
+        seeds.append(seed)
+        return build(task, seed)
+
+    monkeypatch.setattr(BringCube, "scene", scene)
+    plan = Waypoints(np.array([[0.5, 0, 0.45, 0, 0, 0]]))
+    tried = [Candidate(Tool(), plan, action=number) for number in range(2)]
+    settings = replace(SETTINGS, observe=True)
+    task = installed().create("task", "BringCube")
+    where = condition(task, simulator("mujoco"), 5, settings)
+    assert [trial.status for trial in play(where, tried)] == ["ok", "ok"]
+    assert seeds == [5]
