@@ -45,8 +45,7 @@ class Solids:
     def __init__(self, solids: Sequence[Solid]) -> None:
         self.items = tuple(solids)
         self.owners = tuple(solid.owner for solid in solids)
-        owners = list(dict.fromkeys(self.owners))
-        self.owner_numbers = np.array(list(map(owners.index, self.owners)), dtype=int)
+        _, self.owner_numbers = np.unique(self.owners, return_inverse=True)
         self.frames = np.array([solid.frame for solid in solids], dtype=int)
         self.moving = np.flatnonzero(self.frames != WORLD)
         rotations = [solid.pose.rotation.as_matrix() for solid in solids]

@@ -213,9 +213,9 @@ class Encounter:
 
 def turned_with(before: Look, now: Look) -> tuple[Array, Array]:
     """The direction out of an earlier look, (3,) in the world, if it has turned with the first solid, or the second."""
-    own = now.rotation @ (before.out @ before.rotation)
-    others = now.others_rotation @ (before.out @ before.others_rotation)
-    return own, others
+    with_first = now.rotation @ (before.out @ before.rotation)
+    with_second = now.others_rotation @ (before.out @ before.others_rotation)
+    return with_first, with_second
 
 
 def overlap(pair: Pair, instant: Instant, direction: Array) -> float:

@@ -82,7 +82,7 @@ class Track:
         self.low = rows.low
         self.high = rows.high
         self._ways = rows.ways
-        self._places: dict[int, tuple[Any, Array]] = {}  # results of `at`, by sample
+        self._places: dict[int, tuple[Any, Array]] = {}  # by sample
 
     @cached_property
     def travel(self) -> Array:
