@@ -18,15 +18,15 @@ from plugins.vlms.offline.heads import (
     FINGER_OPEN,
     SIDES,
     Head,
-    blade,
-    cage,
-    fork,
-    hook,
+    make_blade,
+    make_cage,
+    make_fork,
+    make_hook,
+    make_pen,
     make_piece,
-    pen,
-    rake,
-    scoop,
-    wedge,
+    make_rake,
+    make_scoop,
+    make_wedge,
 )
 from plugins.vlms.offline.subgoals import Subgoal
 
@@ -99,7 +99,7 @@ def draw_head(subgoal: Subgoal, rng: Generator, thickness_factor: float) -> Head
 
 @dataclass(frozen=True, eq=False)
 class _HookSide:
-    """A side on which a hook's arm can pass the bodies, and the clearance there, metres.
+    """A side on which a hook\'s arm can pass the bodies.
 
     Attributes:
         clearance: metres.
@@ -107,7 +107,7 @@ class _HookSide:
     """
 
     clearance: float
-    outward: Array  # unit vector (3,) from the bodies
+    outward: Array
 
 
 class _HeadDrawing:
@@ -160,25 +160,27 @@ class _HeadDrawing:
         match draw(kinds, rng):
             case "blade":
                 width = min(self._widest, across * rng.uniform(0.7, 2.0))
-                return blade(width, height, thick)
+                return make_blade(width, height, thick)
             case "peg":
                 side = min(self._widest, rng.uniform(0.012, 0.035))
-                return blade(side, height, min(side, 0.02))
+                return make_blade(side, height, min(side, 0.02))
             case "cage":
                 depth = self._along * rng.uniform(0.4, 1.1)
-                return cage(inside, depth, height, thick)
+                return make_cage(inside, depth, height, thick)
             case "pen":
-                return pen(inside, self._along + 2 * spare, height, thick)
+                return make_pen(inside, self._along + 2 * spare, height, thick)
             case "funnel":
                 depth = self._along * rng.uniform(0.4, 1.0)
-                return cage(inside, depth, height, thick, splay=rng.uniform(0.1, 0.6))
+                return make_cage(
+                    inside, depth, height, thick, splay=rng.uniform(0.1, 0.6)
+                )
             case "wedge":
                 half_angle = rng.uniform(0.6, 1.2)
                 wing = across * rng.uniform(0.6, 1.2) / np.sin(half_angle)
-                return wedge(wing, half_angle, height, thick)
+                return make_wedge(wing, half_angle, height, thick)
             case _:
                 width = min(self._widest, across * rng.uniform(1.0, 1.6))
-                return rake(width, height, thick, 0.6 * self._smallest_side())
+                return make_rake(width, height, thick, 0.6 * self._smallest_side())
 
     def _smallest_side(self) -> float:
         """The least side of a body on the ground, metres."""
@@ -209,7 +211,7 @@ class _HeadDrawing:
             tine = self._across * rng.uniform(0.08, 0.2)
             inner = self._across * rng.uniform(0.4, 0.7)
             count = int(rng.integers(2, 5))
-            return fork(inner, depth, height, tine, self._factor * 0.002, count)
+            return make_fork(inner, depth, height, tine, self._factor * 0.002, count)
 
         rail = 0.0
         if rng.random() >= 0.3:
@@ -218,7 +220,7 @@ class _HeadDrawing:
         width = self._across + rng.uniform(0.005, 0.04)
         width = min(width, max(self._widest, 0.6 * self._across))
         thick = self._factor * rng.uniform(0.001, 0.003)
-        return scoop(width, depth, height, rail, thick)
+        return make_scoop(width, depth, height, rail, thick)
 
     def _draw_fork(
         self,
@@ -242,7 +244,7 @@ class _HeadDrawing:
         level = max(0.0, under - thick - rng.uniform(0.003, 0.02))
         inner = 2 * foot_half + rng.uniform(0.004, 0.016)
 
-        return fork(inner, depth, height, max(0.004, tine), thick, level=level)
+        return make_fork(inner, depth, height, max(0.004, tine), thick, level=level)
 
     def draw_hook(self) -> Head:
         """Draw a head that passes beside or over the bodies, and pulls them from behind.
@@ -274,7 +276,7 @@ class _HeadDrawing:
         else:
             length = self._along + rng.uniform(0.02, _HOOK_AHEAD_M)
 
-        return hook(length, toe, breadth, thick, gap, side.outward)
+        return make_hook(length, toe, breadth, thick, gap, side.outward)
 
     def _draw_hook_side(self) -> _HookSide:
         """Draw the side on which a hook's arm passes, more likely where there is more clearance."""

@@ -118,7 +118,7 @@ def _make_head(
     return Head(kind, primitive, tuple(pieces), attachment, depth, width)
 
 
-def blade(width: float, height: float, thick: float) -> Head:
+def make_blade(width: float, height: float, thick: float) -> Head:
     """Make an upright wall; a narrow one is a peg.
 
     Args:
@@ -178,7 +178,7 @@ def _make_tines(
     return tines
 
 
-def cage(
+def make_cage(
     width: float,
     depth: float,
     height: float,
@@ -194,7 +194,7 @@ def cage(
         thick: of all three.
         splay: by how much the walls open outward, radians.
     """
-    back = blade(width + 2 * thick, height, thick).pieces
+    back = make_blade(width + 2 * thick, height, thick).pieces
     size = (depth + thick, thick, height)
     middle = (depth + thick) / 2 - thick
     walls = _make_wings("wall", (width + thick) / 2, splay, middle, size)
@@ -204,7 +204,7 @@ def cage(
     return _make_head(kind, "push", [*back, *walls], height, depth, widest)
 
 
-def wedge(
+def make_wedge(
     length: float,
     half_angle: float,
     height: float,
@@ -228,7 +228,7 @@ def wedge(
     return _make_head("wedge", "push", [keel, *wings], height, depth, width)
 
 
-def rake(
+def make_rake(
     width: float,
     height: float,
     thick: float,
@@ -253,7 +253,7 @@ def rake(
     return _make_head("rake", "push", [beam, *tines], height, 0.0, width)
 
 
-def pen(
+def make_pen(
     width: float,
     depth: float,
     height: float,
@@ -267,7 +267,7 @@ def pen(
         height: of the walls.
         thick: of the walls.
     """
-    around = cage(width, depth + thick, height, thick)
+    around = make_cage(width, depth + thick, height, thick)
     size = (thick, width + 2 * thick, height)
     x = depth + thick / 2
     front = make_piece("front_wall", x, 0.0, height / 2, size, parent=1)
@@ -276,7 +276,7 @@ def pen(
     return _make_head("pen", "surround", pieces, height, depth, width)
 
 
-def scoop(
+def make_scoop(
     width: float,
     depth: float,
     height: float,
@@ -309,7 +309,7 @@ def scoop(
     return _make_head("scoop", "scoop", pieces, height, depth, width)
 
 
-def fork(
+def make_fork(
     inner: float,
     depth: float,
     height: float,
@@ -341,7 +341,7 @@ def fork(
     return replace(head, level=level)
 
 
-def hook(
+def make_hook(
     length: float,
     toe: float,
     breadth: float,

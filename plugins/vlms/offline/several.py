@@ -64,14 +64,14 @@ def answer_several(brief: Brief) -> dict[str, Any]:
     }
 
 
-def _name(tool: Tool, change: str, parents: Sequence[str] = ()) -> Strategy:
+def _as_strategy(tool: Tool, change: str, parents: Sequence[str] = ()) -> Strategy:
     """Make a strategy of a tool without plans, named by what was done to make it."""
     return Strategy(change, f"{tool.name}: {change}.", tool, [], parents)
 
 
 @dataclass(frozen=True, eq=False)
 class _ToolMaker:
-    """Makes tools for several tasks; ``samplers`` are those of each, by its name.
+    """Makes tools for several tasks.
 
     Attributes:
         brief: which asks for tools.
@@ -137,11 +137,11 @@ class _ToolMaker:
         tool, *others = (self._make_part(name) for name in names)
         for part in others:
             tool = self._put_part(tool, replace(part, components=()), part) or tool
-        return _name(tool, "a part for each")
+        return _as_strategy(tool, "a part for each")
 
     def _make_alone(self, name: str) -> Strategy:
         """Make a part for a task, and nothing for the others."""
-        return _name(self._make_part(name), f"a part for {name}")
+        return _as_strategy(self._make_part(name), f"a part for {name}")
 
     def _draw_weak(self, earned: Mapping[str, float]) -> str:
         """Draw a task, more likely one in which little was earned.
@@ -168,7 +168,7 @@ class _ToolMaker:
 
             tool = self._put_part(joined.tool, part, changed)
             if tool is not None:
-                return _name(tool, f"{name}: {change}", joined.parents)
+                return _as_strategy(tool, f"{name}: {change}", joined.parents)
 
         return self._make_alone(name)
 
@@ -227,7 +227,7 @@ class _ToolMaker:
                 parents.append(other.candidate.id)
 
         unique = list(dict.fromkeys(parents))
-        return _name(tool, "the parts that do most", unique)
+        return _as_strategy(tool, "the parts that do most", unique)
 
     def _put_part(self, tool: Tool, old: Tool, part: Tool) -> Tool | None:
         """Put a part in the place of an old one; None: it does not fit, or another component has one of its names.

@@ -61,8 +61,8 @@ def bodies_table(task: Task, seed: int) -> str:
     names: dict[tuple[str, ...], list[str]] = {}
 
     for body in scene.bodies:
-        kind = "on a joint" if body.name in jointed else _kind(body)
-        row = (_NUMBERED.sub("", body.name), kind, weight(body), _origin(body))
+        kind = "on a joint" if body.name in jointed else _describe_kind(body)
+        row = (_NUMBERED.sub("", body.name), kind, weight(body), _describe_origin(body))
         names.setdefault(row, []).append(body.name)
 
     rows = []
@@ -75,7 +75,7 @@ def bodies_table(task: Task, seed: int) -> str:
     return table(("body", "is", "weight", "origin of its frame"), rows)
 
 
-def _kind(body: Body) -> str:
+def _describe_kind(body: Body) -> str:
     """Say how a body without a joint moves."""
     if isinstance(body, Soft):
         return f"soft {body.form.kind}, {softness(body)}"
@@ -114,7 +114,7 @@ def slip(body: Body) -> str:
     return _choose(_FRICTIONS, body.friction)
 
 
-def _origin(body: Body) -> str:
+def _describe_origin(body: Body) -> str:
     """Name the place of a body's origin between its ends along its own axes."""
     low, high = bounds(body, Pose())
     shares = -low / np.maximum(high - low, 1e-9)

@@ -110,12 +110,12 @@ def helpers(task: Task) -> str:
         origin = function.__module__
         is_imported = origin != module.__name__
         if is_imported and origin.partition(".")[0] == package != "core":
-            heads.append(_head(function))
+            heads.append(_take_head(function))
 
     return "\n\n".join(heads)
 
 
-def _head(function: Callable[..., Any]) -> str:
+def _take_head(function: Callable[..., Any]) -> str:
     """Take a function's lines up to the end of its docstring; all of them if it has none."""
     text = textwrap.dedent(inspect.getsource(function))
     (node,) = ast.parse(text).body

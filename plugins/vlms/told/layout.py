@@ -37,17 +37,17 @@ def layout_table(task: Task, seed: int, *, worded: bool = False) -> str:
         worded: whether mass and friction are words.
     """
     rows = []
-    for _, group in groupby(task.scene(seed).bodies, _properties):
+    for _, group in groupby(task.scene(seed).bodies, _collect_properties):
         bodies = list(group)
         if len(bodies) >= _ALIKE:
-            rows.append(_row(bodies, worded))
+            rows.append(_write_row(bodies, worded))
         else:
-            rows += [_row([body], worded) for body in bodies]
+            rows += [_write_row([body], worded) for body in bodies]
 
     return table(_HEAD, rows)
 
 
-def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
+def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     """Write the row of one body, or of bodies alike.
 
     Args:
@@ -78,7 +78,7 @@ def _row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     return name, places, _describe_body(first, is_alone), *extents, mass, friction
 
 
-def _properties(body: Body) -> tuple[object, ...]:
+def _collect_properties(body: Body) -> tuple[object, ...]:
     """Return the properties that bodies of one row share."""
     parts = []
     for part in body.collisions or body.visuals:

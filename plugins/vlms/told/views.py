@@ -321,7 +321,7 @@ class _Labels:
 
     def draw(self, bodies: Sequence[Body]) -> None:
         """Mark the bodies that are in the picture; of many alike, only the first and the last have their names."""
-        alike = Counter(_kind(body) for body in bodies)
+        alike = Counter(_strip_number(body) for body in bodies)
         seen = Counter[str]()
         for body in bodies:
             x, y = self._project(body.pose)
@@ -329,7 +329,7 @@ class _Labels:
                 continue
 
             self._draw_axes(body.pose)
-            kind = _kind(body)
+            kind = _strip_number(body)
             seen[kind] += 1
             if alike[kind] <= _ALL or seen[kind] in (1, alike[kind]):
                 self._draw_name(body.name, x, y)
@@ -382,6 +382,6 @@ class _Labels:
         return box
 
 
-def _kind(body: Body) -> str:
+def _strip_number(body: Body) -> str:
     """Return a body's name without its number."""
     return body.name.rstrip("0123456789")
