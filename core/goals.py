@@ -11,15 +11,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from typing import Protocol
 
 import numpy as np
 
 from core.errors import choices
-from core.geometry import Array, Pose, Vector
+from core.geometry import Array, Vector
 from core.scene import Scene
-from core.values.joints import Placement, rotate
+from core.values.joints import rotate
 from core.values.margins import Margin
 from core.values.states import State
 from core.values.traces import Trace
@@ -121,31 +121,6 @@ class Measure:
         return None
 
 
-@dataclass(frozen=True)
-class Target:
-    """Where a goal wants bodies in a layout, in the world: for programs that design tools, and for observations.
-
-    Attributes:
-        place: of each body's frame, m; None: anywhere.
-        away: how far each is to get from its start, m.
-        axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
-        joint: that is to get ``to`` a position, m or rad.
-        reference: the body or mark by which place and points are given.
-    """
-
-    bodies: tuple[str, ...]
-    any: bool = False
-    held: bool = False
-    place: Coordinates | None = None
-    away: float | None = None
-    axis: Vector | None = None
-    points: Vector = (0.0, 0.0, 1.0)
-    tolerance_deg: float = 10.0
-    joint: str | None = None
-    to: float = 0.0
-    reference: str | None = None
-
-
 class Goal(ABC):
     """Something that a task wants. Goals are hints for programs: the reward is the task's own, or `goals_reward`."""
 
@@ -175,7 +150,7 @@ class Goal(ABC):
 class Reach(Goal):
     """Bodies that must end in some way: at rest or held, wherever they are; its kinds say more.
 
-    A kind says what it measures of each body (`measures`), in words (`asks`), and where it wants them (`aim`).
+    A kind says what it measures of each body (`measures`), in words (`asks`), and where it wants them (`place_of`).
 
     Attributes:
         bodies: their names.
@@ -212,9 +187,9 @@ class Reach(Goal):
         """Say in words what it asks, such as ``must end upright``."""
         return ""
 
-    def aim(self, target: Target, scene: Scene) -> Target:
-        """Add to a target where it wants its bodies in a layout."""
-        return target
+    def place_of(self, body: str, start: State) -> Array | None:
+        """Return where it wants a body's frame, (..., 3) in the world, nan where it is free; None: it says no place."""
+        return None
 
     def unrest(self, body: str, state: State) -> Array:
         """Measure how many times as fast as what is at rest a body is, (...)."""
@@ -247,13 +222,6 @@ class Reach(Goal):
     def all_measures(self, body: str, start: State) -> list[Measure]:
         """Return what its parts ask of a body."""
         return [found for part in self.parts for found in part.measures(body, start)]
-
-    def targets(self, scene: Scene) -> tuple[Target, ...]:
-        """Say where the bodies are to get in a layout."""
-        target = Target(self.bodies, self.any, self.held)
-        for part in self.parts:
-            target = part.aim(target, scene)
-        return (target,)
 
     def progress(
         self, start: State, now: State, hold: Callable[[str], Array] | None = None
@@ -400,17 +368,22 @@ class Placed(Reach):
     node: int | None = None
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:
-        there = np.array([wanted or 0.0 for wanted in self.place])
-        counts = np.array([float(wanted is not None) for wanted in self.place])
-        if self.at is not None:
-            turned = rotate(start.quaternion(self.at), there)
-            there = start.position(self.at) + turned
+        there = self.place_of(body, start)
 
         def distance(state: State) -> Array:
-            return _length((state.position(body, self.node) - there) * counts)
+            off = state.position(body, self.node) - there
+            return _length(np.where(np.isnan(off), 0.0, off))
 
         name = f"{body} off its place"
         return [Measure(name, distance, self.tolerance, SLIP_M, "m", near=NEAR_M)]
+
+    def place_of(self, body: str, start: State) -> Array:
+        there = np.array([wanted or 0.0 for wanted in self.place])
+        if self.at is not None:
+            turned = rotate(start.quaternion(self.at), there)
+            there = start.position(self.at) + turned
+        free = [wanted is None for wanted in self.place]
+        return np.where(free, np.nan, there)
 
     def asks(self) -> str:
         place = describe_place(self.place) + _in_frame(self.at)
@@ -418,17 +391,6 @@ class Placed(Reach):
         if self.node is not None:
             return f"(node {self.node} of its nodes, from 0) {asked}"
         return asked
-
-    def aim(self, target: Target, scene: Scene) -> Target:
-        place = self.place
-        if self.at is not None:
-            moved = scene[self.at].pose.apply([wanted or 0.0 for wanted in place])
-            x, y, z = (
-                wanted if wanted is None else float(coordinate)
-                for wanted, coordinate in zip(place, moved, strict=True)
-            )
-            place = (x, y, z)
-        return replace(target, place=place, reference=self.at)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -447,9 +409,6 @@ class Away(Reach):
 
     def asks(self) -> str:
         return f"must get {self.away:g} m away from where it starts"
-
-    def aim(self, target: Target, scene: Scene) -> Target:
-        return replace(target, away=self.away)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -484,17 +443,14 @@ class JointAt(Reach):
     def asks(self) -> str:
         return f"must get to {self.to:g} m or rad{_within(self.tolerance)}"
 
-    def aim(self, target: Target, scene: Scene) -> Target:
-        """Add the joint's body, and the place where its frame gets; that of a ball joint has none."""
-        placed = scene.placed_joints[self.joint]
+    def place_of(self, body: str, start: State) -> Array | None:
+        """Return where the frame of the joint's body gets; that of a ball joint has no place."""
+        placed = start.joints[self.joint]
         joint = placed.joint
-        target = replace(target, bodies=(joint.body,), joint=self.joint, to=self.to)
         if joint.kind == "ball":
-            return target
-        parent = Placement.at_rest(scene[joint.parent].pose if joint.parent else Pose())
-        moved = placed.carry(np.asarray(self.to), np.zeros(()), parent)
-        x, y, z = moved.position.tolist()
-        return replace(target, place=(x, y, z))
+            return None
+        parent = start.placement(joint.parent)
+        return placed.carry(np.asarray(self.to), np.zeros(()), parent).position
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -537,18 +493,6 @@ class Turned(Reach):
         points = describe_place(np.round(self.points, 3).tolist())
         along = f"axis {axis} must point along {points}{_in_frame(self.at)}"
         return f"{along}, within {self.tolerance_deg:g} degrees"
-
-    def aim(self, target: Target, scene: Scene) -> Target:
-        points = self.points
-        if self.at is not None:
-            points = scene[self.at].pose.rotation.apply(points)
-        return replace(
-            target,
-            axis=self.axis,
-            points=points,
-            tolerance_deg=self.tolerance_deg,
-            reference=self.at,
-        )
 
 
 class Limit(Goal):

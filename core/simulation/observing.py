@@ -207,10 +207,9 @@ class _Case:
         nearest_first = sorted(self.reaches, key=self._measure_left)
         found = dict[str, Offset]()
         for goal in nearest_first:
-            for target in goal.targets(self.scene):
-                for name in target.bodies:
-                    wanted = target.place or (None, None, None)
-                    found.setdefault(name, _offset(wanted, self.end.position(name)))
+            for name in goal.subjects(self.start):
+                wanted = goal.place_of(name, self.start)
+                found.setdefault(name, _offset(wanted, self.end.position(name)))
         return {name: found[name] for name in self.names if name in found}
 
     def _moved(self, name: str) -> float:
@@ -343,11 +342,13 @@ def _tilts(first: Array, quaternions: Array) -> Array:
     return np.degrees(np.arccos(np.clip(heights, -1.0, 1.0)))
 
 
-def _offset(wanted: Offset, position: Array) -> Offset:
+def _offset(wanted: Array | None, position: Array) -> Offset:
     """Subtract from a place the wanted one, metres; None: a coordinate that is free."""
+    if wanted is None:
+        return None, None, None
     x, y, z = (
-        None if coordinate is None else round(float(reached) - coordinate, 4) + 0.0
-        for coordinate, reached in zip(wanted, position, strict=True)
+        None if np.isnan(off) else round(off, 4) + 0.0
+        for off in (position - wanted).tolist()
     )
     return x, y, z
 

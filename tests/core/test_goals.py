@@ -126,8 +126,9 @@ def test_rewards_are_of_one_world_or_of_many():
 def test_a_place_is_in_the_frame_of_a_mark():
     goal = Placed(("cube",), place=(0, 0, 0.05), at="mark", tolerance=0.001)
     assert reward(goal, at(cube=(0.5, 0.1, 0.05))) == 1
-    (target,) = goal.targets(SCENE)
-    assert (target.place, target.reference) == ((0.5, 0.1, 0.05), "mark")
+    assert goal.place_of("cube", START) == pytest.approx([0.5, 0.1, 0.05])
+    free = replace(goal, place=(0, None, 0.05)).place_of("cube", START)
+    assert np.isnan(free).tolist() == [False, True, False]
 
 
 def test_a_new_kind_of_goal_is_one_class():
@@ -168,11 +169,10 @@ def test_a_joint_is_opened_and_a_designer_sees_a_place():
     goal = JointAt(joint="drawer", to=0.2, tolerance=0.01)
     assert reward(goal, turned("drawer", to=0.095)) == pytest.approx(0.5)
     assert reward(goal, turned("drawer", to=0.2)) == 1
-    (there,) = goal.targets(SCENE)
-    assert there.bodies == ("box",)
-    assert there.place == pytest.approx((0.6, 0, 0.1))
-    (door,) = JointAt(joint="door", to=np.pi / 2).targets(SCENE)
-    assert door.place == pytest.approx((0.2, 0.2, 0.2))
+    assert goal.subjects(START) == ("box",)
+    assert goal.place_of("box", START) == pytest.approx([0.6, 0, 0.1])
+    door = JointAt(joint="door", to=np.pi / 2)
+    assert door.place_of("leaf", START) == pytest.approx([0.2, 0.2, 0.2])
     assert reward(
         JointAt(joint="door", to=1.0), turned("door", to=0.5)
     ) == pytest.approx(0.5)

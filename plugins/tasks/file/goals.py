@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any
 
+from core.geometry import Array
 from core.goals import (
     Away,
     Coordinates,
@@ -15,12 +16,10 @@ from core.goals import (
     Measure,
     Placed,
     Reach,
-    Target,
     Turned,
     Untouched,
     describe_place,
 )
-from core.scene import Scene
 from core.values.states import State
 
 SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
@@ -52,16 +51,8 @@ class Places(Reach):
         frame = self.at or "the world"
         return f"must get to {places} in the frame of {frame}, one each, within {self.tolerance:g}"
 
-    def targets(self, scene: Scene) -> tuple[Target, ...]:
-        """Return one for each body."""
-        found = list[Target]()
-        for body, place in zip(self.bodies, self.places, strict=True):
-            alone = replace(self, bodies=(body,), places=(place,))
-            found += Reach.targets(alone, scene)
-        return tuple(found)
-
-    def aim(self, target: Target, scene: Scene) -> Target:
-        return self._placed(target.bodies[0]).aim(target, scene)
+    def place_of(self, body: str, start: State) -> Array | None:
+        return self._placed(body).place_of(body, start)
 
     def _placed(self, body: str) -> Placed:
         place = self.places[self.bodies.index(body)]

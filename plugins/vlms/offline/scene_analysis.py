@@ -14,11 +14,12 @@ import numpy as np
 from numpy.random import Generator
 
 from core.geometry import Array, Pose
-from core.goals import Target, reaches
+from core.goals import reaches
 from core.interfaces import Brief
 from plugins.vlms.offline.boxes import UP
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
+from plugins.vlms.offline.targets import Target, find_targets
 
 _LIFT_M = 0.15  # what is to be held is lifted by this
 _AWAY_M = 0.2  # how far a body is moved in a task without goals
@@ -53,7 +54,7 @@ class SceneAnalysis:
         groups: dict[int, list[Target]] = {}
         for number, goal in enumerate(reaches(brief.task.goals)):
             group = groups.setdefault(0 if brief.task.every else number, [])
-            group += goal.targets(scene)
+            group += find_targets(goal, scene)
 
         self.groups = [group for group in groups.values() if group]
         if self.groups:

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.goals import Target
 from core.scene import Body
 from plugins.vlms.offline.boxes import UP, Boxes, count_overlaps, heading_axes
 from plugins.vlms.offline.scene_model import SceneModel, Solid
+from plugins.vlms.offline.targets import Target
 
 _NO_WAY_M = 0.01  # a shorter shift on the ground gives no direction
 _ENCLOSED_M = 0.05

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from core.goals import Placed, Reach, Target, limits, reaches
+from core.goals import Away, Placed, Reach, Turned, limits, reaches
 from core.interfaces import Task
 from core.scene import Scene
 from plugins.vlms.offline.subgoals import turn_to_goal
+from plugins.vlms.offline.targets import Target, find_targets
 
 
 def find_unplanned(task: Task, seed: int) -> list[str]:
@@ -19,7 +20,7 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     """
     scene = task.scene(seed)
     reached = reaches(task.goals)
-    targets = [target for goal in reached for target in goal.targets(scene)]
+    targets = [target for goal in reached for target in find_targets(goal, scene)]
     cases = {
         "a ball joint's position": _has_ball_joint(targets, scene),
         "a turn about the vertical": any(_turns_level(t, scene) for t in targets),
@@ -52,7 +53,7 @@ def _names_no_place(goal: Reach) -> bool:
         if isinstance(part, Placed):
             if part.node is not None:
                 return True
-        elif type(part) is not Reach and type(part).aim is Reach.aim:
+        elif _names_no_way(part):
             return True
     return False
 
@@ -60,6 +61,13 @@ def _names_no_place(goal: Reach) -> bool:
 def _has_force_limit(task: Task) -> bool:
     """Report whether a limit of the task is about a force."""
     return any(getattr(limit, "max_force_n", 0) for limit in limits(task.goals))
+
+
+def _names_no_way(goal: Reach) -> bool:
+    """Report whether a goal is of a kind that says neither a place nor a way nor a turn."""
+    if type(goal) is Reach or isinstance(goal, Away | Turned):
+        return False
+    return type(goal).place_of is Reach.place_of
 
 
 def _has_second(task: Task, targets: Sequence[Target]) -> bool:

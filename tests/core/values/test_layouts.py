@@ -3,7 +3,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.errors import UsageError
-from core.goals import Away, Target
 from core.values.layouts import Draw, around
 from tasks.dislodge_cube import DislodgeCube
 
@@ -35,14 +34,3 @@ def test_a_task_without_variations_takes_none_alone():
     assert Plain().variation == "none"
     with pytest.raises(UsageError, match="possible: none"):
         Plain("wide")
-
-
-def test_a_goal_in_the_frame_of_a_body():
-    task = DislodgeCube("wide")
-    scene = task.scene(3)
-    (goal,) = task.goals[0].targets(scene)
-    assert goal.reference == "pipe"
-    there = scene["pipe"].pose.apply([*task.goals[0].place[:2], 0.0])
-    assert goal.place == (pytest.approx(there[0]), pytest.approx(there[1]), None)
-    apart = Away(("cube",), away=0.1)
-    assert apart.targets(scene) == (Target(("cube",), away=0.1),)

@@ -1,0 +1,75 @@
+"""Say where a task's goals want bodies in a layout, as the embedded designer plans for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Vector
+from core.goals import Away, Coordinates, JointAt, Reach, Turned
+from core.scene import Scene
+from core.values.states import State
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a goal wants bodies in a layout, in the world.
+
+    Attributes:
+        any: whether one of the bodies is enough.
+        held: whether they must end in hand.
+        place: of each body's frame, m; None: anywhere.
+        away: how far each is to get from its start, m.
+        axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
+        joint: that is to get ``to`` a position, m or rad.
+        reference: the body or mark by which place and points are given.
+    """
+
+    bodies: tuple[str, ...]
+    any: bool = False
+    held: bool = False
+    place: Coordinates | None = None
+    away: float | None = None
+    axis: Vector | None = None
+    points: Vector = (0.0, 0.0, 1.0)
+    tolerance_deg: float = 10.0
+    joint: str | None = None
+    to: float = 0.0
+    reference: str | None = None
+
+
+def find_targets(goal: Reach, scene: Scene) -> list[Target]:
+    """Find the targets of a goal in a layout: one for all bodies that it wants at one place."""
+    state = scene.state()
+    groups = dict[Coordinates | None, list[str]]()
+    for body in goal.subjects(state):
+        groups.setdefault(_find_place(goal, body, state), []).append(body)
+
+    wanted = dict[str, object]()
+    for part in goal.parts:
+        reference = getattr(part, "at", None)
+        if reference is not None:
+            wanted["reference"] = reference
+        if isinstance(part, Away):
+            wanted["away"] = part.away
+        elif isinstance(part, JointAt):
+            wanted |= {"joint": part.joint, "to": part.to}
+        elif isinstance(part, Turned):
+            points = part.points
+            if part.at is not None:
+                points = scene[part.at].pose.rotation.apply(points)
+            wanted |= {"axis": part.axis, "points": points}
+            wanted["tolerance_deg"] = part.tolerance_deg
+    return [
+        Target(tuple(bodies), goal.any, goal.held, place, **wanted)  # type: ignore[arg-type]
+        for place, bodies in groups.items()
+    ]
+
+
+def _find_place(goal: Reach, body: str, state: State) -> Coordinates | None:
+    place = goal.place_of(body, state)
+    if place is None:
+        return None
+    x, y, z = (None if np.isnan(wanted) else wanted for wanted in place.tolist())
+    return x, y, z
