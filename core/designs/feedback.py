@@ -16,28 +16,35 @@ from core.support.text import by_reason, clean, short_numbers
 from core.trial import Evaluation, Trial, best_first
 from core.values.observations import Sight
 
-_MOVED_M = 0.001  # what moved less is not worth its words
+ALL = Sight()
+"""All may be said of bodies."""
+
+# What moved or tilted less is not worth its words.
+_MOVED_M = 0.001
 _TILT_DEG = 1.0
+
 # The most that is written of an elite.
 _CONTACTS = 8
 _BODIES = 4
 _LAYOUTS = 3
 _OUTCOMES = 6
 
-_IN_A_LINE = 2  # bodies, and touches
+# The most that is written in a candidate's line.
+_TOUCHES = 2
 _REASON = 300  # characters
 _OUTCOME = 100  # characters
+
 _REASONS = 3  # of candidates without a line of their own
 _FREE = (None, None, None)  # the error of a body whose place does not matter
-ALL = Sight()
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
     """Return the evaluations of the last generation among those that were tried, in the order of `Candidate.key`."""
-    ordered = sorted(tried, key=lambda e: e.candidate.key)
-    return tuple(
-        e for e in ordered if e.candidate.generation == ordered[-1].candidate.generation
-    )
+    ordered = sorted(tried, key=lambda evaluation: evaluation.candidate.key)
+    if not ordered:
+        return ()
+    last = ordered[-1].candidate.generation
+    return tuple(e for e in ordered if e.candidate.generation == last)
 
 
 def outcome_of(evaluation: Evaluation) -> str:
@@ -193,14 +200,18 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
 
 
 def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
-    """Say in one line what became of a candidate."""
+    """Say in one line what became of a candidate.
+
+    It is why it was not played to its end; or else its reward, and what was observed of the trial that stands for all.
+    """
     reason = sight.text(clean(evaluation.reason, _REASON))
     if evaluation.status != "ok":
         return f"{evaluation.status}: {reason}"
 
     seen = evaluation.observation
     if seen is None:
-        return f"{evaluation.reward:.3f} {reason}".rstrip()
+        head = f"{evaluation.reward:.3f}"
+        return f"{head} invalid: {reason}" if reason else head
 
     found = elite_feedback(evaluation, sight)
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
@@ -215,7 +226,8 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
         outcome = trial.outcome
         if trial.status != "ok" or trial.reason:
             outcome = f"{trial.status}: {trial.reason}"
-        text = f"{trial.reward:.3f} {sight.text(clean(outcome, _OUTCOME))}".rstrip()
+        outcome = sight.text(clean(outcome, _OUTCOME))
+        text = f"{trial.reward:.3f} {outcome}".rstrip()
         places.setdefault(text, []).append(_name_trial(trial, evaluation))
 
     lines = []
@@ -239,9 +251,11 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     if trial is None or seen is None:
         return {}
 
+    # Those of the tool with the goal's bodies come first.
     contacts = sorted(
         seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
     )
+    touches = [_say("touch", contact, sight.numbers) for contact in contacts]
     described: dict[str, Any] = {
         "trial": _name_trial(trial, elite),
         "result": sight.text(_say("result", seen)),
@@ -251,14 +265,13 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "moved": _moves(seen, sight),
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
-        "contacts": [
-            _say("touch", contact, sight.numbers) for contact in contacts[:_CONTACTS]
-        ],
+        "contacts": touches[:_CONTACTS],
         "missed": _say("miss", seen),
         "lag": _say("lag", seen),
     }
     if sight.numbers:
         described |= _places(seen)
+
     return {key: value for key, value in described.items() if value}
 
 
@@ -289,7 +302,9 @@ def _name_trial(trial: Trial, evaluation: Evaluation) -> str:
     name = f"{trial.engine} layout {trial.layout}"
     if len(evaluation.tasks) > 1:
         name = f"{trial.task} {name}"
-    return name if trial.change is None else f"{name} change {trial.change}"
+    if trial.change is not None:
+        name = f"{name} change {trial.change}"
+    return name
 
 
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
@@ -318,7 +333,7 @@ def _first_touches(seen: Observation, sight: Sight) -> list[str]:
         if contact.kind != "body":
             first.setdefault(contact.other, _say("touch", contact, sight.numbers))
     if first:
-        return list(first.values())[:_IN_A_LINE]
+        return list(first.values())[:_TOUCHES]
 
     gaps = {}
     if sight.numbers:

@@ -201,6 +201,8 @@ def test_rejected_failed_and_invalid_ones_say_why():
         tried(3, seen=None),
     )
     assert found[0] == "- g0-a0-s0-p3: 0.500"
+    (unseen,) = lines(tried(reward=0.0, reason="it passed through", seen=None))
+    assert unseen == "- g0-a0-s0-p0: 0.000 invalid: it passed through"
     assert found[1].startswith(
         "- g0-a0-s0-p2: 0.000 invalid: 'tip' passed through 'cube'; cube by"
     )
