@@ -264,7 +264,9 @@ class Reach(Goal):
             if self.by_s is not None:
                 progress = progress[..., evidence.film.times <= self.by_s]
             best = progress.max(axis=-1)
-            reached = best if self.ever else np.minimum(best, reached)
+            if not self.ever:
+                best = np.minimum(best, reached)
+            reached = best
         if self.after is not None:
             reached = np.minimum(reached, self._share_before(self.after, evidence))
         return reached
@@ -319,10 +321,12 @@ class Reach(Goal):
             if known:
                 found.append(least_or_most(known, key=lambda margin: margin.margin))
 
-        what = self.subject if len(bodies) == 1 else "bodies"
+        what = "bodies"
+        if len(bodies) == 1:
+            what = self.subject
         if self.rest:
-            speeds = [float(self.unrest(body, end)) for body in bodies]
-            fastest = min(speeds) if self.any else max(speeds)
+            slow_or_fast = min if self.any else max
+            fastest = slow_or_fast(float(self.unrest(body, end)) for body in bodies)
             found.append(
                 Margin.at_most(f"speed of {what}", fastest, 1.0, "resting speeds")
             )

@@ -99,13 +99,13 @@ def observe(
     return Observation(
         result=result,
         what=what,
-        at_s=None if instant is None else round(instant, 2),
+        at_s=_round(instant, 2),
         left=case.left,
         moved=moved,
         errors=case.errors(),
         contacts=tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
-        touch_m=None if contacts.touch_m is None else round(contacts.touch_m, 4),
+        touch_m=_round(contacts.touch_m, 4),
         miss=(worst + 1, round(miss_m, 4), round(miss_rad, 4)),
         lag_rad=round(lag, 4),
         lag_s=round(float(taken.times[int(case.lags.argmax())]), 2),
@@ -173,8 +173,9 @@ class _Case:
 
         if not touches.size and all(self._moved(n) <= NUDGED_M for n in self.names):
             return "never touched", "", None
-        some = len(self.left) < len(self.names)
-        return "missed", ", ".join(self.left[:NAMED]) if some else "", None
+        if len(self.left) == len(self.names):
+            return "missed", "", None
+        return "missed", ", ".join(self.left[:NAMED]), None
 
     def moved(self) -> dict[str, Moved]:
         """Describe how the bodies of the goals, and what else moved, ended."""
@@ -257,8 +258,10 @@ class _Case:
 
         fallen = [_fallen(scene, contacts, name, self.start) for name in self.left]
         known = [cause for cause in fallen if cause is not None]
-        any_counts = any(goal.any for goal in self.reaches)
-        if len(known) >= (1 if any_counts else len(self.left) / 2):
+        needed = len(self.left) / 2
+        if any(goal.any for goal in self.reaches):
+            needed = 1
+        if len(known) >= needed:
             causes += known
         return causes
 
@@ -360,6 +363,10 @@ def _length(vector: Array | Point) -> float:
 def _point(position: Array, digits: int = 4) -> Point:
     x, y, z = (round(float(number), digits) + 0.0 for number in position)
     return x, y, z
+
+
+def _round(number: float | None, digits: int) -> float | None:
+    return None if number is None else round(number, digits)
 
 
 def _rounded_times(times: Array) -> tuple[float, ...]:
