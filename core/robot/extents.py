@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, Tool
+from core.design import GRIPPER_MOUNTS
 from core.geometry import Array, Pose
-from core.robot.kinematics import open_mounts, robot_model
+from core.robot.kinematics import open_mounts
 from core.robot.solids import corners, robot_solids
 from core.values.robots import Robot
 
@@ -60,14 +60,11 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     """Measure the fingers of the open gripper, the left one first; none without a gripper."""
     if robot.gripper is None:
         return ()
-    model = robot_model(robot, Tool(gripper=True))
     poses = open_mounts(robot, True)
     extents = link_extents(robot, True)
     found = []
-    for name in GRIPPER_MOUNTS:
-        joint, in_joint = model.links[name]
-        _, slide = model.axes[joint]
-        opens = _nearest_axis(in_joint.rotation.inv().apply(slide))
+    for name, joint in zip(GRIPPER_MOUNTS, robot.gripper.joints, strict=True):
+        opens = _nearest_axis(robot.description.named[joint].direction)
         tip = _nearest_axis(poses[name].rotation.inv().apply((0.0, 0.0, -1.0)))
         found.append(Finger(name, poses[name], extents[name], opens, tip))
     return tuple(found)

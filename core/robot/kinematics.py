@@ -29,16 +29,12 @@ class RobotModel:
     Attributes:
         model: Pinocchio's.
         data: of the model.
-        axes: for each joint, the direction that it turns about (3,), and that it moves along (3,), in its frame.
-        parents: for each joint, the number of the one before it.
         supports: for each joint, itself and the joints before it.
         links: the number of the joint that moves a link, and the link's pose in that joint's frame.
     """
 
     model: Any
     data: Any
-    axes: tuple[tuple[Array, Array], ...]
-    parents: tuple[int, ...]
     supports: tuple[frozenset[int], ...]
     links: dict[str, tuple[int, Pose]]
 
@@ -92,16 +88,7 @@ def _load(robot: Robot, tool: Tool) -> RobotModel:
             links[frame.name] = frame.parentJoint, pose
 
     supports = tuple(frozenset(support.tolist()) - {0} for support in model.supports)
-
-    axes = [(np.zeros(3), np.zeros(3))]
-    for joint in list(model.joints)[1:]:
-        data = joint.createData()
-        joint.calc(data, pin.neutral(model))
-        motion = np.asarray(data.S).reshape(6)
-        axes.append((motion[3:], motion[:3]))
-    return RobotModel(
-        model, model.createData(), tuple(axes), tuple(model.parents), supports, links
-    )
+    return RobotModel(model, model.createData(), supports, links)
 
 
 def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:

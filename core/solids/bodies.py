@@ -134,7 +134,7 @@ def all_solids(robot: Robot, tool: Tool, bodies: Solids) -> Solids:
     The bodies' frames are behind the joints'.
     """
     links = [solid for solid in link_solids(robot, jointed(tool)) if solid.frame > 0]
-    joints = len(robot_model(robot, tool).parents)
+    joints = robot_model(robot, tool).model.njoints
     others = [
         solid if solid.frame == WORLD else replace(solid, frame=joints + solid.frame)
         for solid in bodies.items
