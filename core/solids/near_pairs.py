@@ -38,9 +38,11 @@ def neighbours(
     owners = tracks.solids.owner_numbers
     others, movers = np.nonzero(near & once & (owners[:, None] != owners[moving]))
     pairs = np.column_stack([moving[movers], others])
-    names = tracks.solids.owners
-    free = [frozenset((names[i], names[j])) not in joined for i, j in pairs.tolist()]
-    return pairs[free]
+    if joined:
+        names = tracks.solids.owners
+        both = [frozenset((names[i], names[j])) for i, j in pairs.tolist()]
+        pairs = pairs[[pair not in joined for pair in both]]
+    return pairs
 
 
 def may_meet(
