@@ -15,8 +15,8 @@ from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.robot.description import assemble, tool_urdf
 from core.robot.trajectory import Motion
 from core.values.robots import Robot
+from plugins.results.workshop.body import bodies
 from plugins.results.workshop.solid import to_mesh
-from plugins.results.workshop.tool import bodies
 
 
 def save_files(

@@ -20,8 +20,11 @@ from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.tracks import body_tracks, robot_tracks
 
-HZ = 25.0  # of the instants at which distances are measured
-NEAR_M = 0.3  # farther things are not measured
+HZ = 25.0
+"""Of the instants at which distances are measured."""
+
+NEAR_M = 0.3
+"""Farther things are not measured."""
 
 
 class Nearest(NamedTuple):
@@ -41,32 +44,35 @@ def clearance(
     scene: Scene, robot: Robot, tool: Tool, recording: Recording
 ) -> list[Nearest]:
     """Measure distances along a recorded rollout, at `HZ`; the nearest first."""
-    chosen = np.unique(
-        np.searchsorted(
-            recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)
-        )
-    )
+    wanted = np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)
+    chosen = np.unique(np.searchsorted(recording.times, wanted))
     taken = subset(recording, chosen[chosen < len(recording.times)])
-    moving = robot_tracks(robot, tool, taken)
+    times = taken.times.tolist()
+
+    gaps = _gaps_to_itself(robot, tool, taken)
+    k = int(gaps.argmin())
+    found = [Nearest("arm", "itself", min(float(gaps[k]), NEAR_M), times[k])]
+
     bodies = body_tracks(scene, robot, taken)
-    joints = joint_values(
-        robot, tool, taken.arm, taken.fingers[:, : len(robot.finger_joints)]
-    )
-    pairs = self_pairs(robot, tool)
-    itself = np.array([-pairs.depths(row).max(initial=-np.inf) for row in joints])
-    rows = [("arm", "itself", float(itself.min()), int(itself.argmin()))]
     parts = {component.name for component in tool.components}
-    for what in ("arm", "tool"):
-        own = [track for track in moving if (track.name in parts) == (what == "tool")]
-        rows += [
-            (what, name, gap, k)
-            for name, (gap, k) in nearest(own, bodies, None).items()
-        ]
-    found = [
-        Nearest(what, to, min(gap, NEAR_M), float(taken.times[k]))
-        for what, to, gap, k in rows
-    ]
+    moving = robot_tracks(robot, tool, taken)
+    links = [track for track in moving if track.name not in parts]
+    components = [track for track in moving if track.name in parts]
+    for what, tracks in (("arm", links), ("tool", components)):
+        for name, (gap, k) in nearest(tracks, bodies, None).items():
+            found.append(Nearest(what, name, min(gap, NEAR_M), times[k]))
     return sorted(found, key=lambda row: row.metres)
+
+
+def _gaps_to_itself(robot: Robot, tool: Tool, recording: Recording) -> Array:
+    """Return the least distance (T,) of the arm to itself and the tool, metres; negative for penetration."""
+    fingers = recording.fingers[:, : len(robot.finger_joints)]
+    pairs = self_pairs(robot, tool)
+    gaps = [
+        -pairs.depths(joints).max(initial=-np.inf)
+        for joints in joint_values(robot, tool, recording.arm, fingers)
+    ]
+    return np.array(gaps)
 
 
 def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
@@ -78,15 +84,16 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
     data = model.createData()
     names = [str(name) for name in model.names][1:]
     columns = [names.index(name) for name in robot.arm_joints]
-    rest = pin.neutral(model)
+    joints = pin.neutral(model)
+    speeds = np.zeros(model.nv)
+    accelerations = np.zeros(model.nv)
+
     found = np.empty_like(motion.positions)
-    for k, rows in enumerate(
-        zip(motion.positions, motion.velocities, motion.accelerations, strict=True)
-    ):
-        values = [rest.copy(), np.zeros(model.nv), np.zeros(model.nv)]
-        for full, row in zip(values, rows, strict=True):
-            full[columns] = row
-        found[k] = pin.rnea(model, data, *values)[columns]
+    for k in range(len(motion.times)):
+        joints[columns] = motion.positions[k]
+        speeds[columns] = motion.velocities[k]
+        accelerations[columns] = motion.accelerations[k]
+        found[k] = pin.rnea(model, data, joints, speeds, accelerations)[columns]
     inertia: Array = motion.accelerations * np.array(robot.motor_inertia)
     return found + inertia
 
@@ -94,24 +101,24 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
 def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
     """Compare a motion with the arm's limits, joint by joint: distance to the nearer end of its range, and shares."""
     arm = arm_of(robot)
-    room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions).min(
-        axis=0
-    )
+    room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions)
+    least_room = room.min(axis=0)
     velocity, acceleration = motion.loads(arm)
     effort = np.abs(torques(robot, tool, motion)).max(axis=0)
-    return [
-        {
+
+    rows = []
+    for i, name in enumerate(robot.arm_joints):
+        limit = arm.effort_limits[i]
+        row = {
             "joint": name,
-            "to_limit_rad": float(room[i]),
+            "to_limit_rad": float(least_room[i]),
             "velocity_share": float(velocity[i]),
             "acceleration_share": float(acceleration[i]),
             "torque_nm": float(effort[i]),
-            "torque_share": float(effort[i] / arm.effort_limits[i])
-            if arm.effort_limits[i] > 0
-            else None,
+            "torque_share": float(effort[i] / limit) if limit > 0 else None,
         }
-        for i, name in enumerate(robot.arm_joints)
-    ]
+        rows.append(row)
+    return rows
 
 
 def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
@@ -121,22 +128,23 @@ def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
     joint of the tool counts at its rest.
     """
     mounts = open_mounts(robot, tool.gripper) | {RIGID_MOUNT: Pose()}
+    placed = tool.placed()
     parts = []
     for component in tool.components:
-        mount, pose = tool.placed()[component.name]
-        at = robot.mount @ mounts[mount] @ pose
-        turn, (center, tensor) = (
-            at.rotation.as_matrix(),
-            mass_properties(component.shape, component.mass),
-        )
-        parts.append((component.mass, at.apply(center), turn @ tensor @ turn.T))
-    mass, center, tensor = (
-        merge_inertias(parts) if parts else (0.0, np.zeros(3), np.zeros((3, 3)))
-    )
+        mount, pose = placed[component.name]
+        in_link = robot.mount @ mounts[mount] @ pose
+        turn = in_link.rotation.as_matrix()
+        center, inertia = mass_properties(component.shape, component.mass)
+        turned = turn @ inertia @ turn.T
+        parts.append((component.mass, in_link.apply(center), turned))
+
+    mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))  # of the bare hand
+    if parts:
+        mass, center, inertia = merge_inertias(parts)
     return {
         "frame": robot.mount_link,
         "mass_kg": round(mass, 6),
         "center_m": np.round(center, 6).tolist(),
-        "inertia_kg_m2": np.round(tensor, 9).tolist(),
+        "inertia_kg_m2": np.round(inertia, 9).tolist(),
         "share_of_payload": round(mass / robot.payload_kg, 4),
     }

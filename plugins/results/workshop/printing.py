@@ -31,9 +31,7 @@ PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
 _SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
-_SPOT_MM2 = (
-    5.0  # a surface of this size decides how thin a wall is; less of it is an edge
-)
+_SPOT_MM2 = 5.0  # of a surface that decides how thin a wall is; less of it is an edge
 _WALL = 0.96  # cosine up to which two faces make a wall; beyond it they meet at an edge
 _FLAT = 0.999  # cosine up to which two faces lie in one plane
 _SIDES = 24  # on which a piece may be laid; the largest are tried first
@@ -48,9 +46,31 @@ class Check(NamedTuple):
     mend: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.found}" + (
-            f"; {self.mend}" if self.passed is False and self.mend else ""
-        )
+        text = f"{self.name}: {self.found}"
+        if self.passed is False and self.mend:
+            text += f"; {self.mend}"
+        return text
+
+
+class Lying(NamedTuple):
+    """A mesh as it lies on the plate, whether it ``fits``, and the (4, 4) matrix that takes it ``back``."""
+
+    mesh: trimesh.Trimesh
+    fits: bool
+    back: Array
+
+
+class Way(NamedTuple):
+    """A way to lay a mesh: by how many millimetres it exceeds the plate, what touches, mm², and its (4, 4) matrix."""
+
+    excess: float
+    touching: float
+    matrix: Array
+
+    @property
+    def order(self) -> tuple[float, float]:
+        """The least is the best."""
+        return max(self.excess, 0.0), -self.touching
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,40 +110,37 @@ def print_part(
 ) -> PrintedPart:
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
     mesh = to_mesh(solid)
-    plate = printer.plate_mm
-    lying, fits, back = lay(mesh, plate)
+    lying = lay(mesh, printer.plate_mm)
+    checks = [_check_closed(lying.mesh), whole, _check_walls(mesh, weld_mm, printer)]
+    if not material.metal:
+        checks.append(_check_plate(lying, printer))
+
+    metres = Mesh(np.asarray(lying.mesh.vertices) / 1000, np.asarray(lying.mesh.faces))
+    density = material.density_kg_m3 or 1000 * PLA_G_PER_CM3
+    mass_g = 1000 * material.volume_of(metres) * density
+    return PrintedPart(
+        name, solid, lying.mesh, lying.back, weld_mm, mass_g, tuple(checks)
+    )
+
+
+def _check_closed(mesh: trimesh.Trimesh) -> Check:
+    if closed(mesh):
+        return Check("watertight", True, "closed")
+    return Check("watertight", False, "the surface is not closed")
+
+
+def _check_walls(mesh: trimesh.Trimesh, weld_mm: float, printer: Printer) -> Check:
     wall = thinnest(mesh) - 2 * weld_mm
-    whole_skin = closed(lying)
-    size = " × ".join(f"{side:.0f}" for side in lying.extents)
-    room = " × ".join(f"{side:g}" for side in plate)
-    walls = f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"
-    checks = (
-        Check(
-            "watertight",
-            whole_skin,
-            "closed" if whole_skin else "the surface is not closed",
-        ),
-        whole,
-        Check("walls", wall >= printer.min_wall_mm, walls),
-        *(
-            []
-            if material.metal
-            else [
-                Check(
-                    "fits the plate",
-                    fits,
-                    f"{size} mm as it lies, the plate is {room} mm",
-                )
-            ]
-        ),
-    )
-    metres = Mesh(np.asarray(lying.vertices) / 1000, np.asarray(lying.faces))
-    mass_g = (
-        1000
-        * material.volume_of(metres)
-        * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
-    )
-    return PrintedPart(name, solid, lying, back, weld_mm, mass_g, checks)
+    least = printer.min_wall_mm
+    found = f"thinnest {wall:.2f} mm, at least {least:g} mm"
+    return Check("walls", wall >= least, found)
+
+
+def _check_plate(lying: Lying, printer: Printer) -> Check:
+    size = " × ".join(f"{side:.0f}" for side in lying.mesh.extents)
+    room = " × ".join(f"{side:g}" for side in printer.plate_mm)
+    found = f"{size} mm as it lies, the plate is {room} mm"
+    return Check("fits the plate", lying.fits, found)
 
 
 def joined(
@@ -133,97 +150,99 @@ def joined(
     solids = [union([shape]) for shape in shapes]
     joints = networkx.empty_graph(len(solids))
     for a, b in itertools.combinations(range(len(solids)), 2):
-        (one, other) = (np.reshape(solids[i].bounding_box(), (2, 3)) for i in (a, b))
-        if (
-            np.maximum(one[0], other[0]) > np.minimum(one[1], other[1])
-        ).any() or networkx.has_path(joints, a, b):
+        if networkx.has_path(joints, a, b):
             continue
-        shared = solids[a] ^ solids[b]
-        if (
-            not shared.is_empty()
-            and sorted(to_mesh(shared).bounding_box_oriented.extents)[1]
-            >= printer.min_wall_mm
-        ):
+        if _joint_width(solids[a], solids[b]) >= printer.min_wall_mm:
             joints.add_edge(a, b)
-    gaps = (
-        f", gaps closed by {weld_mm:g} mm on each side" if weld_mm > WELDS_MM[0] else ""
-    )
-    loose = [
-        name for i, name in enumerate(names) if not networkx.has_path(joints, 0, i)
-    ]
-    if not loose:
-        return Check(
-            "one piece",
-            True,
-            f"{len(solids)} component{'s' if len(solids) > 1 else ''}{gaps}",
-        )
-    thin = (
-        f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{gaps}"
-    )
-    return Check("one piece", False, thin)
+
+    gaps = ""
+    if weld_mm > WELDS_MM[0]:
+        gaps = f", gaps closed by {weld_mm:g} mm on each side"
+    connected = networkx.node_connected_component(joints, 0)
+    loose = [name for i, name in enumerate(names) if i not in connected]
+    if loose:
+        thin = "held by a joint thinner than a wall, or by none"
+        return Check("one piece", False, f"{thin}: {', '.join(loose[:3])}{gaps}")
+    plural = "s" if len(solids) > 1 else ""
+    return Check("one piece", True, f"{len(solids)} component{plural}{gaps}")
+
+
+def _joint_width(solid: Any, other: Any) -> float:
+    """Measure what two solids share across its second longest side, mm; -inf: they share nothing."""
+    low, high = np.reshape(solid.bounding_box(), (2, 3))
+    other_low, other_high = np.reshape(other.bounding_box(), (2, 3))
+    if (np.maximum(low, other_low) > np.minimum(high, other_high)).any():
+        return -math.inf
+    shared = solid ^ other
+    if shared.is_empty():
+        return -math.inf
+    return float(sorted(to_mesh(shared).bounding_box_oriented.extents)[1])
 
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
     """The least thickness of a wall: from points of the surface straight in, to where the ray leaves the body."""
     areas = np.asarray(mesh.area_faces)
-    normals = np.asarray(mesh.face_normals)
     sound = np.flatnonzero(areas > _SLIVER_MM2)
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
     kept = areas[faces] > _SLIVER_MM2
-    share = float(areas.sum()) / _SAMPLES
-    stands_for = np.concatenate(
-        [np.full(int(kept.sum()), share), np.minimum(areas[sound], share)]
-    )  # mm^2
     points = np.vstack([points[kept], mesh.triangles_center[sound]])
-    inward = -normals[np.concatenate([faces[kept], sound])]
+    inward = -np.asarray(mesh.face_normals)[np.concatenate([faces[kept], sound])]
+
+    share = float(areas.sum()) / _SAMPLES
+    sampled = np.full(int(kept.sum()), share)
+    stands_for = np.concatenate([sampled, np.minimum(areas[sound], share)])  # mm²
+
     solid = manifold(mesh)
-    found = np.full(len(points), np.inf)
-    for number, (start, direction) in enumerate(zip(points, inward, strict=True)):
-        for hit in solid.ray_cast(start, start + mesh.scale * direction):
-            length = float((np.asarray(hit.position) - start) @ direction)
-            facing = float(np.dot(hit.normal, direction))
-            if length > _SKIN_MM and facing > 1e-6:
-                found[number] = length if facing > _WALL else np.inf
-                break
-    order = np.argsort(found)
-    return float(
-        found[order][
-            np.searchsorted(
-                np.cumsum(stands_for[order]), min(_SPOT_MM2, stands_for.sum())
-            )
+    found = np.array(
+        [
+            _measure_wall(solid, start, direction, mesh.scale)
+            for start, direction in zip(points, inward, strict=True)
         ]
     )
+    order = np.argsort(found)
+    spot = min(_SPOT_MM2, stands_for.sum())
+    decides = np.searchsorted(np.cumsum(stands_for[order]), spot)
+    return float(found[order][decides])
 
 
-def lay(
-    mesh: trimesh.Trimesh, plate: Sequence[float]
-) -> tuple[trimesh.Trimesh, bool, Array]:
-    """Lay a mesh on one of its sides and turn it so that it fits the plate; of the ways that fit, the one that touches
-    the plate most, else the one that exceeds it least.
+def _measure_wall(solid: Any, start: Array, direction: Array, length: float) -> float:
+    """Measure how far it is from a point of a surface to the other side of a wall; inf: there is none."""
+    for hit in solid.ray_cast(start, start + length * direction):
+        thickness = float((np.asarray(hit.position) - start) @ direction)
+        facing = float(np.dot(hit.normal, direction))
+        if thickness > _SKIN_MM and facing > 1e-6:
+            return thickness if facing > _WALL else math.inf
+    return math.inf
 
-    Returns:
-        The mesh as it lies, whether it fits, and the (4, 4) matrix that takes it back.
+
+def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> Lying:
+    """Lay a mesh on one of its sides and turn it so that it fits the plate.
+
+    Of the ways that fit it is the one that touches the plate most, else the one that exceeds it least.
     """
     hull = mesh.convex_hull
     by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
-    ways: list[tuple[tuple[bool, float, float], Array]] = []
-    for down in [hull.facets_normal[i] for i in by_area] or [
-        np.array([0.0, 0.0, -1.0])
-    ]:
-        turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
-        angle, excess = _turn(hull.vertices @ turned[:3, :3].T, plate)
-        touching = float(
-            mesh.area_faces[np.asarray(mesh.face_normals) @ down > _FLAT].sum()
-        )
-        matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
-        ways.append(((excess > 0, max(excess, 0.0), -touching), matrix))
-    (exceeds, *_), matrix = min(ways, key=lambda way: way[0])
-    lying = mesh.copy().apply_transform(matrix)
+    sides = [hull.facets_normal[i] for i in by_area] or [np.array([0.0, 0.0, -1.0])]
+    ways = [_lay_on(mesh, hull.vertices, side, plate) for side in sides]
+    best = min(ways, key=lambda way: way.order)
+
+    lying = mesh.copy().apply_transform(best.matrix)
     low, high = lying.bounds
-    moved = trimesh.transformations.translation_matrix(
-        [*(-(low + high)[:2] / 2), -low[2]]
-    )
-    return lying.apply_transform(moved), not exceeds, np.linalg.inv(moved @ matrix)
+    to_middle = [*(-(low + high)[:2] / 2), -low[2]]
+    moved = trimesh.transformations.translation_matrix(to_middle)
+    back = np.linalg.inv(moved @ best.matrix)
+    return Lying(lying.apply_transform(moved), best.excess <= 0, back)
+
+
+def _lay_on(
+    mesh: trimesh.Trimesh, corners: Array, down: Array, plate: Sequence[float]
+) -> Way:
+    """Lay a mesh with the corners (N, 3) of its hull on the side that looks ``down`` (3,)."""
+    turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
+    angle, excess = _turn(corners @ turned[:3, :3].T, plate)
+    looks_down = np.asarray(mesh.face_normals) @ down > _FLAT
+    matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
+    return Way(excess, float(mesh.area_faces[looks_down].sum()), matrix)
 
 
 def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:

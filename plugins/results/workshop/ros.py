@@ -15,9 +15,8 @@ from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 
-_EVERY_S = (
-    0.01  # between two points: a controller joins them by splines of fifth degree
-)
+_EVERY_S = 0.01
+"""Between two points: a controller joins them by splines of fifth degree."""
 
 
 def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) -> None:
@@ -26,33 +25,33 @@ def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) ->
     Raises:
         UserError: a file can't be written.
     """
-    write_bytes(
-        folder / "trajectory.yaml", _yaml(trajectory_message(robot, motion)).encode()
-    )
-    write_bytes(folder / "scene.yaml", _yaml(scene_message(robot, scene)).encode())
-
-
-def _yaml(message: dict[str, Any]) -> str:
-    return str(
-        yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120)
-    )
+    messages = {
+        "trajectory": trajectory_message(robot, motion),
+        "scene": scene_message(robot, scene),
+    }
+    for name, message in messages.items():
+        text = yaml.safe_dump(
+            message, sort_keys=False, default_flow_style=None, width=120
+        )
+        write_bytes(folder / f"{name}.yaml", text.encode())
 
 
 def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
     """Return the motion as a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms and at its end."""
     points = []
-    for k in motion.every(_EVERY_S):
-        seconds = float(motion.times[k])
+    for sample in motion.every(_EVERY_S):
+        seconds = float(motion.times[sample])
+        time_from_start = {
+            "sec": math.floor(seconds),
+            "nanosec": round(seconds % 1 * 1e9),
+        }
         points.append(
             {
-                "positions": _rounded(motion.positions[k]),
-                "velocities": _rounded(motion.velocities[k]),
-                "accelerations": _rounded(motion.accelerations[k]),
+                "positions": _rounded(motion.positions[sample]),
+                "velocities": _rounded(motion.velocities[sample]),
+                "accelerations": _rounded(motion.accelerations[sample]),
                 "effort": [],
-                "time_from_start": {
-                    "sec": math.floor(seconds),
-                    "nanosec": round(seconds % 1 * 1e9),
-                },
+                "time_from_start": time_from_start,
             }
         )
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
@@ -64,21 +63,21 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
 
     Poses are in the frame of the arm's base.
     """
-    base = robot.description.root
+    header = {"frame_id": robot.description.root}
     objects = []
     for body in scene.bodies:
-        at = robot.base.inverse() @ body.pose
+        pose = robot.base.inverse() @ body.pose
         entry: dict[str, Any] = {
             "id": body.name,
-            "header": {"frame_id": base},
-            "pose": _pose(at),
+            "header": dict(header),
+            "pose": _pose(pose),
         }
-        for part in body.visuals if isinstance(body, Soft) else body.collisions:
+        shapes = body.visuals if isinstance(body, Soft) else body.collisions
+        for part in shapes:
             kind, data = _shape(part.shape)
+            poses = "mesh_poses" if kind == "meshes" else "primitive_poses"
             entry.setdefault(kind, []).append(data)
-            entry.setdefault(
-                "mesh_poses" if kind == "meshes" else "primitive_poses", []
-            ).append(_pose(part.pose))
+            entry.setdefault(poses, []).append(_pose(part.pose))
         objects.append(entry)
     return {
         "is_diff": True,

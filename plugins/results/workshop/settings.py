@@ -50,7 +50,13 @@ class Fit:
     insert_mm: float = 4.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            low, high = (0.8, 500) if name in ("plate_mm", "insert_mm") else (0, 5)
+        limits = {
+            "plate_mm": (0.8, 500),
+            "clearance_mm": (0, 5),
+            "sleeve_mm": (0, 5),
+            "insert_mm": (0.8, 500),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
             if not low <= value <= high:
                 raise UsageError(f"fit.{name} must be {low} to {high} mm, got {value}")

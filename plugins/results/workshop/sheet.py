@@ -12,17 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from core.design import RIGID_MOUNT
+from core.design import RIGID_MOUNT, Tool
 from core.designs.statics import flange_moment
-from core.interfaces import Task
+from core.interfaces import Material, Task
 from core.scene import Scene
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.pages.page import in_viewer, render
 from plugins.results.pages.tools import size
 from plugins.results.workshop.clearance import payload
-from plugins.results.workshop.motion import PlayedMotion, Sampled
-from plugins.results.workshop.printing import Check
+from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.printing import Check, PrintedPart
+from plugins.results.workshop.replay import PlayedMotion
 from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.verdicts import carried, printable, strong
@@ -40,71 +41,79 @@ def figures(
     tool = made.tool
     material = made.material
     robot = task.robot
-    load = payload(robot, made.printed)
     verdicts = [
         *carried(made.printed, robot, material),
         *printable(made.parts, made.checks),
         *strong(material, strengths, task),
     ]
-    held = {row.component: asdict(row) for row in strengths}
-    components = [
-        {
-            "name": c.name,
-            "size_mm": np.round(1000 * c.shape.bounds[1], 1).tolist(),
-            "mass_kg": c.mass,
-        }
-        | held.get(c.name, {})
-        for c in tool.components
-    ]
+    factors = [row.safety for row in strengths if row.safety is not None]
+    load = payload(robot, made.printed)
     return {
         "tool": tool.name or "a tool",
         "task": task.name,
         "date": datetime.now().astimezone().date().isoformat(),
         "robot": robot.title,
-        "material": f"{material.name}, {material.filling}"
-        if material.density_kg_m3
-        else "paper, nothing real",
+        "material": _describe_material(material),
         "mass_kg": load["mass_kg"],
         "center_m": load["center_m"],
         "frame": load["frame"],
         "moment_nm": flange_moment(made.printed, robot),
-        "pieces": [
-            {
-                "name": part.name,
-                "file": part.file,
-                "size_mm": np.round(part.mesh.extents, 2).tolist(),
-                "volume_cm3": round(float(part.mesh.volume) / 1000, 3),
-                "mass_g": round(part.mass_g, 2),
-                "to_mount": np.round(part.to_mount, 6).tolist(),
-            }
-            for part in made.parts
-        ],
+        "pieces": [_describe_piece(part) for part in made.parts],
         "hardware": list(made.hardware),
-        "flange": _flange(robot) if RIGID_MOUNT in tool.mounts else None,
-        "parts": sorted(components, key=lambda part: part.get("safety") or math.inf),
-        "least_safety": min(
-            (row.safety for row in strengths if row.safety is not None), default=None
-        ),
+        "flange": _describe_flange(robot) if RIGID_MOUNT in tool.mounts else None,
+        "parts": _describe_components(tool, strengths),
+        "least_safety": min(factors, default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
         "how": HOW.format("" if material.metal else "layers, "),
     }
 
 
-def _flange(robot: Robot) -> str:
+def _describe_material(material: Material) -> str:
+    if not material.density_kg_m3:
+        return "paper, nothing real"
+    return f"{material.name}, {material.filling}"
+
+
+def _describe_piece(part: PrintedPart) -> dict[str, Any]:
+    return {
+        "name": part.name,
+        "file": part.file,
+        "size_mm": np.round(part.mesh.extents, 2).tolist(),
+        "volume_cm3": round(float(part.mesh.volume) / 1000, 3),
+        "mass_g": round(part.mass_g, 2),
+        "to_mount": np.round(part.to_mount, 6).tolist(),
+    }
+
+
+def _describe_components(
+    tool: Tool, strengths: Sequence[Strength]
+) -> list[dict[str, Any]]:
+    """Return the components with what they bear, the weakest first."""
+    borne = {row.component: asdict(row) for row in strengths}
+    components = []
+    for component in tool.components:
+        row = {
+            "name": component.name,
+            "size_mm": np.round(1000 * component.shape.bounds[1], 1).tolist(),
+            "mass_kg": component.mass,
+        }
+        components.append(row | borne.get(component.name, {}))
+    return sorted(components, key=lambda row: row.get("safety") or math.inf)
+
+
+def _describe_flange(robot: Robot) -> str:
     """Describe the ring of bolts, seen against the mount's z."""
     flange = robot.flange
-    turn = math.degrees(robot.flange.bolt_angle)
     ring = f"{flange.bolts} x {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
-    recess = (
-        "" if flange.centring_m is None else f"; recess {1000 * flange.centring_m:g} mm"
-    )
-    pin = (
-        ""
-        if flange.pin_angle is None
-        else f"; pin {1000 * flange.pin_m:g} mm at {math.degrees(flange.pin_angle):g}°"
-    )
-    return f"{ring}, the first at {turn:g}° from the mount's x; disc {2000 * flange.disc.radius:g} mm{recess}{pin}"
+    first = f"the first at {math.degrees(flange.bolt_angle):g}° from the mount's x"
+    text = f"{ring}, {first}; disc {2000 * flange.disc.radius:g} mm"
+    if flange.centring_m is not None:
+        text += f"; recess {1000 * flange.centring_m:g} mm"
+    if flange.pin_angle is not None:
+        angle = math.degrees(flange.pin_angle)
+        text += f"; pin {1000 * flange.pin_m:g} mm at {angle:g}°"
+    return text
 
 
 def write_sheet(
@@ -122,23 +131,22 @@ def write_sheet(
     """
     robot = task.robot
     tool = made.tool
-    said = figures(
-        made, measured(tool, robot, made.material, scene, motion, replays), task
-    )
-    checks = [Check(**verdict) for verdict in said["verdicts"]]
+    strengths = measured(tool, robot, made.material, scene, motion, replays)
+    data = figures(made, strengths, task)
+    checks = [Check(**verdict) for verdict in data["verdicts"]]
+    failing = [check for check in checks if check.passed is False]
+    unknown = [check for check in checks if check.passed is None]
+    passed = [check for check in checks if check.passed is True]
+
     page = render(
         "sheet.html.j2",
         folder,
-        [in_viewer(tool, robot, said["tool"], size(tool, robot))],
-        title=said["tool"],
-        said=said,
-        checks=sorted(
-            checks, key=lambda check: (check.passed is not False, check.passed is True)
-        ),
-        failing={
-            check.name.partition(", ")[2] for check in checks if check.passed is False
-        },
+        [in_viewer(tool, robot, data["tool"], size(tool, robot))],
+        title=data["tool"],
+        said=data,
+        checks=[*failing, *unknown, *passed],
+        failing={check.name.partition(", ")[2] for check in failing},
     )
     write_bytes(folder / "sheet.html", page.encode())
-    write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())
+    write_bytes(folder / "sheet.json", (json.dumps(data, indent=2) + "\n").encode())
     return checks

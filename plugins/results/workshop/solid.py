@@ -6,7 +6,7 @@ Shapes are in metres, in the frame of the mount, with all joints at 0; solids an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -19,21 +19,29 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool, ToolJoint
 from core.geometry import Array, Box, Compound, Cylinder, Mesh, Pose, Shape, resized
 
 Placed = tuple[Shape | Compound, Pose]
+
 NAMES = {
     RIGID_MOUNT: "tool",
     GRIPPER_MOUNTS[0]: "left",
     GRIPPER_MOUNTS[1]: "right",
-}  # others have their joints' names
+}
+"""Of links that mounts bear; others have their joints' names."""
 
-# By how much each side of a component is moved out, so that components that touch, or nearly do, become one body: the
-# least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
 WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
+"""By how much each side of a component is moved out, so that components that touch, or nearly do, become one body.
 
-# Where all sides moved out alike, an edge of one component may lie in a face of another, and their union touch itself
-# along it, which is no closed surface. So each component is moved out by a little less than the one before.
-UNEVEN = 0.4  # share of the weld by which the last one is moved out less
+The least that does it is taken. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
+"""
 
-SHORTEST_MM = 1e-3  # of a mesh's edges: STL files have single precision, in which shorter ones vanish and leave holes
+UNEVEN = 0.4
+"""The share of the weld by which the last component is moved out less.
+
+Where all sides moved out alike, an edge of one component may lie in a face of another, and their union touch itself
+along it, which is no closed surface. So each component is moved out by a little less than the one before.
+"""
+
+SHORTEST_MM = 1e-3
+"""Of a mesh's edges: STL files have single precision, in which shorter ones vanish and leave holes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +54,7 @@ class ToolLink:
         names: of its components.
         shapes: of its components, and their poses.
         parent: the bearer of the link that it moves on; with ``joint``.
-        joint: what moves it; ``frame`` is its place.
+        joint: what moves it.
     """
 
     bearer: str
@@ -55,59 +63,52 @@ class ToolLink:
     shapes: tuple[Placed, ...]
     parent: str = ""
     joint: ToolJoint | None = None
-    frame: Pose = field(default_factory=Pose)
 
     @property
     def name(self) -> str:
         return NAMES.get(self.bearer, self.bearer)
 
-    @property
-    def axes(self) -> Array:
-        """The directions (3 K, 3) of K components, to which cuts are square."""
-        return np.vstack([pose.rotation.as_matrix().T for _, pose in self.shapes])
-
-    def grown(self, by: float, uneven: float = 0.0) -> list[Placed]:
-        """Return its shapes with each side moved out by millimetres: the last shape's by the share ``uneven`` less."""
-        steps = uneven / max(1, len(self.shapes) - 1)
-        return [
-            placed
-            for n, one in enumerate(self.shapes)
-            for placed in widened([one], by * (1 - n * steps))
-        ]
+    def grown(self, weld_mm: float, uneven: float = 0.0) -> list[Placed]:
+        """Return its shapes with each side moved out: the last shape's by the share ``uneven`` less."""
+        step = uneven / max(1, len(self.shapes) - 1)
+        grown = []
+        for number, placed in enumerate(self.shapes):
+            grown += widened([placed], weld_mm * (1 - number * step))
+        return grown
 
 
 def links_of(tool: Tool) -> list[ToolLink]:
     """Return the links of a tool, in the order of their first components."""
     placed = tool.placed()
-    links = list[ToolLink]()
-    components = {c.name: c for c in tool.components}
-    joints = {of.name: of for of in tool.bearers}
-    for bearer in dict.fromkeys(bearer for bearer, _ in tool.borne.values()):
-        own = [name for name in components if tool.borne[name][0] == bearer]
-        shapes = tuple((components[name].shape, placed[name][1]) for name in own)
-        moved: tuple[Any, ...] = ()
+    components = {component.name: component for component in tool.components}
+    joints = {bearer.name: bearer for bearer in tool.bearers}
+    names: dict[str, list[str]] = {}
+    for name, (bearer, _) in tool.borne.items():
+        names.setdefault(bearer, []).append(name)
+
+    links = []
+    for bearer, members in names.items():
+        shapes = [(components[name].shape, placed[name][1]) for name in members]
+        mount = placed[members[0]][0]
+        link = ToolLink(bearer, mount, tuple(members), tuple(shapes))
         if bearer in joints:
-            moved = (
-                joints[bearer].parent,
-                joints[bearer].joint,
-                placed[bearer][1] @ components[bearer].link,
-            )
-        links.append(ToolLink(bearer, placed[own[0]][0], tuple(own), shapes, *moved))
+            joint = joints[bearer]
+            link = replace(link, parent=joint.parent, joint=joint.joint)
+        links.append(link)
     return links
 
 
-def widened(shapes: Sequence[Placed], by: float) -> list[Placed]:
-    """Move each side of shapes out by millimetres; by little, what is hollow stays: its inner walls would move, too."""
-    stays = by <= WELDS_MM[0]
-    return [
-        (
-            shape
-            if stays and isinstance(shape, Compound)
-            else resized(shape, shape.bounds[1] + 0.002 * by),
-            pose,
-        )
-        for shape, pose in shapes
-    ]
+def widened(shapes: Sequence[Placed], weld_mm: float) -> list[Placed]:
+    """Move each side of shapes out; by little, what is hollow stays: its inner walls would move, too."""
+    stays = weld_mm <= WELDS_MM[0]
+    moved: list[Placed] = []
+    for shape, pose in shapes:
+        if stays and isinstance(shape, Compound):
+            moved.append((shape, pose))
+        else:
+            size = shape.bounds[1] + 0.002 * weld_mm
+            moved.append((resized(shape, size), pose))
+    return moved
 
 
 def union(shapes: Sequence[Placed]) -> Any:
@@ -118,11 +119,15 @@ def union(shapes: Sequence[Placed]) -> Any:
 @lru_cache(maxsize=256)
 def _union(shapes: tuple[Placed, ...]) -> Any:
     if len(shapes) != 1:
-        return manifold3d.Manifold.batch_boolean(
-            [_union((placed,)) for placed in shapes], manifold3d.OpType.Add
-        )
+        return joined_solids([_union((placed,)) for placed in shapes])
     ((shape, pose),) = shapes
-    return manifold(shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0))
+    mesh = shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0)
+    return manifold(mesh)
+
+
+def joined_solids(solids: Sequence[Any]) -> Any:
+    """Return the union of Manifolds."""
+    return manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
 
 
 def manifold(mesh: trimesh.Trimesh) -> Any:
@@ -163,6 +168,5 @@ def rod(start: Array, end: Array, radius: float) -> Placed:
     """Return a cylinder from one point to another, in metres."""
     way = end - start
     turn, _ = Rotation.align_vectors(way[None], np.array([[0.0, 0.0, 1.0]]))
-    return Cylinder(radius, float(np.linalg.norm(way))), Pose.from_rotation(
-        (start + end) / 2, turn
-    )
+    length = float(np.linalg.norm(way))
+    return Cylinder(radius, length), Pose.from_rotation((start + end) / 2, turn)

@@ -30,18 +30,15 @@ _MARKUP = re.compile(
 
 def text_of(name: str) -> str:
     """Return a text as it is."""
-    return (
-        importlib.resources.files(__package__)
-        .joinpath("templates", name)
-        .read_text(encoding="utf-8")
-    )
+    folder = importlib.resources.files(__package__) / "templates"
+    return (folder / name).read_text(encoding="utf-8")
 
 
 def plain(value: Any) -> Any:
     """Escape what Markdown and HTML read as markup in a text of others, and make it one line."""
-    return (
-        _MARKUP.sub(r"\\\g<0>", clean(value, 600)) if isinstance(value, str) else value
-    )
+    if not isinstance(value, str):
+        return value
+    return _MARKUP.sub(r"\\\g<0>", clean(value, 600))
 
 
 def filled(name: str, **values: Any) -> str:
@@ -81,7 +78,8 @@ def write_programs(
 
 def every(move: Sampled, seconds: float) -> list[tuple[float, list[float]]]:
     """Return time and joints of the samples nearest to multiples of ``seconds``, and of the last."""
-    return [
-        (float(move.times[k]), np.round(move.positions[k], 6).tolist())
-        for k in move.every(seconds)
-    ]
+    rows = []
+    for sample in move.every(seconds):
+        joints = np.round(move.positions[sample], 6).tolist()
+        rows.append((float(move.times[sample]), joints))
+    return rows

@@ -42,19 +42,14 @@ def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
     """Judge whether an arm carries a tool."""
     heaviest = max(tool.components, key=lambda component: component.mass)
     mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
-    (most, why), moment, bears = (
-        mass_limit(robot, material),
-        flange_moment(tool, robot),
-        moment_limit(robot),
-    )
+    most, why = mass_limit(robot, material)
+    weighs = f"{tool.mass:.3f} kg; {why}"
+    moment = flange_moment(tool, robot)
+    bears = moment_limit(robot)
+    turns = f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m"
     return [
-        Check("mass", tool.mass <= most, f"{tool.mass:.3f} kg; {why}", mend),
-        Check(
-            "moment",
-            moment <= bears,
-            f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m",
-            mend,
-        ),
+        Check("mass", tool.mass <= most, weighs, mend),
+        Check("moment", moment <= bears, turns, mend),
     ]
 
 
@@ -62,17 +57,19 @@ def printable(
     parts: Sequence[PrintedPart], checks: Sequence[Check] = ()
 ) -> list[Check]:
     """Name what was checked of parts by these, and add what to change; ``checks`` are those of the whole tool."""
-    named = [(check.name, check) for check in checks]
-    named += [
-        (f"{check.name}, {part.name}", check) for part in parts for check in part.checks
-    ]
-    return [check._replace(name=name, mend=_mend(check.name)) for name, check in named]
+    found = [check._replace(mend=_mend(check.name)) for check in checks]
+    for part in parts:
+        for check in part.checks:
+            name = f"{check.name}, {part.name}"
+            found.append(check._replace(name=name, mend=_mend(check.name)))
+    return found
 
 
 def _mend(name: str) -> str:
-    return next(
-        (mend for begins, mend in _MENDS.items() if name.startswith(begins)), ""
-    )
+    for begins, mend in _MENDS.items():
+        if name.startswith(begins):
+            return mend
+    return ""
 
 
 def strong(
@@ -83,51 +80,48 @@ def strong(
 ) -> list[Check]:
     """Judge strength and stiffness of components; where all bear what they must, the weakest is named."""
     if material.strength_pa is None:
-        return [
-            Check(
-                "strength",
-                None,
-                f"material={material.name} has no strength: choose one, such as material=pla",
-            )
-        ]
-    weak = sorted(
-        (row.safety, i, row)
-        for i, row in enumerate(strengths)
-        if row.safety is not None
-    )
-    failing = [of for of in weak if of[0] < safety]
-    found = []
-    for factor, _, row in failing or weak[:1]:
-        thicker = math.ceil(10 * math.sqrt(safety / factor)) / 10
-        mend = (
-            f"{row.load} loads it with {row.newtons:.1f} N at {1000 * row.lever_m:.0f} mm: make {row.component} about "
-            f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
-        )
-        bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
-        found.append(Check(f"strength, {row.component}", not failing, bears, mend))
+        choose = f"material={material.name} has no strength: choose one, such as material=pla"
+        return [Check("strength", None, choose)]
+
+    factors = [(row, row.safety) for row in strengths if row.safety is not None]
+    factors.sort(key=lambda pair: pair[1])
+    weak = [pair for pair in factors if pair[1] < safety]
+    checks = [
+        _judge_strength(row, factor, safety) for row, factor in weak or factors[:1]
+    ]
     softest = max(strengths, key=lambda row: row.bend_m, default=None)
-    allowed = BENT * tolerance(task)
-    if softest is not None and softest.bend_m > min(SOFT_M, allowed):
-        bends = f"{softest.load} bends it by {1000 * softest.bend_m:.1f} mm at {softest.component}"
-        said = f"{bends}, and engines took it to be rigid; at most {1000 * allowed:.3g} mm are allowed"
-        found.append(
-            Check(
-                "rigid",
-                None if softest.bend_m <= allowed else False,
-                said,
-                _mend("rigid"),
-            )
-        )
-    return found
+    allowed_m = BENT * tolerance(task)
+    if softest is not None and softest.bend_m > min(SOFT_M, allowed_m):
+        checks.append(_judge_stiffness(softest, allowed_m))
+    return checks
+
+
+def _judge_strength(row: Strength, factor: float, safety: float) -> Check:
+    bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
+    thicker = math.ceil(10 * math.sqrt(safety / factor)) / 10
+    mend = (
+        f"{row.load} loads it with {row.newtons:.1f} N at {1000 * row.lever_m:.0f} mm: make {row.component} about "
+        f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
+    )
+    return Check(f"strength, {row.component}", factor >= safety, bears, mend)
+
+
+def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
+    """Fail what bends by more than is allowed, and note the rest."""
+    bends = f"{row.load} bends it by {1000 * row.bend_m:.1f} mm at {row.component}"
+    allowed = f"at most {1000 * allowed_m:.3g} mm are allowed"
+    passed = False if row.bend_m > allowed_m else None
+    found = f"{bends}, and engines took it to be rigid; {allowed}"
+    return Check("rigid", passed, found, _mend("rigid"))
 
 
 def tolerance(task: Task) -> float:
     """Return the least tolerance of a task's goals that is a length, metres."""
     kinds = {joint.name: joint.kind for joint in task.scene(0).joints}
-    lengths = [
-        goal.tolerance
-        for goal in task.goals
-        if isinstance(goal, Placed)
-        or (isinstance(goal, JointAt) and kinds.get(goal.joint) == "slider")
-    ]
+    lengths = []
+    for goal in task.goals:
+        slides = isinstance(goal, JointAt) and kinds.get(goal.joint) == "slider"
+        if slides or isinstance(goal, Placed):
+            lengths.append(goal.tolerance)
+
     return min((length for length in lengths if length > 0), default=TOLERANCE_M)

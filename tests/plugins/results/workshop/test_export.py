@@ -16,13 +16,9 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import (
-    checklist,
-    compare_rewards,
-    configured,
-    export,
-    main,
-)
+from plugins.results.workshop.command import configured, export, main
+from plugins.results.workshop.export import compare_rewards
+from plugins.results.workshop.files import checklist
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 

@@ -6,9 +6,9 @@ import trimesh
 from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.values.materials import PAPER
+from plugins.results.workshop.body import bodies
 from plugins.results.workshop.printing import grams, lay, thinnest
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.tool import bodies
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
 

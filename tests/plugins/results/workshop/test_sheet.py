@@ -9,9 +9,10 @@ import pytest
 
 from core.design import Tool
 from core.plugins import installed
+from plugins.results.workshop.loads import Instant, Load
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import figures
-from plugins.results.workshop.strength import Load, Strength, strength
+from plugins.results.workshop.strength import Strength, strength
 from plugins.results.workshop.tool import PrintedTool, make_tool
 from plugins.results.workshop.verdicts import strong
 from tests.panda import PANDA
@@ -28,7 +29,7 @@ def said(thick, material=SOLID, printer=PRINTER, length=0.2):
     load = Load(
         "wall", "post", np.array([0.0, 0.0, -length]), np.array([NEWTONS, 0.0, 0.0])
     )
-    strengths = strength(tool, PANDA, material, {"engine": [(0.0, [load])]})
+    strengths = strength(tool, PANDA, material, {"engine": [Instant(0.0, [load])]})
     return figures(printed(tool, material, printer), strengths, TASK)
 
 

@@ -12,8 +12,9 @@ from core.interfaces import Pushes, Recording
 from core.plugins import installed
 from core.robot.kinematics import link_frames
 from core.values.materials import Material
+from plugins.results.workshop.loads import Instant, Load, contact_loads, weights
 from plugins.results.workshop.motion import Sampled
-from plugins.results.workshop.strength import Load, contact_loads, strength, weights
+from plugins.results.workshop.strength import strength
 from tests.panda import PANDA
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
@@ -37,9 +38,10 @@ def across(component, z, newtons=NEWTONS, what="wall"):
 
 
 def pressed(tool, *loads, material=SOLID):
+    instant = Instant(1.5, list(loads))
     return {
         row.component: row
-        for row in strength(tool, PANDA, material, {"engine": [(1.5, loads)]})
+        for row in strength(tool, PANDA, material, {"engine": [instant]})
     }
 
 

@@ -1,0 +1,140 @@
+"""Make each rigid link of a tool one closed solid, fitted to what bears it, and compare it with what was simulated."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import manifold3d
+
+from core.design import Tool
+from core.geometry import Compound
+from core.values.materials import Material
+from plugins.results.workshop.mount import Mount
+from plugins.results.workshop.printing import (
+    Check,
+    PrintedPart,
+    joined,
+    lay,
+    print_part,
+)
+from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.solid import (
+    UNEVEN,
+    WELDS_MM,
+    Placed,
+    ToolLink,
+    closed,
+    joined_solids,
+    links_of,
+    to_mesh,
+    union,
+    widened,
+)
+
+EXACT_MM = 0.1
+"""By which the solid may differ from what was simulated."""
+
+NOTHING_MM3 = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid link of a tool as one closed solid.
+
+    Attributes:
+        mount: the solid, fitted to what bears it.
+        weld_mm: by how much its components were moved out to become one.
+        whole: the check that it is in one piece.
+    """
+
+    link: ToolLink
+    mount: Mount
+    weld_mm: float
+    whole: Check
+
+    def printed(self, printer: Printer, material: Material) -> PrintedPart:
+        """Lay it on a printer's plate, and check it."""
+        return print_part(
+            self.link.name,
+            self.mount.solid,
+            self.weld_mm,
+            self.whole,
+            printer,
+            material,
+        )
+
+
+def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
+    """Make each rigid link of a tool one closed solid, as it was simulated: not fitted to an arm."""
+    return [fuse(link, printer or Printer()) for link in links_of(tool)]
+
+
+def fuse(
+    link: ToolLink, printer: Printer, mount_to: Callable[[Any], Mount] = Mount
+) -> Body:
+    """Weld a link by as little as makes it and its mount one body that is closed, also as it lies on the plate."""
+    for weld_mm, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
+        shapes = link.grown(weld_mm, uneven)
+        mount = mount_to(union(shapes))
+        pieces = len(mount.solid.decompose())
+        if pieces == 1 and _is_closed(mount, printer):
+            break
+
+    names = [*link.names, *(f"mount {number}" for number in range(len(mount.adding)))]
+    whole = joined(names, [*shapes, *widened(mount.adding, weld_mm)], weld_mm, printer)
+    if whole.passed and pieces != 1:
+        whole = Check("one piece", False, f"it falls into {pieces} pieces")
+    return Body(link, mount, weld_mm, whole)
+
+
+def _is_closed(mount: Mount, printer: Printer) -> bool:
+    mesh = to_mesh(mount.solid)
+    return closed(mesh) and closed(lay(mesh, printer.plate_mm).mesh)
+
+
+def check_faithful(body: Body) -> Check:
+    """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
+    off = body.weld_mm + EXACT_MM
+    shapes = body.link.shapes
+    wide = joined_solids([_offset(shape, off) for shape in shapes])
+    narrow = joined_solids([_offset(shape, -off) for shape in shapes])
+    solid = body.mount.solid
+    excess = max(0.0, (solid - wide - union(body.mount.adding)).volume())
+    lack = max(0.0, (narrow - union(body.mount.taking) - solid).volume())
+    differs = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
+    return Check("as simulated", max(excess, lack) < NOTHING_MM3, differs)
+
+
+def check_apart(links: Sequence[Body]) -> list[Check]:
+    """Check that bodies do not share space at rest, apart from those of one joint, which a workshop makes."""
+    checks = []
+    for first, second in itertools.combinations(links, 2):
+        if first.link.mount != second.link.mount or _are_joined(first, second):
+            continue
+        shared = (first.mount.solid ^ second.mount.solid).volume()
+        if shared >= NOTHING_MM3:
+            names = f"{first.link.name} and {second.link.name}"
+            share = f"{names} share {shared / 1000:.2f} cm³ at rest"
+            checks.append(Check("apart", False, share))
+    return checks
+
+
+def _are_joined(first: Body, second: Body) -> bool:
+    return (
+        first.link.bearer == second.link.parent
+        or second.link.bearer == first.link.parent
+    )
+
+
+def _offset(placed: Placed, offset_mm: float) -> Any:
+    """Move the sides of a shape out, or in: of one that is not convex by Minkowski's sum with a cube."""
+    if not isinstance(placed[0], Compound):
+        return union(widened([placed], offset_mm))
+    cube = manifold3d.Manifold.cube((2 * abs(offset_mm),) * 3, True)
+    solid = union([placed])
+    if offset_mm > 0:
+        return solid.minkowski_sum(cube)
+    return solid.minkowski_difference(cube)

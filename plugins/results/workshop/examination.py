@@ -1,0 +1,155 @@
+"""Look at designs as those who make and run them do: where they are tried, before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from core.design import Candidate, DesignError, Tool
+from core.designs.planning import resolve
+from core.interfaces import Condition, Material, Robot, Trial
+from core.robot.kinematics import arm_of
+from core.robot.trajectory import plan_task_motion
+from core.scene import Scene
+from core.solids.self_collision import DEEP_M
+from plugins.results.workshop.clearance import clearance
+from plugins.results.workshop.motion import sample
+from plugins.results.workshop.replay import (
+    RECORD_HZ,
+    PlayedMotion,
+    Unplayable,
+    play_motion,
+)
+from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.strength import measured
+from plugins.results.workshop.tool import make_tool
+from plugins.results.workshop.verdicts import carried, printable, strong
+
+PROBLEM = "not buildable: "
+"""How a warning begins that says what speaks against a design."""
+
+EXPORTED = "exported"
+"""The figure of a trial with the reward of the exported motion."""
+
+
+@dataclass(frozen=True)
+class Examination:
+    """Looks at designs as those who make and run them do; see `core.trial.Examiner`.
+
+    Attributes:
+        material: of the tools.
+        plate_mm: the printer's build volume (x, y, z).
+        min_wall_mm: the thinnest wall that it prints.
+        safety: the least safety factor.
+        margin_m: the least distance of the arm from itself and from what is fixed, metres.
+        plays: play the motion once more as it is exported, with forces. What speaks against the design then becomes
+            warnings of the trial. The figures are the least safety factor, the least distance in metres, and the
+            reward of the exported motion.
+    """
+
+    material: Material
+    plate_mm: tuple[float, ...]
+    min_wall_mm: float
+    safety: float
+    margin_m: float
+    plays: bool = True
+
+    def refuse(self, condition: Condition, candidate: Candidate) -> str | None:
+        """Say what speaks against making or carrying a tool, if anything does."""
+        tool = candidate.tool
+        if tool is None or not tool.components:
+            return None
+        robot = condition.task.shared().robot
+        return _find_problem(
+            tool, robot, self.material, self.plate_mm, self.min_wall_mm
+        )
+
+    def examine(
+        self, condition: Condition, candidate: Candidate, trial: Trial
+    ) -> Trial:
+        """Add figures and warnings of the exported motion to a trial that earned something with a tool."""
+        tool = candidate.tool
+        if not self.plays or trial.status != "ok" or trial.reward <= 0:
+            return trial
+        if tool is None or not tool.components:
+            return trial
+
+        try:
+            figures, problems = self._play(condition, candidate.of(trial.task), tool)
+        except (Unplayable, DesignError) as error:
+            figures = {EXPORTED: 0.0}
+            problems = [str(error)]
+        warnings = [f"{PROBLEM}{problem}" for problem in problems]
+        return replace(trial, figures=figures, warnings=(*trial.warnings, *warnings))
+
+    def _play(
+        self, condition: Condition, candidate: Candidate, tool: Tool
+    ) -> tuple[dict[str, float], list[str]]:
+        """Play the motion as it is exported; return figures, and what speaks against the design."""
+        task = condition.task.shared()
+        scene = condition.scene()
+        settings = condition.settings
+        waypoints = resolve(candidate.plan, task, condition.layout, settings, scene)
+        planned = plan_task_motion(waypoints, task, settings)
+        motion = sample(planned.trajectory, arm_of(task.robot), RECORD_HZ)
+        replay = play_motion(condition, scene, tool, motion)
+
+        replays = {condition.sim.name: replay}
+        rows = measured(tool, task.robot, self.material, scene, motion, replays)
+        verdicts = strong(self.material, rows, task, self.safety)
+        problems = [str(verdict) for verdict in verdicts if verdict.passed is False]
+        if waypoints.guards:
+            problems.append("exported programs have no guards")
+
+        near_m, too_near = self._find_clearance(scene, task.robot, tool, replay)
+        if too_near is not None:
+            problems.append(too_near)
+        figures = {EXPORTED: replay.reward, "clearance_m": round(near_m, 4)}
+        factors = [row.safety for row in rows if row.safety is not None]
+        if factors:
+            figures["safety_factor"] = round(min(factors), 3)
+        return figures, problems
+
+    def _find_clearance(
+        self, scene: Scene, robot: Robot, tool: Tool, replay: PlayedMotion
+    ) -> tuple[float, str | None]:
+        """Return how near the arm comes to itself or to what is fixed, metres, and what speaks against that."""
+        fixed = {"itself", *(body.name for body in scene.bodies if body.fixed)}
+        near = [
+            row
+            for row in clearance(scene, robot, tool, replay.recording)
+            if row.what == "arm" and row.to in fixed
+        ]
+
+        def to_spare(name: str, metres: float) -> float:
+            # Hulls of links are this deep in each other where nothing is wrong.
+            allowed = DEEP_M if name == "itself" else 0.0
+            return metres - self.margin_m + allowed
+
+        closest = min(near, key=lambda row: to_spare(row.to, row.metres))
+        if to_spare(closest.to, closest.metres) >= 0:
+            return closest.metres, None
+        return closest.metres, (
+            f"clearance: the arm comes as near as {1000 * closest.metres:.0f} mm to {closest.to}; at least "
+            f"{1000 * self.margin_m:g} mm are asked for: move or turn waypoints, or lengthen the tool"
+        )
+
+
+@lru_cache(maxsize=16)
+def _find_problem(
+    tool: Tool,
+    robot: Robot,
+    material: Material,
+    plate_mm: tuple[float, ...],
+    min_wall_mm: float,
+) -> str | None:
+    """Say what fails of a tool as an export makes and checks it; its weight is the material's, and no fault."""
+    verdicts = carried(tool, robot, material)
+    if all(verdict.passed for verdict in verdicts):
+        printer = Printer(list(plate_mm), min_wall_mm)
+        made = make_tool(tool, robot, material, printer, Fit())
+        verdicts = [*printable(made.parts), *printable((), made.checks)]
+    for verdict in verdicts:
+        if verdict.passed is False and verdict.name != "weight":
+            return f"{PROBLEM}{verdict}"
+    return None

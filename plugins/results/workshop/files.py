@@ -1,0 +1,97 @@
+"""Write what an export made to a folder: the motion as samples and programs, the scene, the checklist, the design."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.designs.reading import save_design
+from core.errors import UsageError, UserError
+from core.interfaces import ToolRepresentation
+from core.support.cli import write_bytes
+from plugins.results.artifacts import save_files
+from plugins.results.workshop.export import SLOW, Export
+from plugins.results.workshop.motion import to_csv, to_json
+from plugins.results.workshop.ros import write_messages
+from plugins.results.workshop.sheet import write_sheet
+from plugins.results.workshop.texts import filled, write_programs
+from plugins.results.workshop.tool import PrintedTool
+from plugins.results.workshop.verdicts import printable
+
+LINES = 8
+"""The nearest things, in the checklist."""
+
+
+def new_folder(folder: Path) -> Path:
+    """Make a folder to write to.
+
+    Raises:
+        UserError: it has something in it, or can't be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        written = any(folder.iterdir())
+    except OSError as error:
+        raise UserError(f"can't write {folder}: {error}") from error
+    if written:
+        raise UsageError(
+            f"{folder} has files in it already; choose another output=, or remove it"
+        )
+    return folder
+
+
+def write_export(
+    made: Export,
+    written: PrintedTool,
+    representation: ToolRepresentation,
+    folder: Path,
+) -> Export:
+    """Write the files of a task, whose tool is ``written`` already; return the export with the verdicts on both.
+
+    Raises:
+        UserError: a file can't be written.
+    """
+    robot = made.task.robot
+    verdicts = printable((), made.checks)
+    if written.parts:
+        checked = replace(written, checks=(*made.checks, *written.checks))
+        verdicts = write_sheet(
+            checked, made.task, made.scene, made.motion, made.replays, folder
+        )
+    made = replace(made, verdicts=verdicts)
+
+    for name, move in made.moves.items():
+        table = to_csv(move, robot.arm_joints)
+        write_bytes(folder / "motion" / f"{name}.csv", table.encode())
+        data = to_json(move, robot.arm_joints)
+        _write_json(folder / "motion" / f"{name}.json", data)
+    _write_json(folder / "figures.json", made.figures(), indent=2)
+    write_bytes(folder / "CHECKLIST.md", checklist(made).encode())
+    write_messages(robot, made.motion, made.scene, folder / "ros2")
+    write_programs(robot, made.payload, made.moves, folder / "programs")
+
+    save_design(made.candidate, representation, folder / "design")
+    save_files(made.candidate, robot, made.planned, folder / "design")
+    return made
+
+
+def _write_json(file: Path, data: Mapping[str, Any], indent: int | None = None) -> None:
+    text = json.dumps(data, indent=indent)
+    write_bytes(file, f"{text}\n".encode())
+
+
+def checklist(made: Export) -> str:
+    """Write what to do at the arm, in order, with the figures of this motion."""
+    start = np.round(made.moves["approach"].positions[0], 3) + 0.0  # no -0.0
+    return filled(
+        "checklist.md.j2",
+        made=made,
+        start=start.tolist(),
+        nearest=made.nearest[:LINES],
+        slow=SLOW,
+    )

@@ -1,0 +1,74 @@
+"""Play a motion as it is exported in an engine, and keep what was seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.design import Tool
+from core.errors import UserError
+from core.interfaces import Condition, Recording, Rollout
+from core.scene import Scene, State
+from core.solids.contacts import Contacts, find_contacts, make_trace
+from core.solids.penetration import findings
+from core.task import reward_of
+from plugins.results.workshop.motion import Sampled
+
+RECORD_HZ = 100.0
+
+
+class Unplayable(UserError):
+    """The rollout of an exported motion failed."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedMotion:
+    """What a motion earned in an engine, and what was seen; ``problems`` name what passed through something."""
+
+    reward: float
+    recording: Recording
+    contacts: Contacts
+    problems: tuple[str, ...]
+
+
+def play_motion(
+    condition: Condition, scene: Scene, tool: Tool, motion: Sampled
+) -> PlayedMotion:
+    """Play a motion from its first sample, in the scene of a condition, with forces.
+
+    Raises:
+        Unplayable: the rollout fails.
+    """
+    task = condition.task.shared()
+    settings = condition.settings
+    job = Rollout(
+        tool,
+        motion.trajectory,
+        condition.layout,
+        settings.settle_s,
+        hold_s=max(settings.hold_s, task.hold_s),
+        record_hz=RECORD_HZ,
+        forces=True,
+        scene=scene,
+    )
+    (outcome,) = condition.sim.shared().rollout(task, [job])
+    recording = outcome.recording
+    if outcome.error is not None:
+        raise Unplayable(f"the exported motion can't be played: {outcome.error}")
+    if recording is None or outcome.start is None or outcome.end is None:
+        raise Unplayable(
+            "the exported motion can't be played: the engine returned no recording"
+        )
+
+    start = scene.complete(State.stack([outcome.start]))
+    end = scene.complete(State.stack([outcome.end]))
+    contacts = find_contacts(scene, task.robot, tool, recording)
+    trace = make_trace(scene, [contacts]) if task.reads_trace else None
+    reward = float(np.asarray(reward_of(task, start, end, trace))[0])
+
+    seen = findings(scene, task.robot, tool, recording)
+    problems = tuple(finding.text for finding in seen if finding.penetration)
+    if problems:
+        reward = 0.0
+    return PlayedMotion(reward, recording, contacts, problems)

@@ -1,0 +1,135 @@
+"""Slide a tool's attachment onto a finger, by a sleeve with a clamping screw.
+
+Lengths of settings are millimetres, all else metres, in the frame of the mount.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from core.geometry import Array, Mesh, Pose, resized
+from core.robot.extents import Finger, fingers_of
+from core.robot.solids import corners, robot_solids
+from core.values.robots import Robot
+from plugins.results.workshop.mount import Mount
+from plugins.results.workshop.printing import Check
+from plugins.results.workshop.settings import Fit
+from plugins.results.workshop.solid import Placed, ToolLink, box, hull, rod, union
+
+WALL_MM = 2.4
+SLEEVE_MM = 25.0  # its length from the finger's tip
+BASE_M = 0.15  # from the tip to a finger's base, more than any finger has
+MOST_LOST = 0.5  # of an attachment, where the finger is
+CORE_MM = 2.5  # bore of a thread M3, which metal takes without an insert
+CLAMP_MM = 6.0  # thickness of plastic around a clamping insert
+
+
+def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
+    """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
+
+    The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
+    """
+    finger = next(finger for finger in fingers_of(robot) if finger.name == link.bearer)
+    gap = fit.sleeve_mm / 1000
+    wall = WALL_MM / 1000
+    slid = _slide_to_base(robot, finger)
+    cavity = tuple(
+        (resized(shape, shape.bounds[1] + 2 * gap), Pose()) for shape in slid
+    )
+    low, high = _find_clasped(slid, finger)
+    low = low - gap
+    high = high + gap
+    around = np.ones(3) - np.abs(finger.tip)
+    outer_low = low - wall * (around + np.maximum(-finger.tip, 0))
+    outer_high = high + wall * (around + np.maximum(finger.tip, 0))
+    walls = box(outer_low, outer_high)
+    clamp, bore = _clamp(finger, low, high, fit.insert_mm)
+
+    adding = (walls, clamp)
+    taking = (*cavity, bore)
+    return Mount(
+        solid=solid + union(adding) - union(taking),
+        name=f"{link.bearer}_sleeve",
+        simulated=(*_sheets(finger, low, high, wall), clamp),
+        adding=adding,
+        taking=taking,
+        checks=_check(solid, cavity, gap + wall),
+        hardware=_hardware(fit),
+    )
+
+
+def _slide_to_base(robot: Robot, finger: Finger) -> list[Mesh]:
+    """Return what each collision shape of a finger covers as it moves along it to its base."""
+    slid = []
+    for part in robot_solids(robot, True):
+        if part.name == finger.name:
+            points = part.pose.apply(corners(part.geometry))
+            slid.append(hull(np.vstack([points, points - BASE_M * finger.tip])))
+    return slid
+
+
+def _find_clasped(slid: Sequence[Mesh], finger: Finger) -> tuple[Array, Array]:
+    """Find the bounds of a finger, slid to its base, over the length of the sleeve: lowest and highest (3,)."""
+    tip = finger.tip
+    end = finger.face(tip)
+    start = end - SLEEVE_MM / 1000 * tip[int(np.abs(tip).argmax())]
+    along = np.abs(tip) > 0
+    first = np.where(along, min(start, end), -1.0)
+    last = np.where(along, max(start, end), 1.0)
+    inside = union([(shape, Pose()) for shape in slid]) ^ union([box(first, last)])
+    bounds = np.array(inside.bounding_box()) / 1000
+    return bounds[:3], bounds[3:]
+
+
+def _clamp(
+    finger: Finger, low: Array, high: Array, insert_mm: float
+) -> tuple[Placed, Placed]:
+    """Return the block beside a finger's bounds that takes the clamping screw, and its bore."""
+    side = np.cross(np.abs(finger.opens), np.abs(finger.tip))
+    widths = high - low
+    middle = (low + high) / 2
+    out = np.abs(side) * (widths / 2 + CLAMP_MM / 1000)
+    half = np.minimum(widths / 2, 0.005) * (1 - np.abs(side))
+    block = box(middle - half, middle + half + out)
+    end = middle + out + 0.001 * np.abs(side)
+    return block, rod(middle, end, insert_mm / 2000)
+
+
+def _sheets(finger: Finger, low: Array, high: Array, wall: float) -> list[Placed]:
+    """Return the walls around a finger's bounds as boxes; at its base they are open."""
+    sheets = []
+    for axis in range(3):
+        for end in (-1, 1):
+            if end * finger.tip[axis] < 0:
+                continue
+            first = low.copy()
+            last = high.copy()
+            if end > 0:
+                first[axis] = high[axis]
+                last[axis] = high[axis] + wall
+            else:
+                first[axis] = low[axis] - wall
+                last[axis] = low[axis]
+            sheets.append(box(first, last))
+    return sheets
+
+
+def _check(solid: Any, cavity: Sequence[Placed], before_m: float) -> tuple[Check, ...]:
+    """Check what is left of an attachment, and say how far the sleeve stands before the finger's inner face."""
+    lost = (solid ^ union(cavity)).volume() / solid.volume()
+    cut_away = f"{lost:.0%} of the attachment is cut away where the finger is"
+    stands = f"its wall stands {1000 * before_m:.1f} mm before the inner face"
+    return (
+        Check("finger", lost < MOST_LOST, cut_away),
+        Check("sleeve", True, stands),
+    )
+
+
+def _hardware(fit: Fit) -> tuple[str, ...]:
+    held = "1 insert M3 for"
+    if fit.insert_mm <= CORE_MM:
+        held = "a thread M3 is cut into"
+    return "1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"
