@@ -8,7 +8,6 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from core.support.text import clean, number
 
@@ -43,11 +42,11 @@ class Table:
     @classmethod
     def of(cls, name: str, head: str, rows: Iterable[tuple[Cell, ...]]) -> Table:
         """Make a table with a head such as ``task|runs:0|best reward:3``: names, and digits where they hold numbers."""
-        split = (word.partition(":") for word in head.split("|"))
-        columns = tuple(
-            Column(name, int(digits) if digits else None) for name, _, digits in split
-        )
-        return cls(name, columns, tuple(rows))
+        columns = []
+        for word in head.split("|"):
+            title, _, digits = word.partition(":")
+            columns.append(Column(title, int(digits) if digits else None))
+        return cls(name, tuple(columns), tuple(rows))
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -66,38 +65,41 @@ def printed(cell: Cell, column: Column) -> str:
             return ", ".join(clean(link.text, 300) for link in links(cell))
         case str():
             return clean(cell, 1000)
+        case _ if column.digits is None:
+            return str(cell)
         case _:
-            return str(cell) if column.digits is None else number(cell, column.digits)
+            return number(cell, column.digits)
 
 
 def links(cell: Cell) -> tuple[CellLink, ...]:
     """The links of a cell that holds nothing else."""
-    return (
-        (cell,)
-        if isinstance(cell, CellLink)
-        else cell
-        if isinstance(cell, tuple)
-        else ()
-    )
+    match cell:
+        case CellLink():
+            return (cell,)
+        case tuple():
+            return cell
+    return ()
 
 
 def to_csv(table: Table, folder: Path) -> str:
     """CSV in full precision; links are paths from ``folder``, where the table will lie."""
-
-    def plain(cell: Cell) -> Any:
-        if isinstance(cell, CellLink | tuple):
-            return _no_formula(
-                " ".join(relative(link.target, folder) for link in links(cell))
-            )
-        return (
-            _no_formula(cell) if isinstance(cell, str) else cell
-        )  # None is written as nothing
-
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([column.name for column in table.columns])
-    writer.writerows([plain(cell) for cell in row] for row in table.rows)
+    for row in table.rows:
+        writer.writerow([_plain(cell, folder) for cell in row])
     return text.getvalue()
+
+
+def _plain(cell: Cell, folder: Path) -> str | float | None:
+    """A cell as CSV has it; None is written as nothing."""
+    match cell:
+        case str():
+            return _no_formula(cell)
+        case CellLink() | tuple():
+            paths = [relative(link.target, folder) for link in links(cell)]
+            return _no_formula(" ".join(paths))
+    return cell
 
 
 def relative(target: Path, folder: Path) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 from collections.abc import Sequence
@@ -19,7 +18,8 @@ from core.support.text import by_reason, clean
 
 RESULT = "result.json"
 HYDRA = ".hydra"
-MAX_DEPTH = 6  # of a run's folder below one that the user names
+MAX_DEPTH = 6
+"""Of a run's folder below one that the user names."""
 
 _LONGEST = 300
 
@@ -51,41 +51,35 @@ class FinishedRun:
 
     @property
     def rollouts(self) -> int:
-        return (
-            self.figures.n_evaluations
-            if self.figures.rollouts is None
-            else self.figures.rollouts
-        )
+        counted = self.figures.rollouts
+        return self.figures.n_evaluations if counted is None else counted
 
     def best_so_far(self, length: int) -> list[float]:
         """The best reward up to and with each of ``length`` generations; a run that stopped early keeps its last."""
-        so_far = list(
-            itertools.accumulate(
-                (g.best_reward or 0.0 for g in self.figures.generations), max
-            )
-        ) or [0.0]
-        return (so_far + so_far[-1:] * length)[:length]
+        best = 0.0
+        so_far = []
+        for index in range(length):
+            if index < len(self.figures.generations):
+                reward = self.figures.generations[index].best_reward
+                best = max(best, reward or 0.0)
+            so_far.append(best)
+        return so_far
 
     def recordings(self) -> dict[str, Path]:
         """The recordings and the films that it left, by what they are; of several tasks each has its own."""
-        found = {
-            file.stem: file
-            for file in sorted(self.folder.glob("recording*.rrd"))
-            if self._holds(file)
-        }
-        return found | {
-            f"film {film.parent.name}".removesuffix(" best"): film
-            for film in self.films()
-        }
+        found = {}
+        for file in sorted(self.folder.glob("recording*.rrd")):
+            if self._holds(file):
+                found[file.stem] = file
+        for film in self.films():
+            found[f"film {film.parent.name}".removesuffix(" best")] = film
+        return found
 
     def films(self) -> list[Path]:
         """The films of the best candidate, one for each of its tasks."""
         best = self.folder / "best"
-        return [
-            file
-            for file in (best / "rollout.gif", *sorted(best.glob("*/rollout.gif")))
-            if self._holds(file)
-        ]
+        files = [best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))]
+        return [file for file in files if self._holds(file)]
 
     def _holds(self, file: Path) -> bool:
         return file.is_file() and file.resolve().is_relative_to(self.folder.resolve())
@@ -105,13 +99,16 @@ class LeftOutRun:
         return f"{self.status}: {short(str(self.folder))}: {self.reason}"
 
 
+AnyRun = FinishedRun | LeftOutRun
+
+
 def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutRun]]:
     """Find the runs in ``folders``, each a run's own or one that holds runs, in order; those of a multirun by number.
 
     Raises:
         UserError: a folder is missing, or holds no run.
     """
-    runs: dict[Path, FinishedRun | LeftOutRun] = {}
+    runs: dict[Path, AnyRun] = {}
     for folder in folders:
         if not folder.is_dir():
             raise UserError(
@@ -126,7 +123,8 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
             if path.resolve() not in runs:
                 runs[path.resolve()] = read_run(path)
     finished = [run for run in runs.values() if isinstance(run, FinishedRun)]
-    return finished, [run for run in runs.values() if isinstance(run, LeftOutRun)]
+    left_out = [run for run in runs.values() if isinstance(run, LeftOutRun)]
+    return finished, left_out
 
 
 def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
@@ -135,17 +133,18 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
         entries = {entry.name: entry for entry in os.scandir(folder)}
     except OSError as error:
         raise UserError(f"{folder} can't be read: {error.strerror}") from error
-    if {FILE, RESULT} & entries.keys():
+    if FILE in entries or RESULT in entries:
         return [folder]
+
+    runs = []
     skipped = (HYDRA, "best", "requests", "replies")
-    below = [
-        name
-        for name, entry in entries.items()
-        if entry.is_dir(follow_symlinks=False) and name not in skipped
-    ]
-    names = sorted(below, key=natural) if depth > 0 else []
-    runs = [path for name in names for path in run_folders(folder / name, depth - 1)]
-    return runs or [folder] * (HYDRA in entries)
+    for name in sorted(entries, key=natural):
+        below = name not in skipped and entries[name].is_dir(follow_symlinks=False)
+        if below and depth > 0:
+            runs += run_folders(folder / name, depth - 1)
+    if not runs and HYDRA in entries:
+        return [folder]
+    return runs
 
 
 def natural(name: str) -> list[tuple[int, int | str]]:
@@ -157,56 +156,40 @@ def natural(name: str) -> list[tuple[int, int | str]]:
     ]
 
 
-def read_run(folder: Path) -> FinishedRun | LeftOutRun:
+def read_run(folder: Path) -> AnyRun:
     """Read a run from its folder."""
-    store = StoredRun(folder)
     if (folder / FILE).is_symlink():
-        return LeftOutRun(
-            folder, "unreadable", f"{FILE} is a link, which is not followed"
-        )
+        why = f"{FILE} is a link, which is not followed"
+        return LeftOutRun(folder, "unreadable", why)
+    store = StoredRun(folder)
     if not store.exists:
-        config = _stored(folder / HYDRA / "config.yaml")
-        reason = f"it has no {FILE}: it ended before it began, or that was deleted"
-        return LeftOutRun(folder, "failed", reason, _task(folder, config), config)
+        why = f"it has no {FILE}: it ended before it began, or that was deleted"
+        config = _read_yaml(folder / HYDRA / "config.yaml")
+        return LeftOutRun(folder, "failed", why, _task(folder, config), config)
     try:
         config = store.config()
         figures = store.result()
     except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
+
     if figures is None:
-        config = config or _stored(folder / HYDRA / "config.yaml")
-        return LeftOutRun(
-            folder,
-            "unfinished",
-            _progress(folder, store),
-            _task(folder, config),
-            config,
-        )
+        config = config or _read_yaml(folder / HYDRA / "config.yaml")
+        why = _progress(folder, store)
+        return LeftOutRun(folder, "unfinished", why, _task(folder, config), config)
     if figures.stopped is not None:
-        return LeftOutRun(
-            folder,
-            "unfinished",
-            short(f"stopped: {figures.stopped}"),
-            figures.task,
-            config,
-        )
+        why = short(f"stopped: {figures.stopped}")
+        return LeftOutRun(folder, "unfinished", why, figures.task, config)
     if figures.best is None:
-        first = next(
-            (
-                f"; the first reason: {e.reason}"
-                for e in store.evaluations()
-                if e.status != "ok"
-            ),
-            "",
-        )
-        return LeftOutRun(
-            folder,
-            "failed",
-            f"no candidate could be tried{short(first)}",
-            figures.task,
-            config,
-        )
+        why = f"no candidate could be tried{short(_first_reason(store))}"
+        return LeftOutRun(folder, "failed", why, figures.task, config)
     return FinishedRun(folder, figures, config)
+
+
+def _first_reason(store: StoredRun) -> str:
+    for evaluation in store.evaluations():
+        if evaluation.status != "ok":
+            return f"; the first reason: {evaluation.reason}"
+    return ""
 
 
 def short(text: str) -> str:
@@ -215,13 +198,14 @@ def short(text: str) -> str:
 
 def _task(folder: Path, config: dict[str, Any]) -> str:
     """Name the task of a run without a result; one of a scene file is named as the run's copy says."""
-    chosen = _stored(folder / "task.yaml") or config.get("task")
-    name = chosen.get("name") if isinstance(chosen, dict) else None
-    return short(name) if isinstance(name, str) else ""
+    match _read_yaml(folder / "task.yaml") or config.get("task"):
+        case {"name": str(name)}:
+            return short(name)
+    return ""
 
 
-def _stored(file: Path) -> dict[str, Any]:
-    """A YAML file of a run; empty if it can't be read, so that the run is listed without what it says."""
+def _read_yaml(file: Path) -> dict[str, Any]:
+    """Read a YAML file of a run; empty if it can't be read, so that the run is listed without what it says."""
     try:
         return read_stored_yaml(file)
     except UserError:
@@ -235,26 +219,28 @@ def _progress(folder: Path, store: StoredRun) -> str:
         generations = len(store.generations())
     except UserError as error:
         return short(str(error))
-    best = max((e.reward for e in evaluations if e.status == "ok"), default=None)
-    reached = "" if best is None else f", best reward so far {best:.3f}"
+    done = f"{generations} generations and {len(evaluations)} candidates done"
+    rewards = [row.reward for row in evaluations if row.status == "ok"]
+    if rewards:
+        done += f", best reward so far {max(rewards):.3f}"
     how = "goes on" if is_held(folder) else "was killed"
-    return f"{generations} generations and {len(evaluations)} candidates done{reached}; it {how}"
+    return f"{done}; it {how}"
 
 
 def reasons(store: StoredRun) -> list[str]:
     """Why candidates were rejected, failed, or earned less than their rollout did or nothing, by candidate."""
-    return by_reason(
-        (e.candidate, e.reason or _why_zero(e)) for e in store.evaluations()
-    )
+    pairs = []
+    for row in store.evaluations():
+        pairs.append((row.candidate, row.reason or _why_zero(row)))
+    return by_reason(pairs)
 
 
 def _why_zero(evaluation: StoredEvaluation) -> str:
     """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
     if evaluation.status != "ok" or evaluation.reward > 0:
         return ""
-    seen = {
-        trial.observation.result
-        for trial in evaluation.trials
-        if trial.observation is not None
-    }
-    return f"earned nothing{': ' if seen else ''}{', '.join(sorted(seen))}"
+    observed = [trial.observation for trial in evaluation.trials]
+    seen = {found.result for found in observed if found is not None}
+    if not seen:
+        return "earned nothing"
+    return f"earned nothing: {', '.join(sorted(seen))}"

@@ -11,15 +11,12 @@ from pathlib import Path
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
-from plugins.results.pages.formats import printed
+from plugins.results.pages.formats import Table, printed
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.contents import DATA, contents
-from plugins.results.report.leaderboard import (
-    ListedEntry,
-    entry_tables,
-    find_entries,
-    read_entry,
-)
+from plugins.results.report.entries import Entry, ListedEntry, read_entry
+from plugins.results.report.entry_tables import entry_tables
+from plugins.results.report.own_entries import find_entries
 from plugins.results.report.results import Results
 from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify
@@ -65,76 +62,81 @@ def report(
     theirs = [ListedEntry(read_entry(file), "no") for file in others]
     verified = tuple(verify(read_entry(claimed))) if claimed is not None else ()
     if verified:
-        theirs.append(
-            ListedEntry(
-                verified[0].entry,
-                f"{sum(run.same for run in verified)} of {len(verified)} runs",
-            )
-        )
+        same = sum(run.same for run in verified)
+        verdict = f"{same} of {len(verified)} runs"
+        theirs.append(ListedEntry(verified[0].entry, verdict))
+
     finished, left_out = find_runs(folders)
     entries, problems = find_entries(finished, left_out, name)
     for entry in entries:
-        file = re.sub(
-            r"[^\w.=-]+", "_", f"{entry.protocol}_{entry.track}_{entry.name}"
-        )[:100]
-        write_bytes(output / DATA / f"{file}.json", entry.dump())
+        write_bytes(output / DATA / _file_name(entry), entry.dump())
     say(*problems)
-    listed_entries = (
-        *(ListedEntry(entry, "runs at hand") for entry in entries),
-        *theirs,
-    )
-    results = Results(tuple(finished), tuple(left_out), listed_entries, verified)
-    for file, make in contents(results, output).items():
-        write_bytes(output / file, make())
+
+    ours = [ListedEntry(entry, "runs at hand") for entry in entries]
+    results = Results(tuple(finished), tuple(left_out), (*ours, *theirs), verified)
+    for file, data in contents(results, output).items():
+        write_bytes(output / file, data)
     return results
+
+
+def _file_name(entry: Entry) -> str:
+    name = f"{entry.protocol}_{entry.track}_{entry.name}"
+    plain = re.sub(r"[^\w.=-]+", "_", name)
+    return f"{plain[:100]}.json"
 
 
 def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
     whole = rewards(results)
-    short = itemgetter(0, 1, 2, 4, 5, 6, 8)
-    short_rewards = replace(
-        whole, columns=short(whole.columns), rows=tuple(map(short, whole.rows))
-    )
+    shorten = itemgetter(0, 1, 2, 4, 5, 6, 8)
+    rows = tuple(shorten(row) for row in whole.rows)
+    short = replace(whole, columns=shorten(whole.columns), rows=rows)
     for table in (
-        short_rewards,
+        short,
         *entry_tables(results.entries)[:1],
         verification(results.verified),
     ):
         if table.rows:
-            cells = [
-                [printed(*pair) for pair in zip(row, table.columns, strict=True)]
-                for row in table.rows
-            ]
-            digits = [
-                column.name for column in table.columns if column.digits is not None
-            ]
-            print_table([column.name for column in table.columns], cells, digits)
+            _print(table)
     for run in results.left_out:
         say(f"not counted, {run}")
 
 
+def _print(table: Table) -> None:
+    names = [column.name for column in table.columns]
+    numbers = [column.name for column in table.columns if column.digits is not None]
+    rows = [list(map(printed, row, table.columns)) for row in table.rows]
+    print_table(names, rows, numbers)
+
+
 def main(words: list[str]) -> None:
+    """Write a report, and print its first table.
+
+    Raises:
+        UserError: see `report`; or no run is finished, or a results file claims what its designs don't earn.
+    """
     folders, overrides = folders_and_overrides(USAGE, words)
     cfg = load("report", overrides, ReportConfig)
     if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
+    others = [Path(file) for file in cfg.entries]
     claimed = Path(cfg.verify) if cfg.verify else None
-    results = report(
-        folders, Path(cfg.output), cfg.name, [*map(Path, cfg.entries)], claimed
-    )
-    if not results.runs and results.left_out:
-        (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
+    results = report(folders, Path(cfg.output), cfg.name, others, claimed)
+    page = Path(cfg.output) / "index.html"
+    left_out = results.left_out
+    if left_out and not results.runs:
         raise UserError(
-            f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {first}"
+            f"no run is finished; {len(left_out)} are listed in {page}; the first, {left_out[0]}"
         )
     show(results)
-    say(str(Path(cfg.output) / "index.html"))
-    if wrong := [
+    say(str(page))
+
+    wrong = [
         f"{run.task} with seed {run.seed}"
         for run in results.verified
         if not run.same and run.claimed > 0
-    ]:
+    ]
+    if wrong:
         raise UserError(
             f"{cfg.verify} claims what its designs don't earn here: {', '.join(wrong)}"
         )

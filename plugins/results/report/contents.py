@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,83 +19,83 @@ from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
 from plugins.results.report.tables import REASONS, tables
 from plugins.results.report.verify import TOLERANCE
 
-DATA = "data"  # the folder of tables and figures, beside the page
-FILM_BYTES, FILMS_BYTES = 5_000_000, 20_000_000  # of one, and of all on a page
+DATA = "data"
+"""The folder of tables and figures, beside the page."""
+
+FILM_BYTES = 5_000_000
+FILMS_BYTES = 20_000_000  # of all on a page
 
 
-def _films(results: Results) -> list[tuple[str, Markup]]:
-    """The films of the best runs, with what they show, as far as they are small enough for a page."""
-    films = []
-    left = FILMS_BYTES
-    for g in results.groups:
-        for film in g.best.films():
-            if (size := film.stat().st_size) <= min(FILM_BYTES, left):
-                left -= size
-                address = data_address(read_untrusted(film, FILM_BYTES), "gif")
-                task = g.task if film.parent.name == "best" else film.parent.name
-                films.append((f"{task}, {g.method}: the best motion", address))
-    return films
-
-
-def _in_viewer(results: Results) -> list[dict[str, Any]]:
-    """The best tools, to turn around."""
-    shown = []
-    for (task, method), winner in results.tools.best.items():
-        said = f"reward {number(winner.reward, 3)}, {size(winner.tool, winner.robot)}"
-        shown.append(
-            in_viewer(
-                winner.tool, winner.robot, f"{task}, {method}: {winner.name}", said
-            )
-        )
-    return shown
-
-
-def contents(results: Results, folder: Path) -> dict[str, Callable[[], bytes]]:
-    """The files of a report that will lie in ``folder``, each with what makes it; the page is ``index.html``."""
+def contents(results: Results, folder: Path) -> dict[str, bytes]:
+    """Return the files of a report that will lie in ``folder``; the page is ``index.html``."""
     listed = tables(results)
-    drawn = figure_pages(results)
+    pictures = figure_pages(results)
     drawings = {
         picture.name: picture.render("svg", ground="none", titled=False)
-        for picture in drawn
+        for picture in pictures
     }
-    counts = {
-        "finished run": results.runs,
-        "method": results.methods,
-        "task": results.tasks,
-    }
-    runs, methods, tasks = (
-        f"{len(of)} {what}{'' if len(of) == 1 else 's'}" for what, of in counts.items()
-    )
     page = render(
         "report.html.j2",
         folder,
         _in_viewer(results),
         title="Tools and their rewards",
-        summary=f"{runs} of {methods} on {tasks}.",
+        summary=_summarize(results),
         films=_films(results),
         warnings=[
             f"Tools that can't be shown: {problem}"
             for problem in results.tools.problems
         ],
         tables={table.name: table for table in listed},
-        pictures={picture.name: picture for picture in drawn},
+        pictures={picture.name: picture for picture in pictures},
         drawings={name: figure_address(drawing) for name, drawing in drawings.items()},
         files=f"{DATA}/",
         interval=f"{100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples",
         most={"reasons": REASONS, "tolerance": TOLERANCE},
         shared=comparable(results)[0],
     )
-    files: dict[str, Callable[[], bytes]] = {"index.html": page.encode}
-    csv = {table.name: to_csv(table, folder / DATA) for table in listed}
-    files |= {
-        f"{DATA}/{name}.csv": partial(text.encode, errors="backslashreplace")
-        for name, text in csv.items()
-    }
-    files |= {
-        f"{DATA}/{picture.name}.png": partial(picture.render, "png")
-        for picture in drawn
-    }
-    return files | {
-        f"{DATA}/{name}.svg": partial(bytes, drawing)
-        for name, drawing in drawings.items()
-    }
+
+    files = {"index.html": page.encode()}
+    for table in listed:
+        text = to_csv(table, folder / DATA)
+        files[f"{DATA}/{table.name}.csv"] = text.encode(errors="backslashreplace")
+    for picture in pictures:
+        files[f"{DATA}/{picture.name}.png"] = picture.render("png")
+        files[f"{DATA}/{picture.name}.svg"] = drawings[picture.name]
+    return files
+
+
+def _summarize(results: Results) -> str:
+    runs = _count(results.runs, "finished run")
+    methods = _count(results.methods, "method")
+    return f"{runs} of {methods} on {_count(results.tasks, 'task')}."
+
+
+def _count(things: Sequence[Any], what: str) -> str:
+    return f"{len(things)} {what}{'' if len(things) == 1 else 's'}"
+
+
+def _films(results: Results) -> list[tuple[str, Markup]]:
+    """Return the films of the best runs, with what they show, as far as they are small enough for a page."""
+    films = []
+    left = FILMS_BYTES
+    for g in results.groups:
+        for film in g.best.films():
+            length = film.stat().st_size
+            if length > min(FILM_BYTES, left):
+                continue
+            left -= length
+            task = g.task if film.parent.name == "best" else film.parent.name
+            address = data_address(read_untrusted(film, FILM_BYTES), "gif")
+            films.append((f"{task}, {g.method}: the best motion", address))
+    return films
+
+
+def _in_viewer(results: Results) -> list[dict[str, Any]]:
+    """Return the best tools, to turn around."""
+    shown = []
+    for (task, method), winner in results.tools.best.items():
+        name = f"{task}, {method}: {winner.name}"
+        extent = size(winner.tool, winner.robot)
+        caption = f"reward {number(winner.reward, 3)}, {extent}"
+        shown.append(in_viewer(winner.tool, winner.robot, name, caption))
+    return shown

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from statistics import fmean
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,21 @@ from plugins.results.report.statistics import interval
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POINTS = 25  # of a curve, at which its interval is drawn
+POINTS = 25
+"""Of a curve, at which its interval is drawn."""
+
+
+class Course(NamedTuple):
+    """The number of rollouts, and the best reward so far, after each of a run's N candidates: each (N,)."""
+
+    spent: Array
+    best: Array
+
+    def rewards(self, rollouts: Array) -> Array:
+        """Return the best reward after each of some numbers of rollouts."""
+        from_none = np.append(0.0, self.best)
+        found: Array = from_none[np.searchsorted(self.spent, rollouts, side="right")]
+        return found
 
 
 def figure_pages(results: Results) -> list[FigurePage]:
@@ -30,19 +45,18 @@ def figure_pages(results: Results) -> list[FigurePage]:
 
 def comparable(results: Results) -> tuple[list[str], list[str]]:
     """All tasks and the methods that were run on all of them; failing that, the tasks that all methods share."""
-    everywhere = [
-        method
-        for method in results.methods
-        if len(results.of(method)) == len(results.tasks)
-    ]
+    tasks = results.tasks
+    methods = results.methods
+    everywhere = [m for m in methods if len(results.of(m)) == len(tasks)]
     if everywhere:
-        return results.tasks, everywhere
-    shared = [
-        t
-        for t in results.tasks
-        if {*results.methods} <= {g.method for g in results.groups if g.task == t}
-    ]
-    return shared, results.methods if shared else []
+        return tasks, everywhere
+
+    shared = set(tasks)
+    for method in methods:
+        shared &= {g.task for g in results.of(method)}
+    if not shared:
+        return [], []
+    return [task for task in tasks if task in shared], methods
 
 
 def _look(results: Results, method: str) -> dict[str, Any]:
@@ -55,34 +69,20 @@ def rewards(results: Results) -> FigurePage:
     """Grouped bars of the average, and every run as a dot."""
     tasks = results.tasks
     methods = results.methods
+    step = 0.8 / len(methods)
 
     def paint() -> Figure:
         figure = new_figure(max(6.4, 1.2 + 0.24 * len(tasks) * (len(methods) + 1)), 4.0)
         ax = figure.subplots()
-        step = 0.8 / len(methods)
         for i, method in enumerate(methods):
             groups = results.of(method)
             places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
             means = [fmean(g.rewards) for g in groups]
-            ax.bar(
-                places,
-                means,
-                0.9 * step,
-                edgecolor="white",
-                lw=0.5,
-                **_look(results, method),
-            )
+            look = _look(results, method)
+            ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **look)
+            dot = {"ms": 3, "mfc": "none", "mec": INK, "mew": 0.6, "clip_on": False}
             for place, g in zip(places, groups, strict=True):
-                ax.plot(
-                    [place] * len(g.rewards),
-                    g.rewards,
-                    "o",
-                    ms=3,
-                    mfc="none",
-                    mec=INK,
-                    mew=0.6,
-                    clip_on=False,
-                )
+                ax.plot([place] * len(g.rewards), g.rewards, "o", **dot)
         ax.set(
             ylim=(0, 1.02),
             yticks=np.linspace(0, 1, 6),
@@ -90,12 +90,8 @@ def rewards(results: Results) -> FigurePage:
             xlim=(-0.5, len(tasks) - 0.5),
         )
         ax.grid(axis="y")
-        ax.set_xticks(
-            range(len(tasks)),
-            [wrapped(task, 30) for task in tasks],
-            rotation=35,
-            ha="right",
-        )
+        names = [wrapped(task, 30) for task in tasks]
+        ax.set_xticks(range(len(tasks)), names, rotation=35, ha="right")
         ax.tick_params(axis="x", length=0)
         figure.legend(loc="outside lower center", ncols=2)
         return figure
@@ -103,26 +99,25 @@ def rewards(results: Results) -> FigurePage:
     return FigurePage("rewards", "Reward by task and method", paint)
 
 
-def _course(run: FinishedRun) -> tuple[Array, Array]:
-    """The number of rollouts, and the best reward so far, after each of a run's N candidates: each (N,)."""
+def _read_course(run: FinishedRun) -> Course:
     evaluations = run.store.evaluations()
-    return np.cumsum([e.rollouts for e in evaluations]), np.maximum.accumulate(
-        [e.reward for e in evaluations]
-    )
+    spent = np.cumsum([evaluation.rollouts for evaluation in evaluations])
+    rewards = [evaluation.reward for evaluation in evaluations]
+    return Course(spent, np.maximum.accumulate(rewards))
 
 
 def anytime(
     results: Results, tasks: list[str], methods: list[str]
 ) -> FigurePage | None:
     """The mean best reward so far against rollouts, over the tasks that the methods share, with its interval."""
-    courses = {
-        m: [[_course(run) for run in g.runs] for g in results.of(m, tasks)]
-        for m in methods
-    }
-    ends = {
-        m: max(spent[-1] for task in by_task for spent, _ in task)
-        for m, by_task in courses.items()
-    }
+    courses = {}
+    ends = {}
+    for method in methods:
+        groups = results.of(method, tasks)
+        courses[method] = [list(map(_read_course, g.runs)) for g in groups]
+        ends[method] = max(
+            max(course.spent[-1] for course in task) for task in courses[method]
+        )
     if max(ends.values(), default=0.0) < 2:
         return None
 
@@ -130,39 +125,28 @@ def anytime(
         figure = new_figure(6.4, 4.0)
         ax = figure.subplots()
         for method, by_task in courses.items():
-            look = _look(results, method)
             x = np.linspace(0, ends[method], POINTS)
-            scores = [
-                np.array(
-                    [
-                        np.append(0.0, best)[np.searchsorted(spent, x, side="right")]
-                        for spent, best in task
-                    ]
-                )
-                for task in by_task
-            ]  # of each task (runs, POINTS)
-            spans = [
-                interval([task[:, i] for task in scores], "mean") for i in range(POINTS)
-            ]
-            known = [
-                (place, *span)
-                for place, span in zip(x, spans, strict=True)
-                if span is not None
-            ]
-            if known:
-                places, low, high = zip(*known, strict=True)
-                ax.fill_between(
-                    places, low, high, color=look["color"], alpha=0.18, lw=0
-                )
-            ax.plot(
-                x,
-                np.mean([task.mean(axis=0) for task in scores], axis=0),
-                lw=1.8,
-                **look,
-            )
+            scores = []  # of each task (runs, POINTS)
+            for task in by_task:
+                scores.append(np.array([course.rewards(x) for course in task]))
+            look = _look(results, method)
+            _shade_interval(ax, x, scores, look["color"])
+            means = [task.mean(axis=0) for task in scores]
+            ax.plot(x, np.mean(means, axis=0), lw=1.8, **look)
         ax.grid(axis="y", visible=True)
         ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="rollouts")
         figure.legend(loc="outside lower center", ncols=2)
         return figure
 
     return FigurePage("anytime", "Reward by rollouts", paint)
+
+
+def _shade_interval(ax: Any, x: Array, scores: Sequence[Array], color: str) -> None:
+    """Draw the interval of the mean at each place (POINTS,) where it is known."""
+    rows = []
+    for i, place in enumerate(x):
+        span = interval([task[:, i] for task in scores], "mean")
+        if span is not None:
+            rows.append((place, *span))
+    if rows:
+        ax.fill_between(*zip(*rows, strict=True), color=color, alpha=0.18, lw=0)

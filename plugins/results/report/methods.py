@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,14 +52,12 @@ class Group:
     @property
     def best(self) -> FinishedRun:
         """The run with the highest reward; of two with the same, the one with the shorter distance."""
-        return min(
-            self.runs,
-            key=lambda run: (
-                -run.best.reward,
-                run.best.distance_m is None,
-                run.best.distance_m,
-            ),
-        )
+
+        def order(run: FinishedRun) -> tuple[Any, ...]:
+            best = run.best
+            return -best.reward, best.distance_m is None, best.distance_m
+
+        return min(self.runs, key=order)
 
 
 def group(
@@ -67,41 +65,35 @@ def group(
 ) -> list[Group]:
     """Group runs by task, in alphabetical order, and method, in the order in which methods appear."""
     known = [run for run in left_out if run.task and run.config]
-    labels = label(
-        [(run.task, run.config) for run in finished]
-        + [(run.task, run.config) for run in known]
-    )
-    order = list(dict.fromkeys(labels))
-    grouped: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
+    labels = label([(run.task, run.config) for run in (*finished, *known)])
+    grouped: dict[tuple[str, str], list[FinishedRun]] = defaultdict(list)
     for run, name in zip(finished, labels, strict=False):
-        grouped[run.task, order.index(name)].append(run)
-    lost = Counter(
-        (run.task, name)
-        for run, name in zip(known, labels[len(finished) :], strict=True)
-    )
-    return [
-        Group(
-            task, order[method], tuple(grouped[task, method]), lost[task, order[method]]
-        )
-        for task, method in sorted(grouped)
-    ]
+        grouped[run.task, name].append(run)
+    lost: Counter[tuple[str, str]] = Counter()
+    for left, name in zip(known, labels[len(finished) :], strict=True):
+        lost[left.task, name] += 1
+
+    order = list(dict.fromkeys(labels))
+    keys = sorted(grouped, key=lambda key: (key[0], order.index(key[1])))
+    return [Group(*key, tuple(grouped[key]), lost[key]) for key in keys]
 
 
 def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Name the method of each (task, configuration): by the user's ``name``, or else as `_distinguished`."""
-    given = [
-        short(name) if isinstance(name := config.get("name"), str) else ""
-        for _, config in configs
-    ]
-    others = iter(
-        _distinguished(
-            [pair for pair, name in zip(configs, given, strict=True) if not name]
-        )
-    )
-    return [name or next(others) for name in given]
+    """Name the method of each (task, configuration): by the user's ``name``, or else as `_distinguish` says."""
+    labels = []
+    unnamed = []
+    for number, (_, config) in enumerate(configs):
+        name = config.get("name")
+        labels.append(short(name) if isinstance(name, str) else "")
+        if not labels[-1]:
+            unnamed.append(number)
+    names = _distinguish([configs[number] for number in unnamed])
+    for number, name in zip(unnamed, names, strict=True):
+        labels[number] = name
+    return labels
 
 
-def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+def _distinguish(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     """Name the method of each (task, configuration) by the settings that distinguish methods.
 
     Choices (``tool=none``) distinguish methods wherever they differ. Another setting does where two runs of one task
@@ -109,29 +101,22 @@ def _distinguished(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str
     of its own. The seed, the executor and the listeners never do.
     """
     settings = [flatten(config) for _, config in configs]
-    named = {
-        key
-        for setting in settings
-        for key in setting
-        if key.endswith(".name") and key.count(".") == 1
-    }
+    keys = sorted(set[str]().union(*settings))
     first = [f"{choice}.name" for choice in CHOICES]
-    choices = [*first, *sorted(named - set(first))]
-    varying = [key for key in choices if len(_values(settings, key)) > 1]
+    more = [key for key in keys if key.count(".") == 1 and key.endswith(".name")]
+    choices = list(dict.fromkeys([*first, *more]))
+
+    # The runs of one task with the same choices.
     alike = defaultdict(list)
     for (task, _), setting in zip(configs, settings, strict=True):
         alike[task, *(setting.get(key) for key in choices)].append(setting)
-    others = sorted({key for setting in settings for key in setting} - set(choices))
-    varying += [
-        key
-        for key in others
-        if any(len(_values(runs, key)) > 1 for runs in alike.values())
-    ]
+    varying = [key for key in choices if _varies(settings, key)]
+    for key in keys:
+        if key not in choices and any(_varies(runs, key) for runs in alike.values()):
+            varying.append(key)
+
     named_by = varying or choices[:3]
-    return [
-        " ".join(_say(key, setting.get(key)) for key in named_by)
-        for setting in settings
-    ]
+    return [" ".join(_describe(setting, named_by)) for setting in settings]
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -139,22 +124,23 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     found: dict[str, str] = {}
     for key, value in config.items():
         name = f"{prefix}{key}"
-        if name not in _NO_METHOD:
-            below = (
-                flatten(value, f"{name}.")
-                if isinstance(value, Mapping)
-                else {name: value}
-            )
-            found |= {
-                k: v if isinstance(v, str) else json.dumps(v) for k, v in below.items()
-            }
+        if name in _NO_METHOD:
+            continue
+        if isinstance(value, Mapping):
+            found |= flatten(value, f"{name}.")
+        else:
+            found[name] = value if isinstance(value, str) else json.dumps(value)
     return found
 
 
-def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
-    return {setting.get(key) for setting in settings}
+def _varies(settings: Iterable[Mapping[str, str]], key: str) -> bool:
+    return len({setting.get(key) for setting in settings}) > 1
 
 
-def _say(key: str, value: str | None) -> str:
-    name = key.removesuffix(".name")
-    return short(f"{name}={value}" if value is not None else f"no {name}")
+def _describe(setting: Mapping[str, str], keys: Iterable[str]) -> list[str]:
+    words = []
+    for key in keys:
+        name = key.removesuffix(".name")
+        value = setting.get(key)
+        words.append(short(f"no {name}" if value is None else f"{name}={value}"))
+    return words

@@ -12,7 +12,7 @@ from core.errors import UserError
 from core.support.text import clean
 from plugins.results.pages.runs import FinishedRun, LeftOutRun
 from plugins.results.pages.tools import Winner, best_tool
-from plugins.results.report.leaderboard import ListedEntry
+from plugins.results.report.entries import ListedEntry
 from plugins.results.report.methods import Group, group
 from plugins.results.report.verify import VerifiedRun
 
@@ -44,16 +44,17 @@ class Results:
     @cached_property
     def methods(self) -> list[str]:
         """The methods, in the order in which they appear among the runs."""
-        method_of = {run: g.method for g in self.groups for run in g.runs}
+        method_of: dict[FinishedRun, str] = {}
+        for g in self.groups:
+            method_of |= dict.fromkeys(g.runs, g.method)
         return list(dict.fromkeys(method_of[run] for run in self.runs))
 
     def of(self, method: str, tasks: Sequence[str] | None = None) -> list[Group]:
         """The groups of a method, on ``tasks`` or on all its tasks."""
-        return [
-            g
-            for g in self.groups
-            if g.method == method and (tasks is None or g.task in tasks)
-        ]
+        groups = [g for g in self.groups if g.method == method]
+        if tasks is None:
+            return groups
+        return [g for g in groups if g.task in tasks]
 
     @cached_property
     def tools(self) -> BestTools:
@@ -62,10 +63,10 @@ class Results:
         for g in self.groups:
             try:
                 winner = best_tool(g.best)
-                if winner.tool.components:
-                    tools.best[g.task, g.method] = winner
             except UserError as error:
-                tools.problems.append(
-                    f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}"
-                )
+                problem = clean(str(error), MAX_DESCRIPTION)
+                tools.problems.append(f"{g.task}, {g.method}: {problem}")
+                continue
+            if winner.tool.components:
+                tools.best[g.task, g.method] = winner
         return tools

@@ -25,7 +25,9 @@ _BATCH = 1000  # resamples in memory at a time
 
 def deviation(values: Sequence[float]) -> float | None:
     """The sample standard deviation (n - 1); None for fewer than two values."""
-    return float(np.std(values, ddof=1)) if len(values) > 1 else None
+    if len(values) < 2:
+        return None
+    return float(np.std(values, ddof=1))
 
 
 def interquartile_mean(values: Sequence[float] | Array) -> float:
@@ -58,16 +60,24 @@ def interval(
         method="percentile",
         rng=np.random.default_rng(0),
     )
-    return float(result.confidence_interval.low), float(result.confidence_interval.high)
+    low, high = result.confidence_interval
+    return float(low), float(high)
 
 
-_STATISTICS = {
-    "mean": lambda *tasks, axis: np.mean(
-        [np.mean(runs, axis=axis) for runs in tasks], axis=0
-    ),
-    "interquartile mean": lambda *tasks, axis: scipy.stats.trim_mean(
-        np.concatenate(tasks, axis=axis), 0.25, axis=axis
-    ),
+def _mean_of_tasks(*tasks: Array, axis: int) -> Array:
+    means: Array = np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0)
+    return means
+
+
+def _mean_of_middle_half(*tasks: Array, axis: int) -> Array:
+    runs = np.concatenate(tasks, axis=axis)
+    means: Array = scipy.stats.trim_mean(runs, 0.25, axis=axis)
+    return means
+
+
+_STATISTICS: dict[Statistic, Callable[..., Array]] = {
+    "mean": _mean_of_tasks,
+    "interquartile mean": _mean_of_middle_half,
 }
 
 
@@ -85,19 +95,18 @@ class RunCost(NamedTuple):
     cost_usd: float | None
 
     @classmethod
-    def of(cls, requests: Iterable[StoredRequest]) -> RunCost:
+    def of(cls, requests: Sequence[StoredRequest]) -> RunCost:
         """Add up requests and their replies."""
-        asked = list(requests)
-        replies = [request.reply for request in asked if request.reply is not None]
-        sums = (
-            over_known(sum, (getattr(reply, name) for reply in replies))
-            for name in cls._fields[3:]
-        )
+        replies = [request.reply for request in requests if request.reply is not None]
         return cls(
-            len(asked),
+            len(requests),
             len(replies),
-            sum(reply.error is not None for reply in replies),
-            *sums,
+            errors=sum(reply.error is not None for reply in replies),
+            prompt_tokens=over_known(sum, [reply.prompt_tokens for reply in replies]),
+            completion_tokens=over_known(
+                sum, [reply.completion_tokens for reply in replies]
+            ),
+            cost_usd=over_known(sum, [reply.cost_usd for reply in replies]),
         )
 
 

@@ -6,6 +6,7 @@ import contextlib
 import json
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from omegaconf import DictConfig, OmegaConf
@@ -14,16 +15,16 @@ from core.config.compose import load, node, part, task_part, tool_part
 from core.design import DesignError
 from core.designs.reading import read_designs
 from core.errors import UserError
-from core.interfaces import RolloutSettings
+from core.interfaces import Condition, Evaluation, RolloutSettings
 from core.plugins import EXECUTOR, FITNESS, SIMULATOR
 from core.search.finalists import try_unseen
 from core.search.trials import Trials
-from core.trial import Condition, Evaluation
 from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import short
-from plugins.results.report.leaderboard import Entry, RunResult, protocol
+from plugins.results.report.entries import Entry, RunResult
 
-TOLERANCE = 0.01  # of a score: other processors round otherwise
+TOLERANCE = 0.01
+"""Of a score: other processors round otherwise."""
 
 
 class VerifiedRun(NamedTuple):
@@ -45,13 +46,16 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
     """Yield each run of an entry with what its design earns here. A run that claims nothing is not tried."""
     for task, result in entry.tasks.items():
         for run in result.runs:
-            claimed = run.score(protocol(entry.protocol), task)
-            score, why = (
-                (0.0, "") if claimed == 0 else (None, "the file has no design of it")
-            )
-            if run.design is not None and claimed > 0:
+            claimed = run.score(entry.rules, task)
+            score = None
+            why = ""
+            if claimed == 0:
+                score = 0.0
+            elif run.design is None:
+                why = "the file has no design of it"
+            else:
                 try:
-                    score, why = earned(entry, task, run), ""
+                    score = earned(entry, task, run)
                 except (UserError, DesignError) as error:
                     why = short(str(error))
             yield VerifiedRun(entry, task, run.seed, claimed, score, why)
@@ -64,61 +68,54 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
         UserError: a part is not installed here, or a setting can't be used.
         DesignError: the design can't be read.
     """
-    cfg = _config(entry, task)
+    cfg = _configure(entry, task)
+    representation = tool_part(cfg).create()
     document = {"strategies": [run.design]}
-    (candidate, *_) = read_designs(
-        document, tool_part(cfg).create(), task_part(cfg).create(), most=(1, 1)
+    candidate, *_ = read_designs(
+        document, representation, task_part(cfg).create(), most=(1, 1)
     )
     if candidate.problem is not None:
         raise DesignError(candidate.problem)
-    condition = Condition(
-        task_part(cfg),
-        part(SIMULATOR, cfg.sim),
-        run.seed,
-        node(cfg.rollout, RolloutSettings),
-    )
+
+    sim = part(SIMULATOR, cfg.sim)
+    settings = node(cfg.rollout, RolloutSettings)
+    condition = Condition(task_part(cfg), sim, run.seed, settings)
     fitness = part(FITNESS, cfg.fitness).create(condition=condition)
     with part(EXECUTOR, cfg.executor).create() as executor:
         rewards, effort = try_unseen(Evaluation(candidate), fitness, Trials(executor))
-    again = RunResult(run.seed, rewards, 1, 1, 1, None, 0.0, effort=effort)
-    return again.score(protocol(entry.protocol), task)
+    return replace(run, rewards=rewards, effort=effort).score(entry.rules, task)
 
 
-def _config(entry: Entry, task: str) -> DictConfig:
+def _configure(entry: Entry, task: str) -> DictConfig:
     """Compose the protocol's configuration, with the entry's own way to write tools."""
-    settings = {
-        key: value for key, value in entry.settings.items() if key.startswith("tool.")
-    }
+    settings = {}
+    for key, value in entry.settings.items():
+        if key.startswith("tool."):
+            settings[key] = value
     name = settings.pop("tool.name", "urdf")
-    if not re.fullmatch(r"\w{1,50}", name) or any(
-        "$" in value for value in settings.values()
-    ):
+    interpolated = any("$" in value for value in settings.values())
+    if interpolated or not re.fullmatch(r"\w{1,50}", name):
         raise UserError(
             f"tool={short(name)} with such settings is no tool representation"
         )
+
     cfg = load("config", [f"protocol={entry.protocol}", f"task={task}", f"tool={name}"])
-    for key, value in settings.items():
+    for key, text in settings.items():
         if OmegaConf.select(cfg, key) is None:
             raise UserError(f"tool={name} has no setting {short(key)}")
+        value = text
         with contextlib.suppress(ValueError):  # else it is a text
-            value = json.loads(value)
+            value = json.loads(text)
         cfg.tool[key.removeprefix("tool.")] = value
     return cfg
 
 
 def verification(runs: Sequence[VerifiedRun]) -> Table:
     """Make the table of runs that were verified."""
-    rows = [
-        (
-            run.entry.name,
-            run.task,
-            run.seed,
-            run.claimed,
-            run.score,
-            "yes" if run.same else f"no {run.why}".strip(),
-        )
-        for run in runs
-    ]
-    return Table.of(
-        "verification", "entry|task|seed|claimed:3|earned again:3|verified", rows
-    )
+    head = "entry|task|seed|claimed:3|earned again:3|verified"
+    rows = []
+    for run in runs:
+        verified = "yes" if run.same else f"no {run.why}".strip()
+        row = (run.entry.name, run.task, run.seed, run.claimed, run.score, verified)
+        rows.append(row)
+    return Table.of("verification", head, rows)

@@ -1,0 +1,148 @@
+"""Make entries of a benchmark from the runs at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from core.errors import UserError
+from core.store.database import FILE
+from core.store.reader import StoredRun
+from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, short
+from plugins.results.report.entries import Entry, RunResult, TaskResult, check_entry
+from plugins.results.report.methods import flatten, label
+from plugins.results.report.protocols import Protocol, protocol
+from plugins.results.report.statistics import RunCost
+
+
+class _Followed(NamedTuple):
+    """A method, as the entry will be called, and the protocol that its runs followed."""
+
+    name: str
+    protocol: str
+    version: int
+
+
+def find_entries(
+    finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun], name: str = ""
+) -> tuple[list[Entry], list[str]]:
+    """Make an entry of each method's runs on a track by a protocol; return them, and why others are none.
+
+    ``name`` is what entries are called; of several methods each adds its own.
+    """
+    entries: list[Entry] = []
+    problems: list[str] = []
+    for followed, runs in _group([*finished, *left_out], name).items():
+        try:
+            rules = protocol(followed.protocol)
+        except UserError:
+            # Runs of a protocol that is not installed are runs like others.
+            continue
+        for track, tasks in rules.tracks.items():
+            on_track = [run for run in runs if run.task in tasks]
+            if not on_track:
+                continue
+            try:
+                entries.append(_make_entry(followed, rules, track, on_track))
+            except UserError as error:
+                problems.append(
+                    f"no entry of the track {track}: {followed.name}: {error}"
+                )
+    return entries, problems
+
+
+def _group(runs: Sequence[AnyRun], name: str) -> dict[_Followed, list[AnyRun]]:
+    """Group the runs that followed a protocol by it and their method."""
+    known = [run for run in runs if run.task and run.config]
+    methods = label([(run.task, run.config) for run in known])
+    groups: dict[_Followed, list[AnyRun]] = {}
+    for run, method in zip(known, methods, strict=True):
+        called = name or method
+        if name and len(set(methods)) > 1:
+            called = f"{name} {method}"
+        match run.config.get("protocol"):
+            case {"name": str(rules), "version": int(version)} if rules != "none":
+                followed = _Followed(called, rules, version)
+                groups.setdefault(followed, []).append(run)
+    return groups
+
+
+def differences(runs: Sequence[AnyRun]) -> str:
+    """Say in which settings runs differ; empty: in none."""
+    methods = set(label([(run.task, {**run.config, "name": ""}) for run in runs]))
+    if len(methods) == 1:
+        return ""
+    return "; ".join(sorted(methods))
+
+
+def _make_entry(
+    followed: _Followed, rules: Protocol, track: str, runs: Sequence[AnyRun]
+) -> Entry:
+    """Make an entry of runs on a track.
+
+    Raises:
+        UserError: a run is not finished, they differ, or they are no entry (`check_entry`).
+    """
+    for run in runs:
+        if isinstance(run, LeftOutRun):
+            ended = run.status == "failed" and (run.folder / FILE).exists()
+            if not ended:
+                raise UserError(
+                    f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
+                )
+    apart = differences(runs)
+    if apart:
+        raise UserError(f"its runs differ in more than task and seed: {apart}")
+
+    settings = flatten(runs[0].config)
+    for run in runs[1:]:
+        theirs = flatten(run.config)
+        settings = {k: v for k, v in settings.items() if theirs.get(k) == v}
+    versions: dict[str, str] = {}
+    results: dict[str, list[RunResult]] = {}
+    for run in sorted(runs, key=lambda run: run.task):
+        results.setdefault(run.task, []).append(_make_result(run, rules))
+        if isinstance(run, FinishedRun):
+            versions |= run.figures.versions
+    entry = Entry(
+        name=followed.name,
+        protocol=rules.name,
+        version=followed.version,
+        track=track,
+        settings=settings,
+        versions=versions,
+        tasks={task: TaskResult(tuple(rows)) for task, rows in results.items()},
+    )
+    return check_entry(entry)
+
+
+def _make_result(run: AnyRun, rules: Protocol) -> RunResult:
+    """Return what a run earned and took; one in which nothing could be tried earned nothing."""
+    store = StoredRun(run.folder)
+    cost = RunCost.of(store.requests())
+    tried = [e for e in store.evaluations() if e.status != "rejected"]
+    result = RunResult(
+        seed=run.config["seed"],
+        rewards=dict.fromkeys(rules.engines, (0.0,) * rules.layouts),
+        candidates=len(tried),
+        rollouts=sum(evaluation.rollouts for evaluation in tried),
+        requests=cost.requests,
+        cost_usd=cost.cost_usd,
+        wall_time_s=store.seconds(),
+    )
+    if not isinstance(run, FinishedRun):
+        return result
+
+    design = None
+    for evaluation in tried:
+        if evaluation.candidate == run.best.candidate:
+            written = store.designs()[evaluation.design].written
+            design = written | {"action_sets": [evaluation.plan]}
+    unseen = run.figures.unseen
+    return replace(
+        result,
+        rewards=unseen.engines if unseen is not None else {},
+        design=design,
+        effort=run.figures.effort,
+    )

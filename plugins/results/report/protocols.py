@@ -1,0 +1,94 @@
+"""Protocols of benchmarks: what all of their entries have in common."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from core.config.compose import load
+from core.errors import UserError
+from core.plugins import installed
+from core.values.efforts import Effort
+from plugins.results.pages.runs import short
+from plugins.results.report.methods import flatten
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A protocol as it is now: the settings that it fixes, the tasks of each track, and what the best is tried in.
+
+    With ``references``, by task, what counts of a design that holds is the effort saved.
+    """
+
+    name: str
+    version: int
+    fixed: dict[str, str]
+    tracks: dict[str, list[str]]
+    engines: list[str]
+    layouts: int
+    references: dict[str, Effort] = field(default_factory=dict)
+
+
+@lru_cache
+def protocol(name: str) -> Protocol:
+    """Return the protocol of this name, which a file or a store says.
+
+    Raises:
+        UserError: there is none.
+    """
+    if name == "none" or not re.fullmatch(r"\w{1,50}", name):
+        raise UserError(f"no protocol {short(name)!r}")
+    config = load("config", [f"protocol={name}"])
+    chosen = config.protocol
+    settings: Any = OmegaConf.to_container(config, resolve=True)
+    starts = tuple(f"{key}." for key in chosen.fixed)
+    fixed = {
+        key: value
+        for key, value in flatten(settings).items()
+        if f"{key}.".startswith(starts)
+    }
+    references = {
+        task: Effort(*numbers)
+        for task, numbers in config.fitness.get("references", {}).items()
+    }
+    tracks = {
+        track: [
+            task for task in _tasks_of(plugin) if task in references or not references
+        ]
+        for track, plugin in chosen.tracks.items()
+    }
+    return Protocol(
+        name=name,
+        version=chosen.version,
+        fixed=fixed,
+        tracks=tracks,
+        engines=list(chosen.engines),
+        layouts=chosen.layouts,
+        references=references,
+    )
+
+
+def _tasks_of(plugin: str) -> list[str]:
+    """Return the names of the tasks that a plugin offers."""
+    return [
+        offer.name
+        for offer in installed().offers.values()
+        if offer.kind == "task" and offer.entry_point == plugin
+    ]
+
+
+@lru_cache
+def engine_settings(protocol_name: str, name: str) -> dict[str, str]:
+    """Return the settings of an engine as it is, by dotted key.
+
+    Raises:
+        UserError: there is none of this name.
+    """
+    if not re.fullmatch(r"\w{1,50}", name):
+        raise UserError(f"sim.name is {short(name)!r}, which is no engine")
+    config = load("config", [f"protocol={protocol_name}", f"sim={name}"])
+    return flatten({"sim": OmegaConf.to_container(config.sim, resolve=True)})
