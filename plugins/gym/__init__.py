@@ -19,29 +19,32 @@ from core.hooks import PROJECT
 from core.plugins import Offer, installed
 
 NAMESPACES = {
-    name.lower(): name for name in ("RoboToolBench", "HardToolBench", "SoftToolBench")
-}  # by entry point
-MAX_STEPS = 500  # of 0.05 s; then an episode is truncated
+    "robotoolbench": "RoboToolBench",
+    "hardtoolbench": "HardToolBench",
+    "softtoolbench": "SoftToolBench",
+}
+"""By the project's own entry points."""
+
+MAX_STEPS = 500
+"""Of 0.05 s; then an episode is truncated."""
 
 
 def environment_id(offer: Offer) -> str:
     """Gymnasium's name for a task: namespace, name, version. Characters that Gymnasium refuses become hyphens."""
-    given = NAMESPACES.get(offer.entry_point) if offer.distribution == PROJECT else None
-    namespace = given or offer.distribution.replace(".", "-")
-    return (
-        "/".join(re.sub(r"[^\w:.-]+", "-", name) for name in (namespace, offer.name))
-        + "-v0"
-    )
+    namespace = offer.distribution.replace(".", "-")
+    if offer.distribution == PROJECT:
+        namespace = NAMESPACES.get(offer.entry_point, namespace)
+    words = [re.sub(r"[^\w:.-]+", "-", word) for word in (namespace, offer.name)]
+    return f"{'/'.join(words)}-v0"
 
 
 def register_tasks() -> None:
     """Register every installed task."""
     for offer in installed().offers.values():
         if offer.kind == "task":
-            where = "plugins.gym.environment:ToolEnv"
             register(
                 environment_id(offer),
-                where,
+                "plugins.gym.environment:ToolEnv",
                 kwargs={"task": offer.name},
                 max_episode_steps=MAX_STEPS,
             )

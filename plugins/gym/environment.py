@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -21,22 +19,20 @@ from core.designs.rules import check_tool
 from core.designs.start import SpawnRules
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.interfaces import Image, Recording, Task, ToolRepresentation, World
+from core.interfaces import Image, Task, ToolRepresentation, World
 from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
 from core.scene import State
 from core.simulation.playback import begin_motion
-from core.solids.contacts import find_contacts, make_trace
 from core.support.text import shorten
 from core.task import reward_of
 from core.values.layouts import NONE
-from core.values.traces import TRACE_HZ
+from plugins.gym.film import SETTLE_S, Film
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float64]
 
 STEP_S = 0.05  # of one action
-SETTLE_S = 0.5  # before the first
 MAX_SPEED = 0.5  # of the end-effector, m/s along each axis
 MAX_TURN = 2.0  # and rad/s about each
 FINGER_SPEED = 0.1  # m/s
@@ -90,52 +86,43 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     ) -> None:
         if control_mode not in get_args(ControlMode):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise choices(
-                "render_mode", str(render_mode), self.metadata["render_modes"]
-            )
+        render_modes = self.metadata["render_modes"]
+        if render_mode not in (None, *render_modes):
+            raise choices("render_mode", str(render_mode), render_modes)
         config = load("evaluate", [f"task={task}", *words])
         self.task = task_part(config).create()
         self.simulator = part(SIMULATOR, config.sim).create()
-        if gripper and self.task.robot.gripper is None:
-            raise UserError(
-                f"{self.task.robot.title} has no gripper; leave out gripper=True"
-            )
+        robot = self.task.robot
+        if gripper and robot.gripper is None:
+            raise UserError(f"{robot.title} has no gripper; leave out gripper=True")
         self.tool = Tool(gripper=gripper)
         if designs is not None:
-            self.tool = _tool(
-                Path(designs), strategy, tool_part(config).create(), self.task
-            )
+            representation = tool_part(config).create()
+            self.tool = _load_tool(Path(designs), strategy, representation, self.task)
+
         self.control_mode = control_mode
         self.render_mode = render_mode
-        self._draw = partial(
-            self.simulator.render,
-            self.task,
-            tool=self.tool,
-            width=size[0],
-            height=size[1],
-        )
-        robot = self.task.robot
+        self._size = size
         self._arm = arm_of(robot)
         self._opening = robot.opening_m
-        joints = len(robot.arm_joints)
-        moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
-
-        scene = self.task.scene(0)
-        observed = (
-            joints
-            + len(robot.finger_joints)
-            + len(self.tool.bearers)
-            + 13 * len(scene.free)
-        )
-        observed += 3 * sum(len(soft.form.nodes) for soft in scene.softs)
-        if self.task.variation != NONE:
-            observed += 7 * len(scene.places)
+        self._world: World | None = None
+        moves = len(robot.arm_joints) if control_mode == "joints" else 6
+        moves += self.tool.gripper
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
+        observed = self._count_observations()
         self.observation_space = gymnasium.spaces.Box(
             -np.inf, np.inf, (observed,), np.float64
         )
-        self._world: World | None = None
+
+    def _count_observations(self) -> int:
+        robot = self.task.robot
+        scene = self.task.scene(0)
+        joints = len(robot.arm_joints) + len(robot.finger_joints)
+        count = joints + len(self.tool.bearers) + 13 * len(scene.free)
+        count += 3 * sum(len(soft.form.nodes) for soft in scene.softs)
+        if self.task.variation != NONE:
+            count += 7 * len(scene.places)
+        return count
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -144,13 +131,14 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         super().reset(seed=seed)
         self._layout = int(self.np_random.integers(2**31))
         self._scene = self.task.scene(self._layout)
-        world = self.simulator.world(self.task, self.tool, self._layout)
-        self._world = world
+        self._film = Film(self._scene, self.task.robot, self.tool)
+        self._elapsed = -SETTLE_S
         self._joints = self._arm.home_for(self.task.home)
         self._fingers = self._opening
         self._pose = self._arm.forward(self._joints)
-        self._film: list[Recording] = []
-        self._elapsed = -SETTLE_S
+
+        world = self.simulator.world(self.task, self.tool, self._layout)
+        self._world = world
         self._drive(world, self._joints, self._fingers, SETTLE_S)
         self._start = begin_motion(world)
         try:
@@ -170,24 +158,24 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             ResetNeeded: there is no world yet.
             InvalidAction: the action has another shape, or a number that is not finite.
         """
-        if self._world is None:
+        world = self._world
+        if world is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        action = np.clip(self._checked(action), -1.0, 1.0)
+        action = np.clip(self._check(action), -1.0, 1.0)
         fingers = self._fingers
         if self.tool.gripper:
             wanted = self._opening * (1 - action[-1]) / 2
-            fingers += float(
-                np.clip(wanted - fingers, -FINGER_SPEED * STEP_S, FINGER_SPEED * STEP_S)
-            )
-        self._drive(self._world, self._target(action), fingers, STEP_S)
+            most = FINGER_SPEED * STEP_S
+            fingers += float(np.clip(wanted - fingers, -most, most))
+        self._drive(world, self._target(action), fingers, STEP_S)
 
         before = self._earned
-        self._earned = self._reward(self._world, self._world.state())
+        self._earned = self._reward(world, world.state())
         done = self._earned >= self.task.success_reward
         info = {"reward": self._earned, "is_success": done}
-        return self._observation(self._world), self._earned - before, done, False, info
+        return self._observation(world), self._earned - before, done, False, info
 
-    def _checked(self, action: Any) -> Numbers:
+    def _check(self, action: Any) -> Numbers:
         """Return an action as an array, if it is one."""
         (count,) = self.action_space.shape or (0,)
         with suppress(TypeError, ValueError):
@@ -220,60 +208,36 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         speeds = (joints - self._joints) / span
         finger_speed = (fingers - self._fingers) / span
         for k in range(1, steps + 1):
-            if self.task.reads_trace and (self._elapsed + SETTLE_S) * TRACE_HZ >= len(
-                self._film
-            ):
-                self._film.append(self._instant(world))
+            if self.task.reads_trace:
+                self._film.add(self._elapsed, world)
             left = span - k * world.time_step
-            world.step(
-                joints - speeds * left,
-                fingers - finger_speed * left,
-                speeds,
-                finger_speed,
-            )
+            arm_target = joints - speeds * left
+            finger_target = fingers - finger_speed * left
+            world.step(arm_target, finger_target, speeds, finger_speed)
             self._elapsed += world.time_step
         self._joints = joints
         self._fingers = fingers
-        self._pose = self._arm.forward(
-            joints
-        )  # where the arm can't follow, the target doesn't run away
+        # Where the arm can't follow, the target doesn't run away.
+        self._pose = self._arm.forward(joints)
 
     def _reward(self, world: World, now: State) -> float:
         """The task's reward; its trace, if it reads one, is of the episode until now, without forces."""
         trace = None
         if self.task.reads_trace:
-            film = [*self._film, self._instant(world)]
-            recording = Recording(
-                times=np.array([instant.times for instant in film]),
-                arm=np.array([instant.arm for instant in film]),
-                fingers=np.array([instant.fingers for instant in film]),
-                states=State.stack([instant.states for instant in film]),
-            )
-            found = find_contacts(self._scene, self.task.robot, self.tool, recording)
-            trace = replace(make_trace(self._scene, [found])[0], forces=None)
+            trace = self._film.trace(self._elapsed, world)
         first = self._scene.complete(self._start)
-        return float(
-            np.asarray(reward_of(self.task, first, self._scene.complete(now), trace))
-        )
-
-    def _instant(self, world: World) -> Recording:
-        return Recording(np.array(self._elapsed), *world.joints(), world.state())
+        reward = reward_of(self.task, first, self._scene.complete(now), trace)
+        return float(np.asarray(reward))
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()
+        bodies = np.concatenate(state.arrays, axis=-1).ravel()
         nodes = [state.nodes(soft.name).ravel() for soft in self._scene.softs]
         fixed: list[Array] = []
         if self.task.variation != NONE:
             for pose in self._scene.places.values():
                 fixed += [pose.position, pose.quaternion]
-        return np.concatenate(
-            [
-                *world.joints(),
-                np.concatenate(state.arrays, axis=-1).ravel(),
-                *nodes,
-                *fixed,
-            ]
-        )
+        return np.concatenate([*world.joints(), bodies, *nodes, *fixed])
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``."""
@@ -282,17 +246,30 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         arm, fingers = self._world.joints()
         if not self.tool.gripper:
             fingers[: len(self.task.robot.finger_joints)] = self._opening
-        return self._draw(
-            seed=self._layout, arm=arm, fingers=fingers, state=self._world.state()
+        width, height = self._size
+        return self.simulator.render(
+            self.task,
+            seed=self._layout,
+            tool=self.tool,
+            width=width,
+            height=height,
+            arm=arm,
+            fingers=fingers,
+            state=self._world.state(),
         )
 
     def close(self) -> None:
         self._world = None
 
 
-def _tool(
+def _load_tool(
     designs: Path, strategy: int, representation: ToolRepresentation, task: Task
 ) -> Tool:
+    """Read a tool, and check that it can be mounted.
+
+    Raises:
+        UserError: the file, or the tool, can't be used.
+    """
     tool = load_tool(designs, strategy, representation, task)
     try:
         if tool.components:

@@ -36,29 +36,25 @@ class ProgressListener:
         names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
         self._print(f"{names} seed={run.seed}", style="bold")
         self._print(f"model: {run.model}")
+
+        generations = run.budget.n_iteration + 1
+        size = f"{generations} generations of {self._population} candidates"
         refined = run.config.get("evolution", {}).get("refine", 0)
-        last = f", then {refined} of refinement" if refined else ""
-        self._print(
-            f"{run.budget.n_iteration + 1} generations of {self._population} candidates{last}"
-        )
+        if refined:
+            size += f", then {refined} of refinement"
+        self._print(size)
         self._print(f"folder: {run.folder}")
 
     @hookimpl
     def generation_started(self, index: int) -> None:
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-        )
+        from rich import progress
 
-        self._progress = Progress(
-            TextColumn(f"generation {index}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("best {task.fields[best]:.3f}"),
-            TimeElapsedColumn(),
+        self._progress = progress.Progress(
+            progress.TextColumn(f"generation {index}"),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn(),
+            progress.TextColumn("best {task.fields[best]:.3f}"),
+            progress.TimeElapsedColumn(),
             console=self._console,
             transient=True,
             disable=not self._console.is_terminal,
@@ -68,34 +64,33 @@ class ProgressListener:
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
-        if self._progress is not None:
-            task = self._progress.tasks[0]
-            self._progress.update(
-                task.id, advance=1, best=max(task.fields["best"], evaluation.reward)
-            )
+        if self._progress is None:
+            return
+        task = self._progress.tasks[0]
+        best = max(task.fields["best"], evaluation.reward)
+        self._progress.update(task.id, advance=1, best=best)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
         self._stop()
-        best, mean = generation.best_reward, generation.mean_reward
-        rewards = (
-            "nothing could be tried"
-            if best is None or mean is None
-            else f"best {best:.3f}  mean {mean:.3f}"
-        )
+        rewards = "nothing could be tried"
+        best = generation.best_reward
+        mean = generation.mean_reward
+        if best is not None and mean is not None:
+            rewards = f"best {best:.3f}  mean {mean:.3f}"
         counts = f"{len(generation.evaluations)} candidates"
         for status in ("rejected", "failed"):
-            if generation.count(status):
-                counts += f", {generation.count(status)} {status}"
+            count = generation.count(status)
+            if count:
+                counts += f", {count} {status}"
         self._print(f"generation {generation.index}  {rewards}  ({counts})")
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
-        count, seconds = result.rollouts, result.wall_time_s
-        self._print(
-            f"{count} rollouts in {seconds:.0f} s, {count / seconds:.1f} per second"
-        )
+        seconds = result.wall_time_s
+        speed = f"{result.rollouts / seconds:.1f} per second"
+        self._print(f"{result.rollouts} rollouts in {seconds:.0f} s, {speed}")
 
     @hookimpl
     def run_ended(self) -> None:

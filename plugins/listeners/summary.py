@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import shlex
-import statistics
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
@@ -17,7 +17,7 @@ from core.hooks import hookimpl
 from core.plugins import TASK
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
-from core.trial import best_tools
+from core.trial import Evaluation, best_tools
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -25,14 +25,8 @@ if TYPE_CHECKING:
 
 _LONGEST = 60  # letters of a name
 _REASONS = 5  # why candidates earned nothing or less
-_CHOSEN = (
-    "task",
-    "robot",
-    "sim",
-    "tool",
-    "material",
-    "fitness",
-)  # with their settings, what a reward depends on
+_CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")
+"""With their settings, what a reward depends on."""
 
 
 @hookimpl
@@ -56,179 +50,172 @@ class SummaryListener:
 
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
+        lines = list(_reasons(result))
         if result.best is not None:
             _print_tools(result, self.top)
-        said = (
-            remark
-            for of in (_reasons, _tied, _tasks, _goals, _margin, _unseen)
-            for remark in of(result)
-        )
-        say(*said, _spent(self._replies), *_commands(run, result), file=sys.stderr)
+            lines += _remarks(result, result.best)
+        lines.append(_spent(self._replies))
+        lines += _commands(run, result)
+        say(*lines, file=sys.stderr)
 
 
 def _print_tools(result: Result, top: int) -> None:
     numbers = ("reward", "distance m", "components", "mass g")
     rows = []
     for evaluation in best_tools(result.ranking)[:top]:
-        candidate, tool = evaluation.candidate, evaluation.candidate.tool
+        candidate = evaluation.candidate
+        tool = candidate.tool
         assert tool is not None
-        figures = (number(evaluation.reward, 3), number(evaluation.distance_m, 2))
-        counts = (str(len(tool.components)), f"{1000 * tool.mass:.0f}")
-        name = clean(tool.name or candidate.strategy_name, _LONGEST)
-        rows.append((*figures, *counts, candidate.id, name))
+        row = (
+            number(evaluation.reward, 3),
+            number(evaluation.distance_m, 2),
+            str(len(tool.components)),
+            f"{1000 * tool.mass:.0f}",
+            candidate.id,
+            clean(tool.name or candidate.strategy_name, _LONGEST),
+        )
+        rows.append(row)
     print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
 
 
-def _reasons(result: Result) -> Iterable[str]:
+def _reasons(result: Result) -> Iterator[str]:
     """Say why candidates were rejected, failed, or earned less than their rollout did."""
-    every = [
-        evaluation
-        for generation in result.generations
-        for evaluation in generation.evaluations
-    ]
-    lines = by_reason(
-        (evaluation.candidate.id, evaluation.reason) for evaluation in every
-    )
+    pairs = []
+    for generation in result.generations:
+        for evaluation in generation.evaluations:
+            pairs.append((evaluation.candidate.id, evaluation.reason))
+    lines = by_reason(pairs)
     yield from lines[:_REASONS]
     if len(lines) > _REASONS:
         yield f"and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
 
 
-def _tied(result: Result) -> Iterable[str]:
+def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
+    """Say what is to be said of the best candidate."""
+    yield from _tied(result, best)
+    if len(best.tasks) > 1:
+        yield _tasks(result, best)
+    else:
+        yield from _goals(result, best)
+    least = best.least_margin
+    if least is not None and least.name != "reward":
+        yield f"least margin of the best {number(least.margin, 2)}: {least}"
+    for engine, rewards in result.unseen.items():
+        mean = number(fmean(rewards), 3)
+        worst = number(min(rewards), 3)
+        earned = f"the best earned {mean} on the mean, {worst} in the worst ({engine})"
+        yield f"in {len(rewards)} unseen layouts {earned}"
+
+
+def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     """Say what decided between candidates that earned alike, or why the best has not the highest reward."""
-    if result.finals and result.best is not None:
-        yield f"{len(result.finals)} candidates earned alike; {result.best.candidate.id} held best in more layouts"
+    if result.finals:
+        yield f"{len(result.finals)} candidates earned alike; {best.candidate.id} held best in more layouts"
         return
-    highest = max(
-        result.ranking, key=lambda evaluation: evaluation.reward, default=None
-    )
-    if (
-        highest is not None
-        and result.best is not None
-        and number(highest.reward, 3) != number(result.best.reward, 3)
-    ):
-        earned = f"{highest.candidate.id} earned {number(highest.reward, 3)}"
+    highest = max(result.ranking, key=lambda tried: tried.reward, default=best)
+    reward = number(highest.reward, 3)
+    if reward != number(best.reward, 3):
+        earned = f"{highest.candidate.id} earned {reward}"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
 
 
-def _tasks(result: Result) -> Iterable[str]:
+def _tasks(result: Result, best: Evaluation) -> str:
     """Say what the best candidate earned in each of several tasks, and the most that any candidate did."""
-    names = result.best.tasks if result.best is not None else ()
-    if result.best is not None and len(names) > 1:
-        most = {
-            name: max(e.figures.get(name, 0.0) for e in result.ranking)
-            for name in names
-        }
-        own = (
-            f"{name} {number(result.best.figures[name], 3)} ({number(most[name], 3)})"
-            for name in names
-        )
-        yield f"tasks, by the best candidate (and the most by any): {', '.join(own)}"
+    every = [evaluation.figures for evaluation in result.ranking]
+    return _compare("tasks", best.tasks, [best.figures], every)
 
 
-def _goals(result: Result) -> Iterable[str]:
+def _goals(result: Result, best: Evaluation) -> Iterator[str]:
     """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached."""
-    every = [
-        trial.goals for evaluation in result.ranking for trial in evaluation.trials
-    ]
-    if result.best is None or len(result.best.tasks) > 1:
+    goals = [dict(trial.goals) for trial in best.trials if trial.goals]
+    if not goals:
         return
-    best = [dict(trial.goals) for trial in result.best.trials if trial.goals]
-    if best:
-        most = {
-            name: max(dict(goals).get(name, 0.0) for goals in every) for name in best[0]
-        }
-        means = {
-            name: statistics.fmean(goals.get(name, 0.0) for goals in best)
-            for name in most
-        }
-        shares = (
-            f"{name} {number(means[name], 3)} ({number(most[name], 3)})"
-            for name in most
-        )
-        yield f"goals, by the best candidate (and the most by any): {', '.join(shares)}"
+    every = []
+    for evaluation in result.ranking:
+        every += [dict(trial.goals) for trial in evaluation.trials]
+    yield _compare("goals", list(goals[0]), goals, every)
 
 
-def _margin(result: Result) -> Iterable[str]:
-    """Say how near to a limit the best candidate came, if the task has limits beside its reward."""
-    if (
-        result.best is not None
-        and (least := result.best.least_margin) is not None
-        and least.name != "reward"
-    ):
-        yield f"least margin of the best {number(least.margin, 2)}: {least}"
+def _compare(
+    what: str,
+    names: Sequence[str],
+    best: Sequence[Mapping[str, float]],
+    every: Sequence[Mapping[str, float]],
+) -> str:
+    """Say for each name the mean of the best candidate's figures, and the highest of all."""
+    shares = []
+    for name in names:
+        mean = fmean(figures.get(name, 0.0) for figures in best)
+        most = max(figures.get(name, 0.0) for figures in every)
+        shares.append(f"{name} {number(mean, 3)} ({number(most, 3)})")
+    return f"{what}, by the best candidate (and the most by any): {', '.join(shares)}"
 
 
-def _unseen(result: Result) -> Iterable[str]:
-    """Say what the best candidate earned in unseen layouts, if it was tried in any."""
-    for engine, rewards in result.unseen.items():
-        yield (
-            f"in {len(rewards)} unseen layouts the best earned {number(statistics.fmean(rewards), 3)} on the mean, "
-            f"{number(min(rewards), 3)} in the worst ({engine})"
-        )
-
-
-def _spent(replies: list[Reply]) -> str:
+def _spent(replies: Sequence[Reply]) -> str:
     """The replies of the model, its tokens and their cost, in a line."""
-    line = f"{len(replies)} repl{'y' if len(replies) == 1 else 'ies'}"
-    failed = sum(reply.error is not None for reply in replies)
-    tokens = [
-        n
-        for reply in replies
-        for n in (reply.prompt_tokens, reply.completion_tokens)
-        if n is not None
-    ]
+    tokens = []
+    for reply in replies:
+        tokens += [reply.prompt_tokens, reply.completion_tokens]
+    known = [count for count in tokens if count is not None]
     costs = [reply.cost_usd for reply in replies if reply.cost_usd is not None]
-    line += f", {failed} of them failed" if failed else ""
-    line += f", {sum(tokens)} tokens" if tokens else ""
-    return line + (f", {sum(costs):.2f} USD" if costs else "")
+    failed = sum(reply.error is not None for reply in replies)
+
+    line = f"{len(replies)} repl{'y' if len(replies) == 1 else 'ies'}"
+    if failed:
+        line += f", {failed} of them failed"
+    if known:
+        line += f", {sum(known)} tokens"
+    if costs:
+        line += f", {sum(costs):.2f} USD"
+    return line
 
 
-def _commands(run: Run, result: Result) -> Iterable[str]:
+def _commands(run: Run, result: Result) -> Iterator[str]:
     """Commands to look further."""
-    folder = shlex.quote(_short(run.folder))
+    folder = shlex.quote(_shorten(run.folder))
     if "rerun" in run.config.get("listener", {}):
         yield f"vlmgineer view {folder}"
     if result.best is None:
         return
     yield f"vlmgineer report {folder}"
-    design = f"designs={hydra_word(_short(run.folder / 'best' / 'design.json'))}"
-    yield shlex.join(["python", "-m", "core.evaluate", *_settings(run), design])
+    file = _shorten(run.folder / "best" / "design.json")
+    words = [*_settings(run), f"designs={hydra_word(file)}"]
+    yield shlex.join(["python", "-m", "core.evaluate", *words])
 
 
-def _settings(run: Run) -> Iterable[str]:
+def _settings(run: Run) -> list[str]:
     """Return the words by which ``core.evaluate`` tries a design as this run did."""
     from core.config.compose import load
 
-    config = {key: run.config.get(key) or {} for key in (*_CHOSEN, "rollout")}
-    config["task"] = {
-        key: value for key, value in config["task"].items() if key not in TASK.defaults
-    }
-    words = [
-        f"{kind}={config[kind]['name']}" for kind in _CHOSEN if "name" in config[kind]
-    ]
+    config = {key: dict(run.config.get(key) or {}) for key in (*_CHOSEN, "rollout")}
+    for key in TASK.defaults:
+        config["task"].pop(key, None)
+    names = {kind: config[kind].get("name") for kind in _CHOSEN}
+    words = [f"{kind}={name}" for kind, name in names.items() if name is not None]
     try:
-        usual = load("evaluate", words)
-    except (
-        UserError
-    ):  # the user's own file, which that command does not find: all that it says is set
-        words.remove(f"material={config['material']['name']}")
-        usual = load("evaluate", words)
-    resolved: Any = OmegaConf.to_container(usual, resolve=True)
-    return [*words, *_different(config, resolved), f"seed={run.seed}"]
+        defaults = load("evaluate", words)
+    except UserError:
+        # The user's own file, which that command does not find: all that it says is set.
+        words.remove(f"material={names['material']}")
+        defaults = load("evaluate", words)
+    resolved: Any = OmegaConf.to_container(defaults, resolve=True)
+    return [*words, *_differences(config, resolved), f"seed={run.seed}"]
 
 
-def _different(
-    config: Mapping[Any, Any], usual: Mapping[Any, Any], path: str = ""
+def _differences(
+    config: Mapping[Any, Any], defaults: Mapping[Any, Any], path: str = ""
 ) -> Iterable[str]:
-    """Yield the words that set what differs from ``usual``."""
+    """Yield the words that set what differs from ``defaults``."""
     for key, value in config.items():
-        if isinstance(value, Mapping) and isinstance(usual.get(key), Mapping):
-            yield from _different(value, usual[key], f"{path}{key}.")
-        elif key not in usual or usual[key] != value:
-            yield f"{'' if key in usual else '+'}{path}{key}={hydra_word(value)}"
+        default = defaults.get(key)
+        if isinstance(value, Mapping) and isinstance(default, Mapping):
+            yield from _differences(value, default, f"{path}{key}.")
+        elif key not in defaults:
+            yield f"+{path}{key}={hydra_word(value)}"
+        elif default != value:
+            yield f"{path}{key}={hydra_word(value)}"
 
 
-def _short(path: Path) -> str:
+def _shorten(path: Path) -> str:
     """``path``, or the way to it from the working directory where that is shorter."""
     return min(str(path), os.path.relpath(path), key=len)

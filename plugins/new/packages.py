@@ -53,8 +53,7 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     if kind not in TEMPLATES:
         raise choices("kind", kind, (*TEMPLATES, "scene"), "vlmgineer new")
     template = TEMPLATES[kind]
-    group = template.group
-    package = check_name(group, name)
+    package = check_name(template.group, name)
     folder = output or Path(package)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(
@@ -65,34 +64,38 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
             f"{name!r} can't be a name: a module {package!r} is there already; choose another name"
         )
 
+    camel_case = re.sub(r"_+(\w)", lambda found: found[1].upper(), name)
     values = {
         "name": name,
-        "kind": group,
+        "kind": template.group,
         "what": template.what,
         "module": template.module,
         "package": package,
+        "hook": KINDS[template.group].hook,
+        "cls": template.cls.format(camel_case[0].upper() + camel_case[1:]),
     }
-    values["hook"] = KINDS[group].hook
-    values["cls"] = template.cls.format(
-        name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:])
-    )
-    code = folder / package
-    module = code / f"{template.module}.py"
-    test = "listener_test.py" if kind == "listener" else "test.py"
+    for file, source in _files(kind, name, package).items():
+        write_bytes(folder / file, render(source, values).encode())
+    return folder, folder / package / f"{template.module}.py"
+
+
+def _files(kind: str, name: str, package: str) -> dict[str, str]:
+    """Return the files of a package, each with its template."""
+    template = TEMPLATES[kind]
     files = {
-        folder / "pyproject.toml": "pyproject.toml",
-        folder / "tests" / f"test_{package}.py": test,
-        code / "__init__.py": "init.py",
-        module: f"{kind}.py",
+        "pyproject.toml": "pyproject.toml",
+        f"tests/test_{package}.py": "test.py",
+        f"{package}/__init__.py": "init.py",
+        f"{package}/{template.module}.py": f"{kind}.py",
     }
-    if kind != "command":  # which has no settings
-        files[code / "conf/__init__.py"] = "empty.py"
-        files[code / "conf" / group / f"{name}.yaml"] = f"{kind}.yaml"
+    if kind == "listener":
+        files[f"tests/test_{package}.py"] = "listener_test.py"
     if kind == "robot":
-        files[code / "arm.urdf"] = "robot.urdf"
-    for file, source in files.items():
-        write_bytes(file, render(source, values).encode())
-    return folder, module
+        files[f"{package}/arm.urdf"] = "robot.urdf"
+    if kind != "command":  # which has no settings
+        files[f"{package}/conf/__init__.py"] = "empty.py"
+        files[f"{package}/conf/{template.group}/{name}.yaml"] = f"{kind}.yaml"
+    return files
 
 
 def check_name(group: str, name: str) -> str:
@@ -120,12 +123,12 @@ def check_name(group: str, name: str) -> str:
 
 def render(source: str, values: dict[str, str]) -> str:
     """Fill in a template."""
-    text = (resources.files("plugins.new") / "templates" / f"{source}.jinja").read_text(
-        encoding="utf-8"
-    )
+    file = resources.files("plugins.new") / "templates" / f"{source}.jinja"
     # Nothing is escaped: it is code, of names that were checked.
     template = jinja2.Template(
-        text, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+        file.read_text(encoding="utf-8"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
     )
     return str(template.render(values))
 
@@ -155,26 +158,20 @@ def main(words: list[str]) -> None:
     if {"--help", "-h"} & set(words):
         say(*USAGE.splitlines())
         return
-    outputs = [
-        Path(word.removeprefix("output="))
-        for word in words
-        if word.startswith("output=")
-    ]
     named = [word for word in words if not word.startswith("output=")]
-    if (
-        len(named) != 2
-        or len(outputs) > 1
-        or any(word.startswith("-") or "=" in word for word in named)
-    ):
+    outputs = [word.partition("=")[2] for word in words if word not in named]
+    unknown = [word for word in named if word.startswith("-") or "=" in word]
+    if len(named) != 2 or len(outputs) > 1 or unknown:
         raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
     kind, name = named
-    output = outputs[0] if outputs else None
+    output = Path(outputs[0]) if outputs else None
     if kind == "scene":
         file = write_scene(name, output)
         say(f"{file}: a scene, ready to be changed")
         for use in ("vlmgineer render", "vlmgineer conformance", RUN):
             say(f"  {use} task=file task.file={file}")
         return
+
     folder, file = write(kind, name, output)
     template = TEMPLATES[kind]
     use = f"{RUN} {template.group}={name}"

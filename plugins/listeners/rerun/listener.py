@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 
 class RerunListener:
-    """Records a run in ``recording.rrd`` in its folder: of each generation the rollout of its best tool. Of
-    several tasks each has a file ``recording_TASK.rrd``. The first
-    failure is reported in one line and ends the recording.
+    """Records a run in ``recording.rrd`` in its folder: of each generation the rollout of its best tool.
+
+    Of several tasks each has a file ``recording_TASK.rrd``. The first failure is reported in one line and ends the
+    recording.
 
     Args:
         hz: frames per simulated second.
@@ -47,26 +48,24 @@ class RerunListener:
             writer.close()
 
     def _open(self, run: Run) -> None:
-        os.environ.setdefault(
-            "RUST_LOG", "off"
-        )  # or Rerun logs to the terminal; what fails is raised as well
-        from plugins.listeners.rerun.writer import (
-            Writer,
-        )  # Rerun takes a third of a second to import, so only now
+        # Or Rerun logs to the terminal; what fails is raised as well.
+        os.environ.setdefault("RUST_LOG", "off")
+        # Rerun takes a third of a second to import, so only now.
+        from plugins.listeners.rerun.writer import Writer
 
         for task in run.task.parts:
             name = "recording" if task is run.task else f"recording_{task.name}"
-            self._writers.append(
-                Writer(replace(run, task=task), run.folder / f"{name}.rrd")
-            )
-            self._writers[-1].begin()
+            of_task = replace(run, task=task)
+            writer = Writer(of_task, run.folder / f"{name}.rrd")
+            self._writers.append(writer)
+            writer.begin()
 
     def _record(self, generation: Generation, writer: Writer) -> None:
         writer.generation(generation)
-        for evaluation in best_tools(generation.ranking)[:1]:
-            one = evaluation.in_task(writer.task.name)
-            if one.candidate.problem is None:
-                writer.rollout(generation.index, one, self._hz)
+        for best in best_tools(generation.ranking)[:1]:
+            evaluation = best.in_task(writer.task.name)
+            if evaluation.candidate.problem is None:
+                writer.rollout(generation.index, evaluation, self._hz)
 
     def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
         try:

@@ -32,11 +32,8 @@ def recordings(run: Path) -> list[Path]:
     """
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    files = [
-        file
-        for pattern in ("recording*.rrd", "*/recording*.rrd")
-        for file in sorted(run.glob(pattern))
-    ]
+    own = sorted(run.glob("recording*.rrd"))
+    files = [*own, *sorted(run.glob("*/recording*.rrd"))]
     if not files:
         raise UserError(
             f"{run} holds no recording.rrd; runs with the listener rerun write one"
@@ -72,59 +69,63 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     Raises:
         UserError: they can't be shown, or Rerun is not installed.
     """
-    page, data = free_port(port) if web else 0, free_port()
-    server = ("--serve-web", "--web-viewer-port", str(page)) if web else ()
-    spec = importlib.util.find_spec(
-        "rerun_cli"
-    )  # the package that Rerun's makers deliver the viewer in
-    if spec is None or spec.origin is None:
-        raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
-    words = [
-        str(Path(spec.origin).with_name("rerun")),
-        *map(str, files),
-        *server,
-        "--port",
-        str(data),
-        "--bind",
-        HERE,
-    ]
+    page = free_port(port) if web else 0
+    data = free_port()
+    words = [_find_viewer(), *map(str, files), "--port", str(data), "--bind", HERE]
+    if web:
+        words += ["--serve-web", "--web-viewer-port", str(page)]
     with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
         viewer = subprocess.Popen(  # noqa: S603
             words, stdin=subprocess.DEVNULL, stdout=output, stderr=output
         )
         try:
-            while (
-                web and viewer.poll() is None and not (listens(page) and listens(data))
-            ):
-                time.sleep(0.05)
-            if web and viewer.poll() is None:
-                say(
-                    "Ctrl-C ends it", file=sys.stderr
-                )  # before the address, whose reader may interrupt at once
-                say(
-                    f"http://{HERE}:{page}/?url={quote(f'rerun+http://{HERE}:{data}/proxy', safe='')}"
-                )
-                sys.stdout.flush()
+            if web:
+                _announce(viewer, page, data)
             status = viewer.wait()
         finally:
             viewer.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 viewer.wait(_END_S)
             viewer.kill()
-        output.seek(0)
-        last = (
-            output.read().decode(errors="replace").strip() or "it printed nothing"
-        ).splitlines()[-1]
         if web or status:
+            output.seek(0)
+            printed = output.read().decode(errors="replace").strip()
+            last = (printed or "it printed nothing").splitlines()[-1]
             hint = "" if web else "; without a screen, use web=true"
             raise UserError(f"the viewer ended with status {status}: {last}{hint}")
+
+
+def _find_viewer() -> str:
+    """Return the program, in the package that Rerun's makers deliver it in.
+
+    Raises:
+        UserError: Rerun is not installed.
+    """
+    spec = importlib.util.find_spec("rerun_cli")
+    if spec is None or spec.origin is None:
+        raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
+    return str(Path(spec.origin).with_name("rerun"))
+
+
+def _announce(viewer: subprocess.Popen[bytes], page: int, data: int) -> None:
+    """Wait until a viewer serves its page and data, and print the address."""
+    while viewer.poll() is None:
+        if listens(page) and listens(data):
+            break
+        time.sleep(0.05)
+    else:
+        return
+    # Before the address, whose reader may interrupt at once.
+    say("Ctrl-C ends it", file=sys.stderr)
+    source = quote(f"rerun+http://{HERE}:{data}/proxy", safe="")
+    say(f"http://{HERE}:{page}/?url={source}")
+    sys.stdout.flush()
 
 
 def main(words: list[str]) -> None:
     folders, options = folders_and_overrides(USAGE, words)
     if len(folders) != 1:
         raise UsageError(f"{len(folders)} run folders given; one is needed; {USAGE}")
-    settings = check_settings(
-        view, dict(option.split("=", 1) for option in options), "view", {"files": None}
-    )
+    given = dict(option.split("=", 1) for option in options)
+    settings = check_settings(view, given, "view", {"files": None})
     view(recordings(folders[0]), **settings)

@@ -7,43 +7,44 @@ There are two timelines. ``sim_time`` runs through the recorded rollouts, one af
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 import trimesh
-from scipy.spatial.transform import Rotation
 
-from core.design import Candidate, Component, Tool
+from core.design import Candidate, Tool
 from core.events import Generation, Run
-from core.geometry import Array, Pose
-from core.interfaces import Outcome, Recording, Robot
-from core.robot.kinematics import arm_of, link_frames
-from core.robot.meshes import link_visuals, solids
+from core.geometry import Array
+from core.interfaces import Felt, Outcome, Recording
+from core.robot.kinematics import arm_of
+from core.robot.meshes import solids
 from core.robot.trajectory import Motion
-from core.scene import Camera, Color, Soft, State
+from core.scene import Soft, State
 from core.simulation.attempt import played, prepare
-from core.support.templates import fill
-from core.support.text import clean
 from core.task import reward_of
 from core.trial import Evaluation
+from plugins.listeners.rerun.layout import design_text, layout
+from plugins.listeners.rerun.meshes import (
+    joined,
+    link_poses,
+    links,
+    shaded,
+    to_mesh,
+    to_transform,
+)
 
-_FLUSH_S, _END_S = 10.0, 5.0  # until all data are on the disk
-
+_FLUSH_S = 10.0  # until all data are on the disk
+_END_S = 5.0
 _PAUSE_S = 0.5  # between two rollouts
 _PATH_COLOR = (230, 120, 20)
 _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200)}
-_SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
-
-MAX_TEXT = 4000
-_INDENT = (
-    "    "  # before every line of a model's, so that it can't be taken for one of ours
-)
 
 _Place = tuple[str, ...]
+_ROBOT: _Place = ("world", "robot")
+_SCENE: _Place = ("world", "scene")
 
 
 class Writer:
@@ -54,44 +55,39 @@ class Writer:
     """
 
     def __init__(self, run: Run, file: Path) -> None:
-        self._run, self.task = run, run.task
+        self.task = run.task
+        self._run = run
         self._stream = rr.RecordingStream("vlmgineer")
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
         self._stream.set_sinks(rr.FileSink(file))
         self._stream.send_recording_name(f"{run.task.name}, {run.folder.name}")
         self._clock = 0.0
-        self._mounted: set[_Place] = (
-            set()
-        )  # the meshes of the tool, and of the gripper if it has one
         self._robot = run.task.robot
-        self._softs = {soft.name: soft for soft in run.task.scene(run.seed).softs}
+        self._scene = run.task.scene(run.seed)
         self._hand: dict[str, trimesh.Trimesh] = {}  # the gripper's links
+        self._mounted: set[_Place] = set()  # meshes of the tool, and of its gripper
 
     def begin(self) -> None:
         """Write what does not change: the layout, the scene and the arm."""
-        self._stream.send_blueprint(layout(self._run.task.camera))
-        self._scene()
-        always = links(self._robot, gripper=False)
-        both = links(self._robot, gripper=True) if self._robot.gripper else {}
-        self._hand = {name: mesh for name, mesh in both.items() if name not in always}
-        for name, mesh in always.items():
-            self._log(("world", "robot", name), _mesh(mesh), static=True)
+        self._stream.send_blueprint(layout(self.task.camera))
+        self._show_scene()
+        arm = links(self._robot, gripper=False)
+        for name, mesh in arm.items():
+            self._log((*_ROBOT, name), to_mesh(mesh), static=True)
+        if self._robot.gripper:
+            both = links(self._robot, gripper=True)
+            self._hand = {name: both[name] for name in both if name not in arm}
         for name, color in _SERIES.items():
-            self._log(
-                ("search", "reward", name),
-                rr.SeriesLines(colors=color, names=name, widths=2.0),
-                static=True,
-            )
+            series = rr.SeriesLines(colors=color, names=name, widths=2.0)
+            self._log(("search", "reward", name), series, static=True)
         self._flush()
 
     def generation(self, generation: Generation) -> None:
         """Write a generation's rewards."""
-        self._at(generation.index)
-        for name, reward in (
-            ("best", generation.best_reward),
-            ("mean", generation.mean_reward),
-        ):
+        self._set_time(generation.index)
+        rewards = {"best": generation.best_reward, "mean": generation.mean_reward}
+        for name, reward in rewards.items():
             if reward is not None:
                 self._log(("search", "reward", name), rr.Scalars(reward))
         self._flush()
@@ -110,124 +106,132 @@ class Writer:
         """
         candidate = evaluation.candidate
         assert candidate.tool is not None
-        self._at(generation)
+        self._set_time(generation)
         try:
             motion, outcome, recording = replay(self._run, candidate, hz)
         except ValueError as error:
             note = f"the rollout can't be shown: {error}"
-            self._write(
-                "design", f"generation {generation}\n{design_text(evaluation, note)}"
-            )
+            self._show_words(generation, design_text(evaluation, note))
             self._flush()
             return
-        self._write("design", f"generation {generation}\n{design_text(evaluation)}")
-        self._mount(candidate.tool)
-        arm = arm_of(self._robot)
-        path = rr.LineStrips3D(
-            [arm.positions(recording.arm)], colors=_PATH_COLOR, radii=0.002
-        )
-        self._log(("world", "path"), path)
-        self._log(
-            ("world", "waypoints"),
-            rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008),
-        )
-        ended = np.array(
-            [motion.arrivals[guard.waypoint - 1] for guard in outcome.felt]
-        )
-        places = arm.positions(motion.trajectory.sample(ended)[0])
-        self._log(
-            ("world", "guards"),
-            rr.Points3D(places, labels=[*map(str, outcome.felt)], radii=0.01),
-        )
 
+        self._show_words(generation, design_text(evaluation))
+        self._mount(candidate.tool)
+        self._show_way(motion, outcome.felt, recording)
         times = recording.times - recording.times[0] + self._clock
-        for name, poses in tracks(
-            self._robot, candidate.tool, recording.arm, recording.fingers
-        ).items():
-            self._move(
-                ("world", "robot", name), times, generation, poses[:, :3], poses[:, 3:]
-            )
-        states = recording.states
-        for k, name in enumerate(states.names):
-            if name in self._softs:
-                self._deform(name, times, generation, states.nodes(name))
-            else:
-                w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
-                self._move(
-                    ("world", "scene", name),
-                    times,
-                    generation,
-                    states.positions[:, k],
-                    w_last,
-                )
+        instants = [
+            rr.TimeColumn("sim_time", duration=times),
+            rr.TimeColumn("generation", sequence=np.full(len(times), generation)),
+        ]
+        self._move_robot(instants, candidate.tool, recording)
+        self._move_scene(instants, recording.states)
         if outcome.start is not None and not self.task.reads_trace:
-            scene = self.task.scene(self._run.seed)
-            starts = State.stack([outcome.start] * len(times))
-            rewards = reward_of(
-                self.task, scene.complete(starts), scene.complete(states), None
-            )
-            self._columns(
-                ("reward", candidate.id),
-                times,
-                generation,
-                rr.Scalars.columns(scalars=rewards),
-            )
+            rewards = self._reward_over_time(outcome.start, recording.states)
+            columns = rr.Scalars.columns(scalars=rewards)
+            self._log_rows(("reward", candidate.id), instants, columns)
         self._clock = float(times[-1]) + _PAUSE_S
         self._flush()
 
-    def _deform(self, name: str, times: Array, generation: int, nodes: Array) -> None:
-        """Write a soft body's surface, whose nodes are at ``nodes`` (T, N, 3)."""
-        form = self._softs[name].form
-        skins = np.stack([form.surface(places).vertices for places in nodes])
-        vertices = rr.Mesh3D.columns(vertex_positions=skins.reshape(-1, 3))
-        self._columns(
-            ("world", "scene", name),
-            times,
-            generation,
-            vertices.partition([skins.shape[1]] * len(times)),
-        )
+    def _show_words(self, generation: int, text: str) -> None:
+        words = f"generation {generation}\n{text}"
+        document = rr.TextDocument(words, media_type=rr.MediaType.TEXT)
+        self._log(("text", "design"), document)
 
-    def _scene(self) -> None:
-        for body in self._run.task.scene(self._run.seed).bodies:
-            path = ("world", "scene", body.name)
+    def _show_scene(self) -> None:
+        for body in self._scene.bodies:
+            path = (*_SCENE, body.name)
             if isinstance(body, Soft):
-                faces, color = (
-                    body.form.surface(body.placed).faces,
-                    body.visuals[0].color,
+                skin = rr.Mesh3D.from_fields(
+                    triangle_indices=body.form.surface(body.placed).faces,
+                    albedo_factor=body.visuals[0].color,
                 )
-                self._log(
-                    path,
-                    rr.Mesh3D.from_fields(triangle_indices=faces, albedo_factor=color),
-                    static=True,
-                )
+                self._log(path, skin, static=True)
                 continue
             if body.fixed:
-                self._log(path, _transform(body.pose), static=True)
+                self._log(path, to_transform(body.pose), static=True)
             for k, part in enumerate(body.visuals):
-                mesh = shaded(part.shape.to_trimesh(), (*part.color[:3], 1.0))
+                red, green, blue, opacity = part.color
+                mesh = shaded(part.shape.to_trimesh(), (red, green, blue, 1.0))
                 self._log(
                     (*path, f"part_{k}"),
-                    _mesh(mesh, part.color[3]),
-                    _transform(part.pose),
+                    to_mesh(mesh, opacity),
+                    to_transform(part.pose),
                     static=True,
                 )
 
     def _mount(self, tool: Tool) -> None:
         """Show a tool, and the gripper if it has one, in the place of the last one."""
-        robot = ("world", "robot")
-        shown: dict[_Place, trimesh.Trimesh] = {
-            (*robot, mount, "tool"): joined(parts)
-            for mount, parts in solids(tool, loose=True).items()
-        }
+        shown: dict[_Place, trimesh.Trimesh] = {}
+        for mount, parts in solids(tool, loose=True).items():
+            shown[*_ROBOT, mount, "tool"] = joined(parts)
         if tool.gripper:
-            shown |= {(*robot, name): mesh for name, mesh in self._hand.items()}
+            for name, mesh in self._hand.items():
+                shown[*_ROBOT, name] = mesh
         for path in self._mounted - shown.keys():
             self._log(path, rr.Clear(recursive=True))
         for path, mesh in shown.items():
-            self._log(path, _mesh(mesh))
+            self._log(path, to_mesh(mesh))
         self._mounted = set(shown)
 
-    def _at(self, generation: int) -> None:
+    def _show_way(
+        self, motion: Motion, felt: Sequence[Felt], recording: Recording
+    ) -> None:
+        """Show where the end-effector goes, its waypoints, and where guards ended."""
+        arm = arm_of(self._robot)
+        way = [arm.positions(recording.arm)]
+        strip = rr.LineStrips3D(way, colors=_PATH_COLOR, radii=0.002)
+        self._log(("world", "path"), strip)
+        waypoints = motion.plan[:, :3]
+        points = rr.Points3D(waypoints, colors=_PATH_COLOR, radii=0.008)
+        self._log(("world", "waypoints"), points)
+
+        ended = np.array([motion.arrivals[guard.waypoint - 1] for guard in felt])
+        joints, _ = motion.trajectory.sample(ended)
+        labels = [str(guard) for guard in felt]
+        guards = rr.Points3D(arm.positions(joints), labels=labels, radii=0.01)
+        self._log(("world", "guards"), guards)
+
+    def _move_robot(
+        self, instants: Sequence[Any], tool: Tool, recording: Recording
+    ) -> None:
+        poses = link_poses(self._robot, tool, recording.arm, recording.fingers)
+        for name, (positions, quaternions) in poses.items():
+            self._move((*_ROBOT, name), instants, positions, quaternions)
+
+    def _move_scene(self, instants: Sequence[Any], states: State) -> None:
+        softs = {soft.name: soft for soft in self._scene.softs}
+        for k, name in enumerate(states.names):
+            if name in softs:
+                self._deform(softs[name], instants, states.nodes(name))
+            else:
+                w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
+                self._move((*_SCENE, name), instants, states.positions[:, k], w_last)
+
+    def _move(
+        self,
+        path: _Place,
+        instants: Sequence[Any],
+        positions: Array,
+        quaternions: Array,
+    ) -> None:
+        poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
+        self._log_rows(path, instants, poses)
+
+    def _deform(self, soft: Soft, instants: Sequence[Any], nodes: Array) -> None:
+        """Write a soft body's surface, whose nodes are at ``nodes`` (T, N, 3)."""
+        skins = np.stack([soft.form.surface(places).vertices for places in nodes])
+        vertices = rr.Mesh3D.columns(vertex_positions=skins.reshape(-1, 3))
+        lengths = [skins.shape[1]] * len(skins)
+        self._log_rows((*_SCENE, soft.name), instants, vertices.partition(lengths))
+
+    def _reward_over_time(self, start: State, states: State) -> Array:
+        """Return what each state (T,) would earn."""
+        scene = self._scene
+        starts = State.stack([start] * len(states.positions))
+        first = scene.complete(starts)
+        return reward_of(self.task, first, scene.complete(states), None)
+
+    def _set_time(self, generation: int) -> None:
         """Set the time of what is logged next."""
         self._stream.set_time("sim_time", duration=self._clock)
         self._stream.set_time("generation", sequence=generation)
@@ -236,64 +240,14 @@ class Writer:
         """Log at the time that is set, or with ``static`` for all times."""
         self._stream.log(list(path), *what, static=static, strict=True)
 
-    def _columns(
-        self, path: _Place, times: Array, generation: int, columns: Any
-    ) -> None:
-        """Log many rows at once, at instants (T,) of ``sim_time``, all in one generation."""
-        instants = rr.TimeColumn("sim_time", duration=times)
-        same = rr.TimeColumn("generation", sequence=np.full(len(times), generation))
-        self._stream.send_columns(
-            rr.new_entity_path(list(path)), [instants, same], columns, strict=True
-        )
+    def _log_rows(self, path: _Place, instants: Sequence[Any], columns: Any) -> None:
+        """Log many rows at once, at their instants (T,) on both timelines."""
+        entity = rr.new_entity_path(list(path))
+        self._stream.send_columns(entity, instants, columns, strict=True)
 
     def _flush(self) -> None:
         """Wait until all data have arrived."""
         self._stream.flush(timeout_sec=_FLUSH_S)
-
-    def _write(self, name: str, text: str) -> None:
-        self._log(("text", name), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
-
-    def _move(
-        self,
-        path: _Place,
-        times: Array,
-        generation: int,
-        positions: Array,
-        quaternions: Array,
-    ) -> None:
-        poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
-        self._columns(path, times, generation, poses)
-
-
-def layout(camera: Camera) -> rrb.Blueprint:
-    """Arrange the viewer: the scene, the words and the rewards."""
-    eye = rrb.EyeControls3D(
-        position=camera.position, look_target=camera.target, eye_up=(0.0, 0.0, 1.0)
-    )
-    unit = rrb.ScalarAxis(range=(-0.05, 1.05))
-    figures = rrb.Vertical(
-        rrb.TextDocumentView(origin="/text/design", name="design"),
-        rrb.TimeSeriesView(origin="/reward", name="reward in the rollout", axis_y=unit),
-        rrb.TimeSeriesView(
-            origin="/search/reward", name="reward by generation", axis_y=unit
-        ),
-        row_shares=[3, 2, 2],
-    )
-    scene = rrb.Spatial3DView(
-        origin="/world", name="rollout", eye_controls=eye, line_grid=False
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(scene, figures, column_shares=[3, 2]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(
-            state="collapsed",
-            timeline="sim_time",
-            fps=1.0,
-            play_state="playing",
-            loop_mode="all",
-        ),
-    )
 
 
 def replay(
@@ -307,90 +261,7 @@ def replay(
     if run.simulator is None:
         raise ValueError("the run has no simulator to play it with")
     motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
-    outcome = run.simulator.rollout(run.task, [job])[0]
+    (outcome,) = run.simulator.rollout(run.task, [job])
     if outcome.recording is None:
         raise ValueError(outcome.error or "no recording came back")
     return played(motion, job), outcome, outcome.recording
-
-
-def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:
-    """The solid with a normal and a colour at each vertex."""
-    mesh = trimesh.graph.smooth_shade(solid, angle=_SHARP_RAD)
-    mesh.visual.vertex_colors = np.clip(color, 0.0, 1.0)
-    return mesh
-
-
-def joined(solids: Iterable[tuple[Component, trimesh.Trimesh]]) -> trimesh.Trimesh:
-    """Components as one mesh, in their colours."""
-    return trimesh.util.concatenate(
-        [shaded(solid, component.color) for component, solid in solids]
-    )
-
-
-def _transform(pose: Pose) -> rr.Transform3D:
-    return rr.Transform3D(
-        translation=pose.position, quaternion=np.roll(pose.quaternion, -1)
-    )
-
-
-def _mesh(solid: trimesh.Trimesh, opacity: float = 1.0) -> rr.Mesh3D:
-    return rr.Mesh3D(
-        vertex_positions=solid.vertices,
-        triangle_indices=solid.faces,
-        vertex_normals=solid.vertex_normals,
-        vertex_colors=solid.visual.vertex_colors,
-        albedo_factor=(1.0, 1.0, 1.0, opacity),
-    )
-
-
-def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
-    """The visual mesh of each link of the bare arm, in the link's frame; with the gripper, or without."""
-    meshes = {}
-    for name, visuals in link_visuals(robot, gripper).items():
-        pieces = []
-        for shape, pose, color in visuals:
-            mesh = shape.to_trimesh()
-            pieces.append(
-                trimesh.Trimesh(
-                    mesh.vertices, mesh.faces, vertex_colors=color
-                ).apply_transform(pose.matrix)
-            )
-        meshes[name] = trimesh.util.concatenate(pieces)
-    return meshes
-
-
-def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Array]:
-    """The motion of each link in the world, at arm joints (T, J) and fingers with the tool's joints (T, F + K).
-
-    Each is (T, 7): x, y, z in metres, then a quaternion (x, y, z, w), as Rerun has them.
-    """
-    frames = link_frames(robot, tool, arm, fingers)
-    return {
-        name: np.hstack([positions, Rotation.from_matrix(rotations).as_quat()])
-        for name, (rotations, positions) in frames.items()
-    }
-
-
-def design_text(evaluation: Evaluation, note: str = "") -> str:
-    """The text beside a candidate.
-
-    It is shown as plain text, never as Markdown, which can fetch pictures and hide the targets of links.
-    """
-    candidate = evaluation.candidate
-    parts = candidate.tool.components if candidate.tool is not None else ()
-    given = {
-        "evaluation": evaluation,
-        "candidate": candidate,
-        "note": note,
-        "parts": parts,
-    }
-    return fill("plugins.listeners.rerun", "design", **given, quoted=_quoted)
-
-
-def _quoted(*texts: str) -> str:
-    lines = [
-        line
-        for text in texts
-        for line in clean(text, MAX_TEXT, lines=True).splitlines()
-    ]
-    return "\n".join(f"{_INDENT}{line}" for line in lines or ["(nothing)"])

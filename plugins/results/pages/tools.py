@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from omegaconf import OmegaConf
@@ -18,15 +17,15 @@ from core.interfaces import Material, Robot, Task, ToolRepresentation
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.runs import FinishedRun
 
-_FARTHEST, _THINNEST = 100.0, 1e-6  # metres
+_FARTHEST = 100.0  # metres
+_THINNEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Winner:
     """A tool with the reward of its best action plan. Texts are the model's, on one line, without control characters.
 
-    ``name`` is the tool's, else the strategy's, else the candidate's; ``use``, how the strategy uses it; ``design``,
-    tool and plan as a strategy of a designs file.
+    ``name`` is the tool's, else the strategy's, else the candidate's; ``use``, how the strategy uses it.
     """
 
     run: FinishedRun
@@ -38,7 +37,6 @@ class Winner:
     candidate: str
     reward: float
     distance_m: float | None
-    design: dict[str, Any]
 
 
 @lru_cache(maxsize=256)
@@ -54,34 +52,26 @@ def best_tool(run: FinishedRun) -> Winner:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     name = run.best.candidate
-    evaluation = next(
-        (
-            e
-            for e in run.store.evaluations()
-            if e.candidate == name and e.status == "ok"
-        ),
-        None,
-    )
-    if evaluation is None:
+    for evaluation in run.store.evaluations():
+        if evaluation.candidate == name and evaluation.status == "ok":
+            break
+    else:
         raise UserError(f"its best candidate {name} is not among those that were tried")
-    chosen = {
-        kind: run.config.get(kind, {}) for kind in ("task", "tool", "material", "robot")
-    }
-    representation, task = _parts(json.dumps(chosen, sort_keys=True))
-    design = run.store.designs()[evaluation.design].written | {
-        "action_sets": [evaluation.plan]
-    }
+
+    kinds = ("task", "tool", "material", "robot")
+    settings = {kind: run.config.get(kind, {}) for kind in kinds}
+    representation, task = _parts(json.dumps(settings, sort_keys=True))
+    written = run.store.designs()[evaluation.design].written
+    design = written | {"action_sets": [evaluation.plan]}
     # It may break a rule, but must have a size: there were others when it was tried.
     (read,) = read_designs({"strategies": [design]}, representation, task)
     if read.tool is None:
         raise UserError(f"the design of {name} can't be read again: {read.problem}")
     for component, solid in as_held(read.tool, representation.robot):
-        corners = np.abs(solid.vertices)
-        if not (
-            np.isfinite(corners).all()
-            and corners.max() < _FARTHEST
-            and min(component.shape.bounds[1]) > _THINNEST
-        ):
+        # Not greater: what is not a number has no size either.
+        farthest = np.abs(solid.vertices).max()
+        drawable = farthest < _FARTHEST and min(component.shape.bounds[1]) > _THINNEST
+        if not drawable:
             raise UserError(
                 f"component {component.name!r} of {name} has no size that can be drawn"
             )
@@ -95,7 +85,6 @@ def best_tool(run: FinishedRun) -> Winner:
         candidate=name,
         reward=evaluation.reward,
         distance_m=evaluation.distance_m,
-        design=design,
     )
 
 
@@ -103,7 +92,6 @@ def size(tool: Tool, robot: Robot) -> str:
     """The extent along x, y and z, in millimetres."""
     if not tool.components:
         return "no tool"
-    extent = np.ptp(
-        np.concatenate([solid.vertices for _, solid in as_held(tool, robot)]), axis=0
-    )
+    corners = [solid.vertices for _, solid in as_held(tool, robot)]
+    extent = np.ptp(np.concatenate(corners), axis=0)
     return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +20,16 @@ from core.interfaces import ActionPlan
 from core.plugins import ACTION, installed
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.support.text import number
+from plugins.results.pages.formats import Column, Table, to_csv
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
-from plugins.results.toolbox.trials import (
-    OF_RUN,
-    Cell,
-    Held,
-    Nodes,
-    attempt,
-    groups,
-    nodes_of,
-    tools_of,
+from plugins.results.toolbox.tools import (
+    HeldTool,
+    TaskConfigs,
+    all_task_configs,
+    find_tools,
 )
+from plugins.results.toolbox.trials import OF_RUN, Cells, attempt, groups
 
 USAGE = (
     "usage: vlmgineer toolbox FOLDER [FOLDER ...] [output=DIR] [tasks=[NAME,...]] [good=0.9] [top=1] "
@@ -61,31 +58,36 @@ class ToolboxConfig:
 
 @dataclass(frozen=True, eq=False)
 class Toolbox:
-    """What each tool earned, by task; and ``sets`` of one tool and more, as indices of tools."""
+    """What each tool earned, by task; a tool does a task from the reward ``good``."""
 
-    tools: list[Held]
-    tasks: Nodes
-    earned: list[dict[str, Cell]]
+    tools: list[HeldTool]
+    tasks: TaskConfigs
+    earned: list[Cells]
     good: float
-    sets: list[list[int]]
+
+    @cached_property
+    def rewards(self) -> Array:
+        """Rewards, (tools, tasks)."""
+        rewards = np.empty((len(self.tools), len(self.tasks)))
+        for row, cells in zip(rewards, self.earned, strict=True):
+            row[:] = [cells[task].reward for task in self.tasks]
+        return rewards
+
+    @cached_property
+    def sets(self) -> list[list[int]]:
+        """Sets of one tool and more that do most, as indices of tools (`best_sets`)."""
+        return best_sets(self.rewards >= self.good)
 
     @property
     def chosen(self) -> list[int]:
         """A small set that does all that any tool does."""
         return self.sets[-1] if self.sets else []
 
-    @property
-    def rewards(self) -> Array:
-        """Rewards, (tools, tasks)."""
-        return np.array([[row[task][0] for task in self.tasks] for row in self.earned])
-
     def done(self, tools: Sequence[int]) -> list[str]:
         """Name the tasks that tools do."""
-        return [
-            task
-            for task in self.tasks
-            if any(self.earned[i][task][0] >= self.good for i in tools)
-        ]
+        best = self.rewards[list(tools)].max(axis=0)
+        pairs = zip(self.tasks, best, strict=True)
+        return [task for task, reward in pairs if reward >= self.good]
 
 
 def toolbox(
@@ -99,44 +101,29 @@ def toolbox(
     runs, left_out = find_runs(folders)
     for lost in left_out:
         say(f"not counted, {lost}")
-    tools = [
-        *{tool.name: tool for run in runs for tool in tools_of(run, cfg.top)}.values()
-    ]
-    nodes: dict[str, dict[str, Any]] = {}
-    more = [{"task": {"name": "several", "of": cfg.tasks}}] if cfg.tasks else []
-    for name, own in (
-        pair
-        for config in [*(run.config for run in runs), *more]
-        for pair in nodes_of(config).items()
-    ):
-        if nodes.setdefault(name, own) != own:
-            raise UsageError(
-                f"{name} has different settings in these runs; give runs with the same"
-            )
+    tools = find_tools(runs, cfg.top)
+    tasks = all_task_configs(runs, cfg.tasks)
     if not tools:
         raise UserError("there is no tool to try")
-    for kind in {*OF_RUN} - groups(words):
+    for kind in set(OF_RUN) - groups(words):
         if any(tool.run.config[kind] != tools[0].run.config[kind] for tool in tools):
             raise UsageError(
                 f"the runs differ in {kind}; set it for all of them, as in {kind}=..."
             )
-    earned = [attempt(tool, nodes, words, Path(cfg.output)) for tool in tools]
-    covers = np.array([[row[task][0] >= cfg.good for task in nodes] for row in earned])
-    return Toolbox(tools, nodes, earned, cfg.good, best_sets(covers))
+    earned = [attempt(tool, tasks, words, Path(cfg.output)) for tool in tools]
+    return Toolbox(tools, tasks, earned, cfg.good)
 
 
 def write(found: Toolbox, output: Path) -> None:
     """Write the rewards as a table, and the chosen tools with their plans."""
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(["tool", *found.tasks])
-    for tool, rewards in zip(found.tools, found.rewards, strict=True):
-        writer.writerow([tool.name, *rewards.tolist()])
-    write_bytes(output / TABLE, table.getvalue().encode())
+    columns = tuple(Column(name) for name in ("tool", *found.tasks))
+    rows = zip(found.tools, found.rewards.tolist(), strict=True)
+    cells = tuple((tool.name, *rewards) for tool, rewards in rows)
+    table = to_csv(Table("rewards", columns, cells), output)
+    write_bytes(output / TABLE, table.encode())
 
-    shutil.rmtree(
-        output / CHOSEN, ignore_errors=True
-    )  # another set may have been chosen
+    # Another set may have been chosen before.
+    shutil.rmtree(output / CHOSEN, ignore_errors=True)
     for index in found.chosen:
         _write_chosen(found, index, output / CHOSEN / found.tools[index].name)
 
@@ -144,47 +131,46 @@ def write(found: Toolbox, output: Path) -> None:
 def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
     """Write a chosen tool with its plan for each task that it does."""
     tool = found.tools[index]
-    row = found.earned[index]
-    plans = {
-        task: plan for task in found.done([index]) if (plan := row[task][1]) is not None
-    }
-    first, *others = plans.values()
-    plan = _join_plans(plans, gripper=tool.tool.gripper) if others else first
-    save_design(replace(tool.best.candidate, plan=plan), tool.representation, folder)
+    plans = {}
+    for task in found.done([index]):
+        plan = found.earned[index][task].plan
+        if plan is not None:
+            plans[task] = plan
+    plan, *others = plans.values()
+    if others:
+        plan = _join_plans(plans, gripper=tool.tool.gripper)
+    candidate = replace(tool.best.candidate, plan=plan)
+    save_design(candidate, tool.representation, folder)
 
 
 def _join_plans(plans: Mapping[str, ActionPlan], *, gripper: bool) -> ActionPlan:
     """Make one plan of those for several tasks."""
-    entries = [
-        {"task": task, "action": plan.action, "plan": plan.dump()}
-        for task, plan in plans.items()
-    ]
+    entries = []
+    for task, plan in plans.items():
+        entries.append({"task": task, "action": plan.action, "plan": plan.dump()})
     return parse_plan(installed().create(ACTION, "several"), entries, gripper)
 
 
 def show(found: Toolbox) -> None:
     """Print the rewards, and the sets that do most."""
-    named = zip(found.tools, found.rewards, strict=True)
-    rows = [
-        (tool.name, *(number(float(reward), 2) for reward in row))
-        for tool, row in named
-    ]
+    rows = []
+    for tool, rewards in zip(found.tools, found.rewards.tolist(), strict=True):
+        rows.append((tool.name, *(number(reward, 2) for reward in rewards)))
     print_table(("tool", *found.tasks), rows, tuple(found.tasks))
-    for own in found.sets:
-        names = ", ".join(found.tools[i].name for i in own)
-        say(
-            f"{len(own)} of {len(found.tools)} tools do {len(found.done(own))} of {len(found.tasks)} tasks: {names}"
-        )
+    for tools in found.sets:
+        names = ", ".join(found.tools[i].name for i in tools)
+        count = f"{len(tools)} of {len(found.tools)} tools"
+        done = f"{len(found.done(tools))} of {len(found.tasks)} tasks"
+        say(f"{count} do {done}: {names}")
 
 
 def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
-    own = [
-        word for word in overrides if word.partition("=")[0] in vars(ToolboxConfig())
-    ]
-    cfg = node(load("toolbox", own, ToolboxConfig), ToolboxConfig)
     if not folders:
         raise UsageError(f"no folder given; {USAGE}")
+    settings = vars(ToolboxConfig())
+    own = [word for word in overrides if word.partition("=")[0] in settings]
+    cfg = node(load("toolbox", own, ToolboxConfig), ToolboxConfig)
     found = toolbox(folders, cfg, [word for word in overrides if word not in own])
     output = Path(cfg.output)
     write(found, output)

@@ -80,7 +80,9 @@ def fuse(
         shapes = link.grown(weld_mm, uneven)
         mount = mount_to(union(shapes))
         pieces = len(mount.solid.decompose())
-        if pieces == 1 and _is_closed(mount, printer):
+        mesh = to_mesh(mount.solid)
+        is_closed = closed(mesh) and closed(lay(mesh, printer.plate_mm).mesh)
+        if is_closed and pieces == 1:
             break
 
     names = [*link.names, *(f"mount {number}" for number in range(len(mount.adding)))]
@@ -88,11 +90,6 @@ def fuse(
     if whole.passed and pieces != 1:
         whole = Check("one piece", False, f"it falls into {pieces} pieces")
     return Body(link, mount, weld_mm, whole)
-
-
-def _is_closed(mount: Mount, printer: Printer) -> bool:
-    mesh = to_mesh(mount.solid)
-    return closed(mesh) and closed(lay(mesh, printer.plate_mm).mesh)
 
 
 def check_faithful(body: Body) -> Check:
@@ -112,7 +109,9 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
     """Check that bodies do not share space at rest, apart from those of one joint, which a workshop makes."""
     checks = []
     for first, second in itertools.combinations(links, 2):
-        if first.link.mount != second.link.mount or _are_joined(first, second):
+        bearers = {first.link.bearer, second.link.bearer}
+        joined = bearers & {first.link.parent, second.link.parent}
+        if first.link.mount != second.link.mount or joined:
             continue
         shared = (first.mount.solid ^ second.mount.solid).volume()
         if shared >= NOTHING_MM3:
@@ -120,13 +119,6 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
             share = f"{names} share {shared / 1000:.2f} cm³ at rest"
             checks.append(Check("apart", False, share))
     return checks
-
-
-def _are_joined(first: Body, second: Body) -> bool:
-    return (
-        first.link.bearer == second.link.parent
-        or second.link.bearer == first.link.parent
-    )
 
 
 def _offset(placed: Placed, offset_mm: float) -> Any:

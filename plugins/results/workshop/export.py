@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -49,6 +49,7 @@ class Export:
         planned: the motion as it was simulated.
         moves: the motion as it is exported, and what leads to it, by the names of their files.
         replays: what it earned, by engine, and ``mounted``: with what fixes the tool to the arm.
+        contact_s: when the robot first touches a body, in any engine; None: never.
         checks: of the motion; ``verdicts``: of the tool, too.
     """
 
@@ -58,6 +59,7 @@ class Export:
     planned: Motion
     moves: Mapping[str, Sampled]
     replays: Mapping[str, PlayedMotion]
+    contact_s: float | None
     printed: PrintedTool
     mounted: Mapping[str, float]
     checks: list[Check]
@@ -67,11 +69,6 @@ class Export:
     def motion(self) -> Sampled:
         """The motion as it is exported."""
         return self.moves["trajectory"]
-
-    @property
-    def contact_s(self) -> float | None:
-        """When the robot first touches a body, in any engine; None: never."""
-        return _first_contact(self.replays)
 
     @cached_property
     def payload(self) -> dict[str, Any]:
@@ -133,7 +130,11 @@ def make_export(
     moves = _sample_moves(cfg, task, planned)
     motion = moves["trajectory"]
     replays = _play_all(conditions, scene, candidate.tool, motion)
-    contact_s = _first_contact(replays)
+    touched = list[float]()
+    for replay in replays.values():
+        touches = [touch for touch in replay.contacts.all if touch.kind != "body"]
+        touched += [touch.first_s for touch in touches]
+    contact_s = min(touched, default=None)
     if contact_s is not None:
         moves |= _sample_before(cfg, task, planned, contact_s / motion.slower)
     mounted: dict[str, float] = {}
@@ -144,10 +145,13 @@ def make_export(
     several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
     searched = {name: _earned(where, best) for name, where in conditions.items()}
     rewards = _rewards(replays)
-    checks = [
-        compare_rewards(f"motion{several}", "as exported", rewards, searched),
-        *_check_guards(waypoints.guards),
-    ]
+    checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
+    guarded = [str(n) for n, guard in enumerate(waypoints.guards, 1) if guard]
+    if guarded:
+        left_out = f"those of waypoint {', '.join(guarded)} are left out"
+        checks.append(
+            Check("guards", False, f"exported programs have none: {left_out}")
+        )
     if mounted:
         checks.append(
             compare_rewards(f"mounted{several}", "with its mount", mounted, rewards)
@@ -159,6 +163,7 @@ def make_export(
         planned=planned,
         moves=moves,
         replays=replays,
+        contact_s=contact_s,
         printed=tool,
         mounted=mounted,
         checks=checks,
@@ -176,14 +181,6 @@ def _play_all(
 
 def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
     return {name: replay.reward for name, replay in replays.items()}
-
-
-def _first_contact(replays: Mapping[str, PlayedMotion]) -> float | None:
-    instants = []
-    for replay in replays.values():
-        touches = [touch for touch in replay.contacts.all if touch.kind != "body"]
-        instants += [touch.first_s for touch in touches]
-    return min(instants, default=None)
 
 
 def _sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sampled]:
@@ -211,14 +208,6 @@ def _sample_before(
         return {}
     slow = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
     return {"trajectory_before_contact": slow}
-
-
-def _check_guards(guards: tuple[Any, ...]) -> Iterator[Check]:
-    """Fail a plan with guards, which programs for arms lack."""
-    guarded = [str(number) for number, guard in enumerate(guards, 1) if guard]
-    if guarded:
-        left_out = f"those of waypoint {', '.join(guarded)} are left out"
-        yield Check("guards", False, f"exported programs have none: {left_out}")
 
 
 def _earned(condition: Condition, best: Evaluation) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,13 +36,6 @@ PIN_MM = 0.1  # by which the pin's bore is wider than the pin
 DRIVER_MM = 50.0  # below a screw's head, for the screw and a bent key
 MOST_LOST = 0.1  # of a component, where the arm is
 APART_M = 0.04  # between two screws that hold a tool by themselves
-
-
-class Seat(NamedTuple):
-    """Where a screw's head rests, below the face, and how long the screw is, millimetres."""
-
-    depth: float
-    length: int
 
 
 @dataclass
@@ -173,24 +166,28 @@ def _find_screws(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Screws:
     for number in range(flange.bolts):
         angle = flange.bolt_angle + number * math.tau / flange.bolts
         place = _on_circle(robot, angle)
-        seat = _find_seat(robot, solid, place, fit.plate_mm)
-        top = -seat.depth / 1000
-        bottom = -(seat.depth + DRIVER_MM) / 1000
+        seat, length = _find_seat(robot, solid, place, fit.plate_mm)
+        top = -seat / 1000
+        bottom = -(seat + DRIVER_MM) / 1000
         way = _upright(place, bottom, top, (head + 1) / 2000)
         bore = _upright(place, top - 1e-4, 0.001, (size + fit.clearance_mm) / 2000)
 
         weak = _find_weak(link, (bore, way))
         if weak is None:
             screws.places.append(place)
-            screws.kinds.append(f"{flange.thread} x {seat.length}")
+            screws.kinds.append(f"{flange.thread} x {length}")
             screws.cuts += [bore, way]
         elif weak not in screws.covered:
             screws.covered.append(weak)
     return screws
 
 
-def _find_seat(robot: Robot, solid: Any, place: Array, plate_mm: float) -> Seat:
-    """Find the seat of a screw, as deep as the solid is thick below its head.
+def _find_seat(
+    robot: Robot, solid: Any, place: Array, plate_mm: float
+) -> tuple[float, int]:
+    """Find how deep below the face a screw's head rests, and the screw's length, millimetres.
+
+    The head rests as deep as the solid around the bore is thick.
 
     Raises:
         UserError: no screw fits the plate.
@@ -208,7 +205,7 @@ def _find_seat(robot: Robot, solid: Any, place: Array, plate_mm: float) -> Seat:
     for length in SCREWS_MM:
         reaches = length >= plate_mm + least - 1e-6
         if reaches and length - 1000 * flange.thread_depth_m <= deep:
-            seats.append(Seat(min(deep, length - least), length))
+            seats.append((min(deep, length - least), length))
     if not seats or deep < plate_mm - 1e-6:
         raise UserError(
             f"no screw {flange.thread} fits a plate of {plate_mm:g} mm; set fit.plate_mm to 7, 10 or 15"

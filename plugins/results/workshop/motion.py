@@ -118,7 +118,17 @@ def approach(
     Raises:
         UsageError: the start is beyond a joint's limit.
     """
-    _check_start(start, end, arm)
+    low = arm.lower - 1e-6
+    high = arm.upper + 1e-6
+    if start.shape != end.shape or ((start < low) | (start > high)).any():
+        pairs = zip(arm.lower, arm.upper, strict=True)
+        limits = ", ".join(
+            f"{lowest:.2f} to {highest:.2f}" for lowest, highest in pairs
+        )
+        raise UsageError(
+            f"from must be {len(end)} joint angles in radians within {limits}; got {start.tolist()}"
+        )
+
     way = end - start
     speeds = APPROACH * arm.velocity_limits
     duration = max(float((1.875 * np.abs(way) / speeds).max()), 1 / rate_hz)
@@ -131,19 +141,6 @@ def approach(
         velocities=way * 30 * s**2 * (1 - s) ** 2 / duration,
         accelerations=way * 60 * s * (1 - s) * (1 - 2 * s) / duration**2,
         fingers=np.full(len(times), opening),
-    )
-
-
-def _check_start(start: Array, end: Array, arm: Arm) -> None:
-    if start.shape == end.shape:
-        below = start < arm.lower - 1e-6
-        above = start > arm.upper + 1e-6
-        if not (below | above).any():
-            return
-    pairs = zip(arm.lower, arm.upper, strict=True)
-    limits = ", ".join(f"{low:.2f} to {high:.2f}" for low, high in pairs)
-    raise UsageError(
-        f"from must be {len(end)} joint angles in radians within {limits}; got {start.tolist()}"
     )
 
 

@@ -60,19 +60,6 @@ class Lying(NamedTuple):
     back: Array
 
 
-class Way(NamedTuple):
-    """A way to lay a mesh: by how many millimetres it exceeds the plate, what touches, mm², and its (4, 4) matrix."""
-
-    excess: float
-    touching: float
-    matrix: Array
-
-    @property
-    def order(self) -> tuple[float, float]:
-        """The least is the best."""
-        return max(self.excess, 0.0), -self.touching
-
-
 @dataclass(frozen=True, eq=False)
 class PrintedPart:
     """A solid to print.
@@ -111,9 +98,24 @@ def print_part(
     """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
     mesh = to_mesh(solid)
     lying = lay(mesh, printer.plate_mm)
-    checks = [_check_closed(lying.mesh), whole, _check_walls(mesh, weld_mm, printer)]
+    is_closed = closed(lying.mesh)
+    wall = thinnest(mesh) - 2 * weld_mm
+    least = printer.min_wall_mm
+    walls = f"thinnest {wall:.2f} mm, at least {least:g} mm"
+    checks = [
+        Check(
+            "watertight",
+            is_closed,
+            "closed" if is_closed else "the surface is not closed",
+        ),
+        whole,
+        Check("walls", wall >= least, walls),
+    ]
     if not material.metal:
-        checks.append(_check_plate(lying, printer))
+        size = " × ".join(f"{side:.0f}" for side in lying.mesh.extents)
+        room = " × ".join(f"{side:g}" for side in printer.plate_mm)
+        found = f"{size} mm as it lies, the plate is {room} mm"
+        checks.append(Check("fits the plate", lying.fits, found))
 
     metres = Mesh(np.asarray(lying.mesh.vertices) / 1000, np.asarray(lying.mesh.faces))
     density = material.density_kg_m3 or 1000 * PLA_G_PER_CM3
@@ -121,26 +123,6 @@ def print_part(
     return PrintedPart(
         name, solid, lying.mesh, lying.back, weld_mm, mass_g, tuple(checks)
     )
-
-
-def _check_closed(mesh: trimesh.Trimesh) -> Check:
-    if closed(mesh):
-        return Check("watertight", True, "closed")
-    return Check("watertight", False, "the surface is not closed")
-
-
-def _check_walls(mesh: trimesh.Trimesh, weld_mm: float, printer: Printer) -> Check:
-    wall = thinnest(mesh) - 2 * weld_mm
-    least = printer.min_wall_mm
-    found = f"thinnest {wall:.2f} mm, at least {least:g} mm"
-    return Check("walls", wall >= least, found)
-
-
-def _check_plate(lying: Lying, printer: Printer) -> Check:
-    size = " × ".join(f"{side:.0f}" for side in lying.mesh.extents)
-    room = " × ".join(f"{side:g}" for side in printer.plate_mm)
-    found = f"{size} mm as it lies, the plate is {room} mm"
-    return Check("fits the plate", lying.fits, found)
 
 
 def joined(
@@ -223,26 +205,22 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> Lying:
     hull = mesh.convex_hull
     by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
     sides = [hull.facets_normal[i] for i in by_area] or [np.array([0.0, 0.0, -1.0])]
-    ways = [_lay_on(mesh, hull.vertices, side, plate) for side in sides]
-    best = min(ways, key=lambda way: way.order)
+    ways = []
+    for down in sides:
+        turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
+        angle, excess = _turn(hull.vertices @ turned[:3, :3].T, plate)
+        matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
+        looks_down = np.asarray(mesh.face_normals) @ down > _FLAT
+        touching = float(mesh.area_faces[looks_down].sum())
+        ways.append((max(excess, 0.0), -touching, matrix))
+    excess, _, matrix = min(ways, key=lambda way: way[:2])
 
-    lying = mesh.copy().apply_transform(best.matrix)
+    lying = mesh.copy().apply_transform(matrix)
     low, high = lying.bounds
     to_middle = [*(-(low + high)[:2] / 2), -low[2]]
     moved = trimesh.transformations.translation_matrix(to_middle)
-    back = np.linalg.inv(moved @ best.matrix)
-    return Lying(lying.apply_transform(moved), best.excess <= 0, back)
-
-
-def _lay_on(
-    mesh: trimesh.Trimesh, corners: Array, down: Array, plate: Sequence[float]
-) -> Way:
-    """Lay a mesh with the corners (N, 3) of its hull on the side that looks ``down`` (3,)."""
-    turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
-    angle, excess = _turn(corners @ turned[:3, :3].T, plate)
-    looks_down = np.asarray(mesh.face_normals) @ down > _FLAT
-    matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
-    return Way(excess, float(mesh.area_faces[looks_down].sum()), matrix)
+    back = np.linalg.inv(moved @ matrix)
+    return Lying(lying.apply_transform(moved), excess == 0, back)
 
 
 def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:

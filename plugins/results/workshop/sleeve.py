@@ -48,6 +48,11 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     walls = box(outer_low, outer_high)
     clamp, bore = _clamp(finger, low, high, fit.insert_mm)
 
+    lost = (solid ^ union(cavity)).volume() / solid.volume()
+    cut_away = f"{lost:.0%} of the attachment is cut away where the finger is"
+    stands = f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"
+    held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
+
     adding = (walls, clamp)
     taking = (*cavity, bore)
     return Mount(
@@ -56,8 +61,14 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         simulated=(*_sheets(finger, low, high, wall), clamp),
         adding=adding,
         taking=taking,
-        checks=_check(solid, cavity, gap + wall),
-        hardware=_hardware(fit),
+        checks=(
+            Check("finger", lost < MOST_LOST, cut_away),
+            Check("sleeve", True, stands),
+        ),
+        hardware=(
+            "1 x M3 x 8 set screw",
+            f"{held} a bore of {fit.insert_mm:g} mm",
+        ),
     )
 
 
@@ -115,21 +126,3 @@ def _sheets(finger: Finger, low: Array, high: Array, wall: float) -> list[Placed
                 last[axis] = low[axis]
             sheets.append(box(first, last))
     return sheets
-
-
-def _check(solid: Any, cavity: Sequence[Placed], before_m: float) -> tuple[Check, ...]:
-    """Check what is left of an attachment, and say how far the sleeve stands before the finger's inner face."""
-    lost = (solid ^ union(cavity)).volume() / solid.volume()
-    cut_away = f"{lost:.0%} of the attachment is cut away where the finger is"
-    stands = f"its wall stands {1000 * before_m:.1f} mm before the inner face"
-    return (
-        Check("finger", lost < MOST_LOST, cut_away),
-        Check("sleeve", True, stands),
-    )
-
-
-def _hardware(fit: Fit) -> tuple[str, ...]:
-    held = "1 insert M3 for"
-    if fit.insert_mm <= CORE_MM:
-        held = "a thread M3 is cut into"
-    return "1 x M3 x 8 set screw", f"{held} a bore of {fit.insert_mm:g} mm"

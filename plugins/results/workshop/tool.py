@@ -81,7 +81,12 @@ def make_tool(
 
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
-        checks.append(_check_weight(grams(parts), 1000 * mounted.mass, material))
+        printed = grams(parts)
+        simulated = 1000 * mounted.mass
+        how = "milled" if material.metal else "printed"
+        weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
+        same = abs(printed - simulated) <= SAME_WEIGHT * printed
+        checks.append(Check("weight", same, weighs))
     return PrintedTool(
         tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material
     )
@@ -94,13 +99,6 @@ def _mount(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
     if link.bearer in GRIPPER_MOUNTS:
         return on_finger(robot, link, solid, fit)
     return Mount(solid)
-
-
-def _check_weight(printed_g: float, simulated_g: float, material: Material) -> Check:
-    how = "milled" if material.metal else "printed"
-    same = abs(printed_g - simulated_g) <= SAME_WEIGHT * printed_g
-    weighs = f"{how} it weighs {printed_g:.0f} g, in simulation {simulated_g:.0f} g"
-    return Check("weight", same, weighs)
 
 
 def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:

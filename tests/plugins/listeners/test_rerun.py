@@ -22,7 +22,8 @@ from core.interfaces import Budget, RolloutSettings
 from core.plugins import event_hub, installed
 from core.trial import tried_once
 from plugins.actions.anchored import AnchoredActions
-from plugins.listeners.rerun.writer import MAX_TEXT, replay
+from plugins.listeners.rerun.layout import MAX_TEXT
+from plugins.listeners.rerun.writer import replay
 from tests import solutions
 from tests.panda import ARM
 from tests.playing import evaluate_batch

@@ -1,0 +1,77 @@
+"""Meshes and motions as Rerun has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import rerun as rr
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from core.design import Component, Tool
+from core.geometry import Array, Pose
+from core.interfaces import Robot
+from core.robot.kinematics import link_frames
+from core.robot.meshes import link_visuals
+from core.scene import Color
+
+_SHARP_RAD = np.radians(30.0)
+"""Faces that meet at a wider angle are shaded apart."""
+
+
+def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:
+    """The solid with a normal and a colour at each vertex."""
+    mesh = trimesh.graph.smooth_shade(solid, angle=_SHARP_RAD)
+    mesh.visual.vertex_colors = np.clip(color, 0.0, 1.0)
+    return mesh
+
+
+def joined(solids: Iterable[tuple[Component, trimesh.Trimesh]]) -> trimesh.Trimesh:
+    """Components as one mesh, in their colours."""
+    meshes = [shaded(solid, component.color) for component, solid in solids]
+    return trimesh.util.concatenate(meshes)
+
+
+def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
+    """The visual mesh of each link of the bare arm, in the link's frame; with the gripper, or without."""
+    meshes = {}
+    for name, visuals in link_visuals(robot, gripper).items():
+        pieces = []
+        for shape, pose, color in visuals:
+            mesh = shape.to_trimesh()
+            piece = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=color)
+            pieces.append(piece.apply_transform(pose.matrix))
+        meshes[name] = trimesh.util.concatenate(pieces)
+    return meshes
+
+
+def link_poses(
+    robot: Robot, tool: Tool, arm: Array, fingers: Array
+) -> dict[str, tuple[Array, Array]]:
+    """The motion of each link in the world, at arm joints (T, J) and fingers with the tool's joints (T, F + K).
+
+    Each is positions (T, 3), metres, and quaternions (T, 4), x, y, z, w, as Rerun has them.
+    """
+    poses = {}
+    frames = link_frames(robot, tool, arm, fingers)
+    for name, (rotations, positions) in frames.items():
+        poses[name] = (positions, Rotation.from_matrix(rotations).as_quat())
+    return poses
+
+
+def to_transform(pose: Pose) -> rr.Transform3D:
+    """Return a pose as Rerun has it."""
+    quaternion = np.roll(pose.quaternion, -1)
+    return rr.Transform3D(translation=pose.position, quaternion=quaternion)
+
+
+def to_mesh(solid: trimesh.Trimesh, opacity: float = 1.0) -> rr.Mesh3D:
+    """Return a mesh with colours as Rerun has it."""
+    return rr.Mesh3D(
+        vertex_positions=solid.vertices,
+        triangle_indices=solid.faces,
+        vertex_normals=solid.vertex_normals,
+        vertex_colors=solid.visual.vertex_colors,
+        albedo_factor=(1.0, 1.0, 1.0, opacity),
+    )

@@ -1,0 +1,97 @@
+"""The tools of finished runs, and the tasks that these runs were for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from core.config.compose import listed, part, task_part, tool_part
+from core.design import Tool
+from core.errors import UsageError
+from core.interfaces import Evaluation, ToolRepresentation
+from core.plugins import TASK
+from core.store.reader import chosen_evaluations
+from core.values.plans import digest
+from plugins.results.pages.figure import slug
+from plugins.results.pages.runs import FinishedRun
+
+TaskConfig = dict[str, Any]
+TaskConfigs = Mapping[str, TaskConfig]
+"""The configurations of tasks, by their names."""
+
+_IGNORED = ("paper", "tool_kinds")
+"""Settings of a task that don't change what happens."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldTool:
+    """A tool of a run, with its best plan."""
+
+    run: FinishedRun
+    best: Evaluation
+    representation: ToolRepresentation
+
+    @property
+    def tool(self) -> Tool:
+        assert self.best.candidate.tool is not None  # it was tried
+        return self.best.candidate.tool
+
+    @property
+    def name(self) -> str:
+        """A name for a folder, the same for the same tool."""
+        return f"{slug(self.tool.name, 24) or 'tool'}_{digest(self.tool.content)[:6]}"
+
+
+def find_tools(runs: Iterable[FinishedRun], top: int) -> list[HeldTool]:
+    """Read the tools of the ``top`` candidates of runs again, that which each chose first; a given tool is none.
+
+    Raises:
+        UserError: a run can't be read, or a part of it is not installed here.
+    """
+    tools = {}
+    for run in runs:
+        settings = {**run.config, "designs": str(run.folder), "top": top}
+        config = OmegaConf.create(settings)
+        task = task_part(config).create()
+        representation = tool_part(config).create()
+        if representation.given(task) is not None:
+            continue
+        for best in chosen_evaluations(config, representation, task):
+            held = HeldTool(run, best, representation)
+            tools[held.name] = held
+    return list(tools.values())
+
+
+def task_configs(task: Mapping[str, Any]) -> TaskConfigs:
+    """Return the tasks of a run's configuration of them, by name, as far as they change what happens."""
+    configs = [OmegaConf.create(dict(task))]
+    if "of" in task:
+        configs = list(listed("task", "task", task["of"]).values())
+    found = {}
+    for config in configs:
+        settings = {str(key): config[key] for key in config if key not in _IGNORED}
+        name = part(TASK, OmegaConf.create(settings)).create().name
+        found[name] = settings
+    return found
+
+
+def all_task_configs(runs: Iterable[FinishedRun], more: list[Any]) -> TaskConfigs:
+    """Return the tasks of runs, and ``more``: names, or mappings of a ``name`` and settings.
+
+    Raises:
+        UserError: a task has different settings in two of them, or can't be used.
+    """
+    tasks = [run.config["task"] for run in runs]
+    if more:
+        tasks.append({"name": "several", "of": more})
+    found: dict[str, TaskConfig] = {}
+    for task in tasks:
+        for name, settings in task_configs(task).items():
+            if found.setdefault(name, settings) != settings:
+                raise UsageError(
+                    f"{name} has different settings in these runs; give runs with the same"
+                )
+    return found
