@@ -18,8 +18,9 @@ from core.interfaces import Material, RolloutSettings
 from core.store.database import writing
 from core.store.reader import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say
-from plugins.results.workshop.export import Export, make_export
+from plugins.results.workshop.export import Export
 from plugins.results.workshop.files import new_folder, write_export
+from plugins.results.workshop.playback import make_export
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.tool import make_tool, write_tool
 

@@ -15,8 +15,9 @@ from core.errors import UsageError, UserError
 from core.interfaces import ToolRepresentation
 from core.support.cli import write_bytes
 from plugins.results.artifacts import save_files
-from plugins.results.workshop.export import SLOW, Export
+from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import to_csv, to_json
+from plugins.results.workshop.playback import SLOW
 from plugins.results.workshop.ros import write_messages
 from plugins.results.workshop.sheet import write_sheet
 from plugins.results.workshop.texts import filled, write_programs

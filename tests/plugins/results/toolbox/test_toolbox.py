@@ -8,7 +8,8 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.geometry import Box, Pose
 from core.plugins import installed
-from plugins.results.toolbox.command import ToolboxConfig, main, toolbox, write
+from plugins.results.toolbox.choice import ToolboxConfig, toolbox
+from plugins.results.toolbox.command import main, write
 from tests.core.run_folders import hook, write_run
 
 pytestmark = pytest.mark.slow

@@ -17,8 +17,8 @@ from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
 from plugins.results.workshop.command import configured, export, main
-from plugins.results.workshop.export import compare_rewards
 from plugins.results.workshop.files import checklist
+from plugins.results.workshop.playback import compare_rewards
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 

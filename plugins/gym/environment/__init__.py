@@ -13,13 +13,10 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import load, part, task_part, tool_part
-from core.design import DesignError, Tool
-from core.designs.reading import load_tool
-from core.designs.rules import check_tool
-from core.designs.start import SpawnRules
+from core.design import Tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.interfaces import Image, Task, ToolRepresentation, World
+from core.interfaces import Image, World
 from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
 from core.scene import State
@@ -27,7 +24,8 @@ from core.simulation.playback import begin_motion
 from core.support.text import shorten
 from core.task import reward_of
 from core.values.layouts import NONE
-from plugins.gym.film import SETTLE_S, Film
+from plugins.gym.environment.film import SETTLE_S, Film
+from plugins.gym.environment.tools import load_mounted_tool
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float64]
@@ -98,7 +96,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self.tool = Tool(gripper=gripper)
         if designs is not None:
             representation = tool_part(config).create()
-            self.tool = _load_tool(Path(designs), strategy, representation, self.task)
+            self.tool = load_mounted_tool(
+                Path(designs), strategy, representation, self.task
+            )
 
         self.control_mode = control_mode
         self.render_mode = render_mode
@@ -260,23 +260,3 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     def close(self) -> None:
         self._world = None
-
-
-def _load_tool(
-    designs: Path, strategy: int, representation: ToolRepresentation, task: Task
-) -> Tool:
-    """Read a tool, and check that it can be mounted.
-
-    Raises:
-        UserError: the file, or the tool, can't be used.
-    """
-    tool = load_tool(designs, strategy, representation, task)
-    try:
-        if tool.components:
-            check_tool(tool, task.robot, representation.material)
-        SpawnRules(task, 0).check(tool)
-    except DesignError as error:
-        raise UserError(
-            f"{designs}: the tool of strategy {strategy} can't be mounted: {error}"
-        ) from error
-    return tool

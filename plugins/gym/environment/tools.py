@@ -1,0 +1,32 @@
+"""Read the tool of an environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from core.design import DesignError, Tool
+from core.designs.reading import load_tool
+from core.designs.rules import check_tool
+from core.designs.start import SpawnRules
+from core.errors import UserError
+from core.interfaces import Task, ToolRepresentation
+
+
+def load_mounted_tool(
+    designs: Path, strategy: int, representation: ToolRepresentation, task: Task
+) -> Tool:
+    """Read a tool, and check that it can be mounted.
+
+    Raises:
+        UserError: the file, or the tool, can't be used.
+    """
+    tool = load_tool(designs, strategy, representation, task)
+    try:
+        if tool.components:
+            check_tool(tool, task.robot, representation.material)
+        SpawnRules(task, 0).check(tool)
+    except DesignError as error:
+        raise UserError(
+            f"{designs}: the tool of strategy {strategy} can't be mounted: {error}"
+        ) from error
+    return tool

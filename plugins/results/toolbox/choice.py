@@ -1,0 +1,99 @@
+"""Try the tools of finished runs on each other's tasks, and choose few that do most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.errors import UsageError, UserError
+from core.geometry import Array
+from core.support.cli import say
+from plugins.results.pages.runs import find_runs
+from plugins.results.toolbox.cover import best_sets
+from plugins.results.toolbox.tools import (
+    HeldTool,
+    TaskConfigs,
+    all_task_configs,
+    find_tools,
+)
+from plugins.results.toolbox.trials import OF_RUN, Cells, attempt, groups
+
+
+@dataclass
+class ToolboxConfig:
+    """Settings of ``vlmgineer toolbox``.
+
+    Attributes:
+        output: the folder to write; what was tried is there, so that the same command goes on.
+        tasks: tried besides those of the runs: names, or mappings of a ``name`` and settings.
+        good: the reward from which a tool does a task.
+        top: the number of candidates from each run, the best first.
+    """
+
+    output: str = "toolbox"
+    tasks: list[Any] = field(default_factory=list)
+    good: float = 0.9
+    top: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Toolbox:
+    """What each tool earned, by task; a tool does a task from the reward ``good``."""
+
+    tools: list[HeldTool]
+    tasks: TaskConfigs
+    earned: list[Cells]
+    good: float
+
+    @cached_property
+    def rewards(self) -> Array:
+        """Rewards, (tools, tasks)."""
+        rewards = np.empty((len(self.tools), len(self.tasks)))
+        for row, cells in zip(rewards, self.earned, strict=True):
+            row[:] = [cells[task].reward for task in self.tasks]
+        return rewards
+
+    @cached_property
+    def sets(self) -> list[list[int]]:
+        """Sets of one tool and more that do most, as indices of tools (`best_sets`)."""
+        return best_sets(self.rewards >= self.good)
+
+    @property
+    def chosen(self) -> list[int]:
+        """A small set that does all that any tool does."""
+        return self.sets[-1] if self.sets else []
+
+    def done(self, tools: Sequence[int]) -> list[str]:
+        """Name the tasks that tools do."""
+        best = self.rewards[list(tools)].max(axis=0)
+        pairs = zip(self.tasks, best, strict=True)
+        return [task for task, reward in pairs if reward >= self.good]
+
+
+def toolbox(
+    folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]
+) -> Toolbox:
+    """Try the tools of all finished runs in all of their tasks and ``cfg.tasks``, and choose.
+
+    Raises:
+        UserError: there is no run with a tool, their settings differ, or a part or setting can't be used.
+    """
+    runs, left_out = find_runs(folders)
+    for lost in left_out:
+        say(f"not counted, {lost}")
+    tools = find_tools(runs, cfg.top)
+    tasks = all_task_configs(runs, cfg.tasks)
+    if not tools:
+        raise UserError("there is no tool to try")
+    for kind in set(OF_RUN) - groups(words):
+        if any(tool.run.config[kind] != tools[0].run.config[kind] for tool in tools):
+            raise UsageError(
+                f"the runs differ in {kind}; set it for all of them, as in {kind}=..."
+            )
+    earned = [attempt(tool, tasks, words, Path(cfg.output)) for tool in tools]
+    return Toolbox(tools, tasks, earned, cfg.good)

@@ -1,0 +1,162 @@
+"""Make what is exported of a task: sample the motion of a design, and play it in each engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+
+from core.config.compose import engines, node
+from core.design import Tool
+from core.designs.planning import resolve
+from core.errors import UserError
+from core.interfaces import Condition, Evaluation, RolloutSettings, Task
+from core.plugins import PluginPart
+from core.robot.kinematics import arm_of
+from core.robot.trajectory import plan_task_motion
+from core.robot.trajectory import Motion
+from core.scene import Scene
+from core.simulation.play import play
+from plugins.results.workshop.export import Export
+from plugins.results.workshop.motion import STEP_S, Sampled, approach, cut, sample
+from plugins.results.workshop.printing import Check
+from plugins.results.workshop.replay import PlayedMotion, play_motion
+from plugins.results.workshop.tool import PrintedTool
+
+SLOW = 0.2
+"""Of the speed: the first run on the arm."""
+
+SAME_REWARD = 0.02
+LEAST_REWARD = 1e-3
+
+
+def make_export(
+    cfg: DictConfig, task_part: PluginPart[Task], chosen: Evaluation, tool: PrintedTool
+) -> Export:
+    """Sample the motion of a task, and play it in each engine, without and with what fixes the tool to the arm.
+
+    Raises:
+        UserError: the design or a setting can't be used, or the motion can't be played.
+    """
+    settings = node(cfg.rollout, RolloutSettings)
+    sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
+    conditions = {
+        name: Condition(task_part, sim, cfg.seed, settings, engine=name)
+        for name, sim in sims.items()
+    }
+    task = task_part.shared()
+    scene = task.scene(cfg.seed)
+    best = chosen.in_task(task.name)
+    candidate = best.candidate
+    if candidate.tool is None or candidate.problem is not None:
+        raise UserError(f"the design can't be used in {task.name}: {candidate.problem}")
+
+    waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
+    planned = plan_task_motion(waypoints, task, settings)
+    moves = _sample_moves(cfg, task, planned)
+    motion = moves["trajectory"]
+    replays = _play_all(conditions, scene, candidate.tool, motion)
+    touched = list[float]()
+    for replay in replays.values():
+        touches = [touch for touch in replay.contacts.all if touch.kind != "body"]
+        touched += [touch.first_s for touch in touches]
+    contact_s = min(touched, default=None)
+    if contact_s is not None:
+        moves |= _sample_before(cfg, task, planned, contact_s / motion.slower)
+    mounted: dict[str, float] = {}
+    if tool.parts:
+        played = _play_all(conditions, scene, tool.printed, motion)
+        mounted = _rewards(played)
+
+    several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
+    searched = {name: _earned(where, best) for name, where in conditions.items()}
+    rewards = _rewards(replays)
+    checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
+    guarded = [str(n) for n, guard in enumerate(waypoints.guards, 1) if guard]
+    if guarded:
+        left_out = f"those of waypoint {', '.join(guarded)} are left out"
+        checks.append(
+            Check("guards", False, f"exported programs have none: {left_out}")
+        )
+    if mounted:
+        checks.append(
+            compare_rewards(f"mounted{several}", "with its mount", mounted, rewards)
+        )
+    return Export(
+        task=task,
+        scene=scene,
+        candidate=candidate,
+        planned=planned,
+        moves=moves,
+        replays=replays,
+        contact_s=contact_s,
+        printed=tool,
+        mounted=mounted,
+        checks=checks,
+    )
+
+
+def _play_all(
+    conditions: Mapping[str, Condition], scene: Scene, tool: Tool, motion: Sampled
+) -> dict[str, PlayedMotion]:
+    return {
+        name: play_motion(condition, scene, tool, motion)
+        for name, condition in conditions.items()
+    }
+
+
+def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
+    return {name: replay.reward for name, replay in replays.items()}
+
+
+def _sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sampled]:
+    """Sample the motion, as it is asked for and slowly, with the way to its start."""
+    arm = arm_of(task.robot)
+    motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
+    start = np.array(list(cfg.start) or task.robot.home, dtype=np.float64)
+    opening = float(motion.fingers[0])
+    return {
+        "approach": approach(start, motion.positions[0], opening, arm, cfg.rate_hz),
+        "trajectory": motion,
+        "trajectory_slow": sample(
+            planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)
+        ),
+    }
+
+
+def _sample_before(
+    cfg: DictConfig, task: Task, planned: Motion, contact_s: float
+) -> dict[str, Sampled]:
+    """Sample the motion slowly up to the last rest before contact, if it rests before that."""
+    arm = arm_of(task.robot)
+    before = cut(planned.trajectory, planned.arrivals, contact_s - STEP_S, arm)
+    if before is None:
+        return {}
+    slow = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
+    return {"trajectory_before_contact": slow}
+
+
+def _earned(condition: Condition, best: Evaluation) -> float:
+    """Return what the search says that a design earns: in this engine, and in a run that tried it once."""
+    (trial,) = play(condition, [best.candidate])
+    if trial.status != "ok":
+        raise UserError(
+            f"the design is {trial.status} in {condition.engine}: {trial.reason}"
+        )
+    if best.combined:
+        return trial.reward
+    return max(trial.reward, best.reward)
+
+
+def compare_rewards(
+    name: str, how: str, earned: Mapping[str, float], asked: Mapping[str, float]
+) -> Check:
+    """Check that a motion earns in each engine what is asked of it, and anything at all."""
+    passed = True
+    rows = []
+    for engine, reward in earned.items():
+        least = max(asked[engine] - SAME_REWARD, LEAST_REWARD)
+        passed = passed and reward >= least
+        rows.append(f"{reward:.3f} for {asked[engine]:.3f} in {engine}")
+    return Check(name, passed, f"{how} it earns {', '.join(rows)}")
