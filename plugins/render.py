@@ -43,22 +43,34 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
         UserError: a part, a setting or the design is wrong.
     """
     check_seed(cfg.seed)
-    for name, pixels in (("width", cfg.width), ("height", cfg.height)):
+    for name in ("width", "height"):
+        pixels = cfg[name]
         if not 1 <= pixels <= MAX_PIXELS:
             raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
+
     task = task_part(cfg).create()
     simulator = part(SIMULATOR, cfg.sim).create()
     tool = None
     if cfg.designs is not None:
-        tool = load_tool(Path(cfg.designs), cfg.strategy, tool_part(cfg).create(), task)
+        representation = tool_part(cfg).create()
+        tool = load_tool(Path(cfg.designs), cfg.strategy, representation, task)
+
     picture: Image = simulator.render(
         task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height
     )
+
     return picture, simulator.drawn_by
 
 
 def main(words: list[str]) -> None:
+    """Draw a picture and write it; say which renderer drew it, where there is a choice.
+
+    Raises:
+        UserError: see `render`; or the file can't be written.
+    """
     cfg = load("render", arguments(USAGE, words), RenderConfig)
     picture, drawn_by = render(cfg)
     write_bytes(Path(cfg.output), png(picture))
-    say(str(cfg.output), *([f"drawn by {drawn_by}"] if drawn_by else []))
+    say(cfg.output)
+    if drawn_by:
+        say(f"drawn by {drawn_by}")

@@ -83,6 +83,7 @@ class ProgressListener:
             count = generation.count(status)
             if count:
                 counts += f", {count} {status}"
+
         self._print(f"generation {generation.index}  {rewards}  ({counts})")
 
     @hookimpl

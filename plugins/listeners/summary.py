@@ -54,6 +54,7 @@ class SummaryListener:
         if result.best is not None:
             _print_tools(result, self.top)
             lines += _remarks(result, result.best)
+
         lines.append(_spent(self._replies))
         lines += _commands(run, result)
         say(*lines, file=sys.stderr)
@@ -75,6 +76,7 @@ def _print_tools(result: Result, top: int) -> None:
             clean(tool.name or candidate.strategy_name, _LONGEST),
         )
         rows.append(row)
+
     print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
 
 
@@ -84,6 +86,7 @@ def _reasons(result: Result) -> Iterator[str]:
     for generation in result.generations:
         for evaluation in generation.evaluations:
             pairs.append((evaluation.candidate.id, evaluation.reason))
+
     lines = by_reason(pairs)
     yield from lines[:_REASONS]
     if len(lines) > _REASONS:
@@ -97,6 +100,7 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
         yield _tasks(result, best)
     else:
         yield from _goals(result, best)
+
     least = best.least_margin
     if least is not None and least.name != "reward":
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
@@ -112,6 +116,7 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     if result.finals:
         yield f"{len(result.finals)} candidates earned alike; {best.candidate.id} held best in more layouts"
         return
+
     highest = max(result.ranking, key=lambda tried: tried.reward, default=best)
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):
@@ -142,12 +147,20 @@ def _compare(
     best: Sequence[Mapping[str, float]],
     every: Sequence[Mapping[str, float]],
 ) -> str:
-    """Say for each name the mean of the best candidate's figures, and the highest of all."""
+    """Say for each name the mean of the best candidate's figures, and the highest of all.
+
+    Args:
+        what: the names are of, in the plural.
+        names: in the order in which they are shown.
+        best: figures of the best candidate, by name.
+        every: figures of all candidates, by name.
+    """
     shares = []
     for name in names:
         mean = fmean(figures.get(name, 0.0) for figures in best)
         most = max(figures.get(name, 0.0) for figures in every)
         shares.append(f"{name} {number(mean, 3)} ({number(most, 3)})")
+
     return f"{what}, by the best candidate (and the most by any): {', '.join(shares)}"
 
 
@@ -167,6 +180,7 @@ def _spent(replies: Sequence[Reply]) -> str:
         line += f", {sum(known)} tokens"
     if costs:
         line += f", {sum(costs):.2f} USD"
+
     return line
 
 
@@ -198,14 +212,22 @@ def _settings(run: Run) -> list[str]:
         # The user's own file, which that command does not find: all that it says is set.
         words.remove(f"material={names['material']}")
         defaults = load("evaluate", words)
+
     resolved: Any = OmegaConf.to_container(defaults, resolve=True)
+
     return [*words, *_differences(config, resolved), f"seed={run.seed}"]
 
 
 def _differences(
     config: Mapping[Any, Any], defaults: Mapping[Any, Any], path: str = ""
 ) -> Iterable[str]:
-    """Yield the words that set what differs from ``defaults``."""
+    """Yield the words that set what differs from the defaults.
+
+    Args:
+        config: what is asked for.
+        defaults: what is set without a word.
+        path: what the keys begin with.
+    """
     for key, value in config.items():
         default = defaults.get(key)
         if isinstance(value, Mapping) and isinstance(default, Mapping):

@@ -59,6 +59,7 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         raise UserError(
             f"{folder} is there already; choose another folder with output=DIR"
         )
+
     if importlib.util.find_spec(package) is not None:
         raise UsageError(
             f"{name!r} can't be a name: a module {package!r} is there already; choose another name"
@@ -76,6 +77,7 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     }
     for file, source in _files(kind, name, package).items():
         write_bytes(folder / file, render(source, values).encode())
+
     return folder, folder / package / f"{template.module}.py"
 
 
@@ -95,6 +97,7 @@ def _files(kind: str, name: str, package: str) -> dict[str, str]:
     if kind != "command":  # which has no settings
         files[f"{package}/conf/__init__.py"] = "empty.py"
         files[f"{package}/conf/{template.group}/{name}.yaml"] = f"{kind}.yaml"
+
     return files
 
 
@@ -108,16 +111,19 @@ def check_name(group: str, name: str) -> str:
         raise UsageError(
             f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first"
         )
+
     snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     taken = installed().offers.get((group, name))
     if taken is not None:
         raise UsageError(
             f"{group} {name!r} is taken: {taken.distribution} offers it; choose another name"
         )
+
     if keyword.iskeyword(snake):
         raise UsageError(
             f"{name!r} can't be a name: {snake!r} is a word of Python's; choose another name"
         )
+
     return snake
 
 
@@ -145,7 +151,9 @@ def write_scene(name: str, output: Path | None = None) -> Path:
         raise UserError(
             f"{file} is there already; choose another name, or another file with output=FILE"
         )
+
     write_bytes(file, render("scene.yaml", {"name": name}).encode())
+
     return file
 
 
@@ -158,6 +166,7 @@ def main(words: list[str]) -> None:
     if {"--help", "-h"} & set(words):
         say(*USAGE.splitlines())
         return
+
     named = [word for word in words if not word.startswith("output=")]
     outputs = [word.partition("=")[2] for word in words if word not in named]
     unknown = [word for word in named if word.startswith("-") or "=" in word]

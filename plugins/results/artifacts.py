@@ -18,6 +18,8 @@ from core.values.robots import Robot
 from plugins.results.workshop.body import bodies
 from plugins.results.workshop.solid import to_mesh
 
+POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper")
+
 
 def save_files(
     candidate: Candidate, robot: Robot, motion: Motion, folder: Path
@@ -28,22 +30,23 @@ def save_files(
     """
     tool = candidate.tool
     assert tool is not None
+    poses = motion.plan
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        names = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"]
-        poses = motion.plan
-        writer.writerow([*names[: poses.shape[1]], "arrival_s"])
+        writer.writerow([*POSE_COLUMNS[: poses.shape[1]], "arrival_s"])
         writer.writerows(np.column_stack([poses, motion.arrivals.round(4)]).tolist())
+
     local = partial(copied, folder=folder)
     # The mount links are one root and, for a second mount, a fixed joint, so that the file is a whole robot.
     links = "".join(f'<link name="{name}"/>\n' for name in tool.mounts)
     for name in tool.mounts[1:]:
         ends = f'<parent link="{tool.mounts[0]}"/><child link="{name}"/>'
         links += f'<joint name="{name}_joint" type="fixed">{ends}</joint>\n'
+
     urdf = f'<robot name="tool">\n{links}{tool_urdf(tool, mesh_path=local)}</robot>\n'
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
-    whole = assemble(robot, tool, mesh_path=local)
-    (folder / "robot.urdf").write_text(whole, encoding="utf-8")
+    with_tool = assemble(robot, tool, mesh_path=local)
+    (folder / "robot.urdf").write_text(with_tool, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
 
 
@@ -54,15 +57,18 @@ def copied(mesh: Path, folder: Path) -> str:
     different meshes of one name the second gets a number.
     """
     small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
-    small = small if small.exists() else mesh
+    if not small.exists():
+        small = mesh
     copy = folder / "meshes" / small.name
     copy.parent.mkdir(parents=True, exist_ok=True)
     number = 1
     while copy.exists() and not filecmp.cmp(small, copy, shallow=False):
         number += 1
         copy = copy.with_name(f"{small.stem}_{number}{small.suffix}")
+
     if not copy.exists():
         shutil.copy(small, copy)
+
     return f"meshes/{copy.name}"
 
 
@@ -71,11 +77,15 @@ def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:
 
     With two mounts, the attachments lie apart as on a gripper with each finger open by ``opening_m`` metres.
     """
-    apart_mm = dict(
-        zip(GRIPPER_MOUNTS, (1000 * opening_m, -1000 * opening_m), strict=True)
-    )
+    left, right = GRIPPER_MOUNTS
+    apart_mm = {left: 1000 * opening_m, right: -1000 * opening_m}
     meshes = []
     for body in bodies(tool):
+        mesh = to_mesh(body.mount.solid)
         shift = (0.0, apart_mm.get(body.link.mount, 0.0), 0.0)
-        meshes.append(to_mesh(body.mount.solid).apply_translation(shift))
-    return trimesh.util.concatenate(meshes) if meshes else trimesh.Trimesh()
+        meshes.append(mesh.apply_translation(shift))
+
+    if not meshes:
+        return trimesh.Trimesh()
+
+    return trimesh.util.concatenate(meshes)

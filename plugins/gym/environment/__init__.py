@@ -122,6 +122,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         count += 3 * sum(len(soft.form.nodes) for soft in scene.softs)
         if self.task.variation != NONE:
             count += 7 * len(scene.places)
+
         return count
 
     def reset(
@@ -147,6 +148,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             raise UserError(
                 f"{self.task.name} can't be stepped: {error}; use python -m core.evaluate"
             ) from error
+
         return self._observation(world), {"reward": self._earned}
 
     def step(
@@ -167,12 +169,14 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             wanted = self._opening * (1 - action[-1]) / 2
             most = FINGER_SPEED * STEP_S
             fingers += float(np.clip(wanted - fingers, -most, most))
+
         self._drive(world, self._target(action), fingers, STEP_S)
 
         before = self._earned
         self._earned = self._reward(world, world.state())
         done = self._earned >= self.task.success_reward
         info = {"reward": self._earned, "is_success": done}
+
         return self._observation(world), self._earned - before, done, False, info
 
     def _check(self, action: Any) -> Numbers:
@@ -182,6 +186,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             numbers = np.asarray(action, dtype=np.float64)
             if numbers.shape == (count,) and np.isfinite(numbers).all():
                 return numbers
+
         wanted = f"an action is {count} finite numbers from -1 to 1, see plugins.gym.environment.ToolEnv"
         raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
 
@@ -196,13 +201,22 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             position = self._pose.position + action[:3] * MAX_SPEED * STEP_S
             wanted = Pose.from_rotation(position, turn * self._pose.rotation)
             joints = arm.inverse(wanted, self._joints).joints
+
         joints = np.clip(joints, self._joints - fastest, self._joints + fastest)
+
         return np.clip(joints, arm.lower, arm.upper)
 
     def _drive(
         self, world: World, joints: Array, fingers: float, seconds: float
     ) -> None:
-        """Move the targets evenly to these within ``seconds``."""
+        """Move the targets evenly to these.
+
+        Args:
+            world: is stepped.
+            joints: targets (J,), radians.
+            fingers: each finger's distance from the middle, metres.
+            seconds: how long it takes.
+        """
         steps = max(1, round(seconds / world.time_step))
         span = steps * world.time_step
         speeds = (joints - self._joints) / span
@@ -215,6 +229,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             finger_target = fingers - finger_speed * left
             world.step(arm_target, finger_target, speeds, finger_speed)
             self._elapsed += world.time_step
+
         self._joints = joints
         self._fingers = fingers
         # Where the arm can't follow, the target doesn't run away.
@@ -227,9 +242,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             trace = self._film.trace(self._elapsed, world)
         first = self._scene.complete(self._start)
         reward = reward_of(self.task, first, self._scene.complete(now), trace)
+
         return float(np.asarray(reward))
 
     def _observation(self, world: World) -> Numbers:
+        """Return the numbers that an agent sees; see the class."""
         state = world.state()
         bodies = np.concatenate(state.arrays, axis=-1).ravel()
         nodes = [state.nodes(soft.name).ravel() for soft in self._scene.softs]
@@ -237,6 +254,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if self.task.variation != NONE:
             for pose in self._scene.places.values():
                 fixed += [pose.position, pose.quaternion]
+
         return np.concatenate([*world.joints(), bodies, *nodes, *fixed])
 
     def render(self) -> Image | None:
@@ -247,6 +265,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if not self.tool.gripper:
             fingers[: len(self.task.robot.finger_joints)] = self._opening
         width, height = self._size
+
         return self.simulator.render(
             self.task,
             seed=self._layout,
@@ -259,4 +278,5 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         )
 
     def close(self) -> None:
+        """Forget the world."""
         self._world = None

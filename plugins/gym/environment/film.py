@@ -17,7 +17,15 @@ SETTLE_S = 0.5
 
 
 class Film:
-    """The instants of an episode until now, at `TRACE_HZ`."""
+    """Keeps the instants of an episode, for rewards that read its trace.
+
+    `add` is called in each step of the engine, and `trace` whenever the reward is computed.
+
+    Args:
+        scene: of the episode.
+        robot: the arm.
+        tool: what it holds.
+    """
 
     def __init__(self, scene: Scene, robot: Robot, tool: Tool) -> None:
         self._scene = scene
@@ -41,6 +49,7 @@ class Film:
         )
         contacts = find_contacts(self._scene, self._robot, self._tool, recording)
         trace = make_trace(self._scene, [contacts])[0]
+
         return replace(trace, forces=None)
 
 

@@ -17,6 +17,12 @@ def load_mounted_tool(
 ) -> Tool:
     """Read a tool, and check that it can be mounted.
 
+    Args:
+        designs: a designs file.
+        strategy: the number of the tool in it, from 0.
+        representation: reads it.
+        task: in whose first layout it must start clear of everything.
+
     Raises:
         UserError: the file, or the tool, can't be used.
     """
@@ -29,4 +35,5 @@ def load_mounted_tool(
         raise UserError(
             f"{designs}: the tool of strategy {strategy} can't be mounted: {error}"
         ) from error
+
     return tool

@@ -34,6 +34,7 @@ def layout(camera: Camera) -> rrb.Blueprint:
         origin="/search/reward", name="reward by generation", axis_y=unit
     )
     figures = rrb.Vertical(words, in_rollout, by_generation, row_shares=[3, 2, 2])
+
     return rrb.Blueprint(
         rrb.Horizontal(scene, figures, column_shares=[3, 2]),
         rrb.BlueprintPanel(state="collapsed"),

@@ -1,4 +1,4 @@
-"""Meshes and motions as Rerun has them."""
+"""Meshes and poses as Rerun has them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 import rerun as rr
 import trimesh
-from scipy.spatial.transform import Rotation
 
-from core.design import Component, Tool
-from core.geometry import Array, Pose
+from core.design import Component
+from core.geometry import Pose
 from core.interfaces import Robot
-from core.robot.kinematics import link_frames
 from core.robot.meshes import link_visuals
 from core.scene import Color
 
@@ -42,22 +40,10 @@ def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
             mesh = shape.to_trimesh()
             piece = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=color)
             pieces.append(piece.apply_transform(pose.matrix))
+
         meshes[name] = trimesh.util.concatenate(pieces)
+
     return meshes
-
-
-def link_poses(
-    robot: Robot, tool: Tool, arm: Array, fingers: Array
-) -> dict[str, tuple[Array, Array]]:
-    """The motion of each link in the world, at arm joints (T, J) and fingers with the tool's joints (T, F + K).
-
-    Each is positions (T, 3), metres, and quaternions (T, 4), x, y, z, w, as Rerun has them.
-    """
-    poses = {}
-    frames = link_frames(robot, tool, arm, fingers)
-    for name, (rotations, positions) in frames.items():
-        poses[name] = (positions, Rotation.from_matrix(rotations).as_quat())
-    return poses
 
 
 def to_transform(pose: Pose) -> rr.Transform3D:

@@ -38,6 +38,7 @@ def recordings(run: Path) -> list[Path]:
         raise UserError(
             f"{run} holds no recording.rrd; runs with the listener rerun write one"
         )
+
     return files
 
 
@@ -66,6 +67,11 @@ def free_port(wanted: int = 0) -> int:
 def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     """Show recordings until the window is closed or an interrupt comes, which is the usual end of a server.
 
+    Args:
+        files: the recordings.
+        web: serve a page for the browser, in place of a window.
+        port: of that page; 0: any that is free.
+
     Raises:
         UserError: they can't be shown, or Rerun is not installed.
     """
@@ -87,6 +93,7 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 viewer.wait(_END_S)
             viewer.kill()
+
         if web or status:
             output.seek(0)
             printed = output.read().decode(errors="replace").strip()
@@ -115,6 +122,7 @@ def _announce(viewer: subprocess.Popen[bytes], page: int, data: int) -> None:
         time.sleep(0.05)
     else:
         return
+
     # Before the address, whose reader may interrupt at once.
     say("Ctrl-C ends it", file=sys.stderr)
     source = quote(f"rerun+http://{HERE}:{data}/proxy", safe="")

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from core.design import Candidate, Tool
 from core.events import Generation, Run
 from core.geometry import Array
 from core.interfaces import Felt, Outcome, Recording
-from core.robot.kinematics import arm_of
+from core.robot.kinematics import arm_of, link_frames
 from core.robot.meshes import solids
 from core.robot.trajectory import Motion
 from core.scene import Soft, State
@@ -29,7 +30,6 @@ from core.trial import Evaluation
 from plugins.listeners.rerun.layout import design_text, layout
 from plugins.listeners.rerun.meshes import (
     joined,
-    link_poses,
     links,
     shaded,
     to_mesh,
@@ -48,7 +48,14 @@ _SCENE: _Place = ("world", "scene")
 
 
 class Writer:
-    """Writes a run to a recording, the file ``recording.rrd`` in its folder.
+    """Writes the recording of a run for the Rerun viewer.
+
+    One writer has one task and one file. Call `begin` first, then `generation` and `rollout` as often as needed, and
+    `close` at the end. Each method waits until its data are on the disk, and all belong to one thread.
+
+    Args:
+        run: what is recorded.
+        file: where to.
 
     Raises:
         RuntimeError: Rerun can't write; by each method.
@@ -78,9 +85,11 @@ class Writer:
         if self._robot.gripper:
             both = links(self._robot, gripper=True)
             self._hand = {name: both[name] for name in both if name not in arm}
+
         for name, color in _SERIES.items():
             series = rr.SeriesLines(colors=color, names=name, widths=2.0)
             self._log(("search", "reward", name), series, static=True)
+
         self._flush()
 
     def generation(self, generation: Generation) -> None:
@@ -90,6 +99,7 @@ class Writer:
         for name, reward in rewards.items():
             if reward is not None:
                 self._log(("search", "reward", name), rr.Scalars(reward))
+
         self._flush()
 
     def close(self) -> None:
@@ -101,8 +111,14 @@ class Writer:
             rr.unregister_shutdown()
 
     def rollout(self, generation: int, evaluation: Evaluation, hz: float) -> None:
-        """Write the arm, the tool and the scene in motion, the reward, and the model's description; or the reason why
-        the rollout can't be shown.
+        """Write the arm, the tool and the scene in motion, the reward, and the model's description.
+
+        Where the rollout can't be shown, its reason is written.
+
+        Args:
+            generation: the number of the candidate's.
+            evaluation: the candidate, which has a tool.
+            hz: frames per simulated second.
         """
         candidate = evaluation.candidate
         assert candidate.tool is not None
@@ -129,15 +145,18 @@ class Writer:
             rewards = self._reward_over_time(outcome.start, recording.states)
             columns = rr.Scalars.columns(scalars=rewards)
             self._log_rows(("reward", candidate.id), instants, columns)
+
         self._clock = float(times[-1]) + _PAUSE_S
         self._flush()
 
     def _show_words(self, generation: int, text: str) -> None:
+        """Write the text beside a candidate."""
         words = f"generation {generation}\n{text}"
         document = rr.TextDocument(words, media_type=rr.MediaType.TEXT)
         self._log(("text", "design"), document)
 
     def _show_scene(self) -> None:
+        """Show the bodies of the scene: what is fixed in its place, soft ones as their surface."""
         for body in self._scene.bodies:
             path = (*_SCENE, body.name)
             if isinstance(body, Soft):
@@ -147,6 +166,7 @@ class Writer:
                 )
                 self._log(path, skin, static=True)
                 continue
+
             if body.fixed:
                 self._log(path, to_transform(body.pose), static=True)
             for k, part in enumerate(body.visuals):
@@ -167,6 +187,7 @@ class Writer:
         if tool.gripper:
             for name, mesh in self._hand.items():
                 shown[*_ROBOT, name] = mesh
+
         for path in self._mounted - shown.keys():
             self._log(path, rr.Clear(recursive=True))
         for path, mesh in shown.items():
@@ -194,11 +215,14 @@ class Writer:
     def _move_robot(
         self, instants: Sequence[Any], tool: Tool, recording: Recording
     ) -> None:
-        poses = link_poses(self._robot, tool, recording.arm, recording.fingers)
-        for name, (positions, quaternions) in poses.items():
+        """Write the motion of the links, and of the tool's."""
+        frames = link_frames(self._robot, tool, recording.arm, recording.fingers)
+        for name, (rotations, positions) in frames.items():
+            quaternions = Rotation.from_matrix(rotations).as_quat()
             self._move((*_ROBOT, name), instants, positions, quaternions)
 
     def _move_scene(self, instants: Sequence[Any], states: State) -> None:
+        """Write the motion of the free bodies."""
         softs = {soft.name: soft for soft in self._scene.softs}
         for k, name in enumerate(states.names):
             if name in softs:
@@ -214,11 +238,25 @@ class Writer:
         positions: Array,
         quaternions: Array,
     ) -> None:
+        """Write the poses of something over time.
+
+        Args:
+            path: what moves.
+            instants: on both timelines, T each.
+            positions: (T, 3), metres.
+            quaternions: (T, 4), x, y, z, w.
+        """
         poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
         self._log_rows(path, instants, poses)
 
     def _deform(self, soft: Soft, instants: Sequence[Any], nodes: Array) -> None:
-        """Write a soft body's surface, whose nodes are at ``nodes`` (T, N, 3)."""
+        """Write a soft body's surface over time.
+
+        Args:
+            soft: the body.
+            instants: on both timelines, T each.
+            nodes: where its nodes are (T, N, 3), metres.
+        """
         skins = np.stack([soft.form.surface(places).vertices for places in nodes])
         vertices = rr.Mesh3D.columns(vertex_positions=skins.reshape(-1, 3))
         lengths = [skins.shape[1]] * len(skins)
@@ -264,4 +302,5 @@ def replay(
     (outcome,) = run.simulator.rollout(run.task, [job])
     if outcome.recording is None:
         raise ValueError(outcome.error or "no recording came back")
+
     return played(motion, job), outcome, outcome.recording

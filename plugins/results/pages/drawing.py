@@ -30,27 +30,27 @@ class Painted:
 def painted(tool: Tool, robot: Robot) -> list[Painted]:
     """A tool as the arm holds it at home, with the flange or the fingers that carry it in grey."""
     if tool.gripper:
-        fingers = [
-            pose
-            for mount, pose in open_mounts(robot, True).items()
-            if mount in GRIPPER_MOUNTS
-        ]
-        apart = fingers[0].position - fingers[1].position
-        outward = apart / np.linalg.norm(apart) * FINGER.size[1] / 2
-        tips = [pose.apply((0.0, 0.0, FINGER.size[2] / 2)) for pose in fingers]
-        places = [
-            Pose(tip + side * outward) for tip, side in zip(tips, (1, -1), strict=True)
-        ]
-        bearing = [
-            Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT)
-            for pose in places
-        ]
+        solids = _fingers(robot)
     else:
-        bearing = [Painted(robot.flange.disc.to_trimesh(), ROBOT)]
-    return [
-        *bearing,
-        *(Painted(solid, component.color) for component, solid in as_held(tool, robot)),
-    ]
+        solids = [robot.flange.disc.to_trimesh()]
+
+    bearing = [Painted(solid, ROBOT) for solid in solids]
+    held = as_held(tool, robot)
+    return [*bearing, *(Painted(solid, component.color) for component, solid in held)]
+
+
+def _fingers(robot: Robot) -> list[trimesh.Trimesh]:
+    """The two fingers of the open gripper, roughly: each ends at its mount, and lies outside of it."""
+    mounts = open_mounts(robot, True)
+    left, right = (mounts[name] for name in GRIPPER_MOUNTS)
+    apart = left.position - right.position
+    outward = apart / np.linalg.norm(apart) * FINGER.size[1] / 2
+    solids = []
+    for mount, side in ((left, 1), (right, -1)):
+        middle = mount.apply((0.0, 0.0, FINGER.size[2] / 2)) + side * outward
+        solids.append(FINGER.to_trimesh().apply_transform(Pose(middle).matrix))
+
+    return solids
 
 
 def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
@@ -59,12 +59,8 @@ def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]
     held = []
     for mount, placed in solids_of(tool).items():
         for component, solid in placed:
-            held.append(
-                (
-                    component,
-                    solid.apply_transform(mounts[mount].matrix)
-                    if mount in mounts
-                    else solid,
-                )
-            )
+            if mount in mounts:
+                solid = solid.apply_transform(mounts[mount].matrix)
+            held.append((component, solid))
+
     return held

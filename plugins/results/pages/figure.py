@@ -31,43 +31,49 @@ class FigurePage:
     paint: Callable[[], Figure] = field(repr=False)
 
     def render(self, format_: str, ground: str = "white", titled: bool = True) -> bytes:
-        """The figure as a file of PNG or SVG, the same bytes each time; untitled unless ``titled``."""
+        """Return the figure as a file, the same bytes each time.
+
+        Args:
+            format_: ``png`` or ``svg``.
+            ground: the colour behind it.
+            titled: whether its title stands above it.
+        """
         import matplotlib
 
-        buffer = io.BytesIO()
-        metadata = (
-            {"Software": None} if format_ == "png" else {"Date": None, "Creator": None}
-        )
+        metadata: dict[str, None] = {"Date": None, "Creator": None}
+        if format_ == "png":
+            metadata = {"Software": None}
         style = Path(__file__).parent / "templates" / "figure.mplstyle"
+        buffer = io.BytesIO()
         with (
             matplotlib.rc_context({"svg.hashsalt": self.name}, style),
             warnings.catch_warnings(),
         ):
-            warnings.filterwarnings(
-                "ignore", "Glyph .* missing"
-            )  # a name in a script that the font lacks
+            # A name in a script that the font lacks.
+            warnings.filterwarnings("ignore", "Glyph .* missing")
             figure = self.paint()
             if titled:
                 figure.suptitle(wrapped(self.title, 80))
             figure.savefig(
                 buffer, format=format_, dpi=160, facecolor=ground, metadata=metadata
             )
+
         return buffer.getvalue()
 
 
 def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure; width and height in inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def wrapped(text: str, width: int, lines: int = 3) -> str:
-    return "\n".join(
-        textwrap.wrap(clean(text, 300), width, max_lines=lines, placeholder=" …")
-        or [""]
-    )
+def wrapped(text: str, width: int) -> str:
+    """Break a text into at most three lines of ``width`` letters."""
+    lines = textwrap.wrap(clean(text, 300), width, max_lines=3, placeholder=" …")
+    return "\n".join(lines)
 
 
 def slug(text: str, longest: int = 60) -> str:
-    """A file name made of any text; it may be empty."""
+    """Make a file name of any text; it may be empty."""
     return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:longest]

@@ -46,6 +46,7 @@ class Table:
         for word in head.split("|"):
             title, _, digits = word.partition(":")
             columns.append(Column(title, int(digits) if digits else None))
+
         return cls(name, tuple(columns), tuple(rows))
 
     def __post_init__(self) -> None:
@@ -78,6 +79,7 @@ def links(cell: Cell) -> tuple[CellLink, ...]:
             return (cell,)
         case tuple():
             return cell
+
     return ()
 
 
@@ -88,6 +90,7 @@ def to_csv(table: Table, folder: Path) -> str:
     writer.writerow([column.name for column in table.columns])
     for row in table.rows:
         writer.writerow([_plain(cell, folder) for cell in row])
+
     return text.getvalue()
 
 
@@ -99,6 +102,7 @@ def _plain(cell: Cell, folder: Path) -> str | float | None:
         case CellLink() | tuple():
             paths = [relative(link.target, folder) for link in links(cell)]
             return _no_formula(" ".join(paths))
+
     return cell
 
 

@@ -33,34 +33,43 @@ _LIGHT_INK = "#e6edf3"  # on a dark page, as in page.css
 def render(
     template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any
 ) -> str:
-    """Render a template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
+    """Render a template as a page.
+
+    Args:
+        template: its name.
+        folder: where the page will lie; links are relative to it.
+        viewer: tools to turn around (`in_viewer`).
+        values: what the template shows.
+    """
     style = _text("page.css")
-    script = _text("tables.js") + (_text("viewer.js") if viewer else "")
+    script = _text("tables.js")
+    if viewer:
+        script += _text("viewer.js")
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'"
     )
+
+    def href(target: Path) -> str:
+        return quote(relative(target, folder), errors="surrogateescape")
+
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_text),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
-        # No control characters; what is markup already passes.
-        finalize=lambda x: (
-            clean(x, _LONGEST)
-            if isinstance(x, str) and not isinstance(x, Markup)
-            else x
-        ),
+        finalize=_clean,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"printed": printed, "links": links, "number": number}
-    environment.filters["sort_key"] = lambda cell: (
-        repr(cell) if isinstance(cell, float | int) and isfinite(cell) else ""
-    )
-    environment.filters["href"] = lambda target: quote(
-        relative(target, folder), errors="surrogateescape"
-    )
+    environment.filters |= {
+        "href": href,
+        "links": links,
+        "number": number,
+        "printed": printed,
+        "sort_key": _sort_key,
+    }
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+
     return environment.get_template(template).render(
         **values,
         policy=Markup(policy),  # noqa: S704
@@ -71,12 +80,23 @@ def render(
     )
 
 
+def _clean(value: Any) -> Any:
+    """Take control characters from a text; what is markup already passes."""
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return clean(value, _LONGEST)
+    return value
+
+
+def _sort_key(cell: Any) -> str:
+    """What a browser sorts a cell of numbers by; empty: it is none."""
+    if isinstance(cell, float | int) and isfinite(cell):
+        return repr(cell)
+    return ""
+
+
 def _text(name: str) -> str:
-    return (
-        importlib.resources.files("plugins.results.pages")
-        .joinpath("templates", name)
-        .read_text(encoding="utf-8")
-    )
+    folder = importlib.resources.files("plugins.results.pages") / "templates"
+    return (folder / name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:
@@ -86,10 +106,9 @@ def _hash(text: str) -> str:
 def figure_address(svg: bytes) -> Markup:
     """The data address of a figure whose ink follows the browser's colour scheme."""
     text = svg.decode().replace(INK, "currentColor")
-    ink = f"svg {{ color: {INK} }} @media (prefers-color-scheme: dark) {{ svg {{ color: {_LIGHT_INK} }} }}"
-    return data_address(
-        text.replace("<defs>", f"<style>{ink}</style><defs>", 1).encode(), "svg+xml"
-    )
+    dark = f"@media (prefers-color-scheme: dark) {{ svg {{ color: {_LIGHT_INK} }} }}"
+    ink = f"<style>svg {{ color: {INK} }} {dark}</style>"
+    return data_address(text.replace("<defs>", f"{ink}<defs>", 1).encode(), "svg+xml")
 
 
 def data_address(picture: bytes, format_: str = "png") -> Markup:
@@ -97,19 +116,27 @@ def data_address(picture: bytes, format_: str = "png") -> Markup:
     return Markup(f"data:image/{format_};base64,{base64.b64encode(picture).decode()}")  # noqa: S704
 
 
-def in_viewer(tool: Tool, robot: Robot, name: str, said: str) -> dict[str, Any]:
-    """A tool for the viewer: triangles and sharp edges in tenths of millimetres, and what is ``said`` below it."""
+def in_viewer(tool: Tool, robot: Robot, name: str, caption: str) -> dict[str, Any]:
+    """Return a tool for the viewer: triangles and sharp edges in tenths of millimetres.
+
+    Args:
+        tool: what is shown.
+        robot: the arm that holds it.
+        name: above it.
+        caption: below it, after the tool's description.
+    """
     solids = []
-    for each in painted(tool, robot):
-        mesh = each.solid
+    for item in painted(tool, robot):
+        mesh = item.solid
         sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
-        solids.append(
-            {
-                "color": [round(float(channel), 3) for channel in each.color[:3]],
-                "vertices": np.round(mesh.vertices * 1e4).astype(int).ravel().tolist(),
-                "faces": np.asarray(mesh.faces).ravel().tolist(),
-                "edges": np.asarray(sharp).ravel().tolist(),
-            }
-        )
-    caption = f"{tool.description} ({said})" if tool.description else said
+        solid = {
+            "color": [round(float(channel), 3) for channel in item.color[:3]],
+            "vertices": np.round(mesh.vertices * 1e4).astype(int).ravel().tolist(),
+            "faces": np.asarray(mesh.faces).ravel().tolist(),
+            "edges": np.asarray(sharp).ravel().tolist(),
+        }
+        solids.append(solid)
+
+    if tool.description:
+        caption = f"{tool.description} ({caption})"
     return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}

@@ -62,7 +62,9 @@ class FinishedRun:
             if index < len(self.figures.generations):
                 reward = self.figures.generations[index].best_reward
                 best = max(best, reward or 0.0)
+
             so_far.append(best)
+
         return so_far
 
     def recordings(self) -> dict[str, Path]:
@@ -71,6 +73,7 @@ class FinishedRun:
         for file in sorted(self.folder.glob("recording*.rrd")):
             if self._holds(file):
                 found[file.stem] = file
+
         for film in self.films():
             found[f"film {film.parent.name}".removesuffix(" best")] = film
         return found
@@ -114,16 +117,20 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
             raise UserError(
                 f"no folder {folder}; give the folder of a run or of a multirun"
             )
+
         paths = run_folders(folder)
         if not paths:
             raise UserError(
                 f"{folder} holds no run: neither {RESULT} nor {FILE} is in it or below it"
             )
+
         for path in paths:
             if path.resolve() not in runs:
                 runs[path.resolve()] = read_run(path)
+
     finished = [run for run in runs.values() if isinstance(run, FinishedRun)]
     left_out = [run for run in runs.values() if isinstance(run, LeftOutRun)]
+
     return finished, left_out
 
 
@@ -133,6 +140,7 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
         entries = {entry.name: entry for entry in os.scandir(folder)}
     except OSError as error:
         raise UserError(f"{folder} can't be read: {error.strerror}") from error
+
     if FILE in entries or RESULT in entries:
         return [folder]
 
@@ -142,8 +150,10 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
         below = name not in skipped and entries[name].is_dir(follow_symlinks=False)
         if below and depth > 0:
             runs += run_folders(folder / name, depth - 1)
+
     if not runs and HYDRA in entries:
         return [folder]
+
     return runs
 
 
@@ -161,11 +171,13 @@ def read_run(folder: Path) -> AnyRun:
     if (folder / FILE).is_symlink():
         why = f"{FILE} is a link, which is not followed"
         return LeftOutRun(folder, "unreadable", why)
+
     store = StoredRun(folder)
     if not store.exists:
         why = f"it has no {FILE}: it ended before it began, or that was deleted"
         config = _read_yaml(folder / HYDRA / "config.yaml")
         return LeftOutRun(folder, "failed", why, _task(folder, config), config)
+
     try:
         config = store.config()
         figures = store.result()
@@ -176,12 +188,14 @@ def read_run(folder: Path) -> AnyRun:
         config = config or _read_yaml(folder / HYDRA / "config.yaml")
         why = _progress(folder, store)
         return LeftOutRun(folder, "unfinished", why, _task(folder, config), config)
+
     if figures.stopped is not None:
         why = short(f"stopped: {figures.stopped}")
         return LeftOutRun(folder, "unfinished", why, figures.task, config)
     if figures.best is None:
         why = f"no candidate could be tried{short(_first_reason(store))}"
         return LeftOutRun(folder, "failed", why, figures.task, config)
+
     return FinishedRun(folder, figures, config)
 
 
@@ -189,6 +203,7 @@ def _first_reason(store: StoredRun) -> str:
     for evaluation in store.evaluations():
         if evaluation.status != "ok":
             return f"; the first reason: {evaluation.reason}"
+
     return ""
 
 
@@ -201,6 +216,7 @@ def _task(folder: Path, config: dict[str, Any]) -> str:
     match _read_yaml(folder / "task.yaml") or config.get("task"):
         case {"name": str(name)}:
             return short(name)
+
     return ""
 
 
@@ -219,11 +235,13 @@ def _progress(folder: Path, store: StoredRun) -> str:
         generations = len(store.generations())
     except UserError as error:
         return short(str(error))
+
     done = f"{generations} generations and {len(evaluations)} candidates done"
     rewards = [row.reward for row in evaluations if row.status == "ok"]
     if rewards:
         done += f", best reward so far {max(rewards):.3f}"
     how = "goes on" if is_held(folder) else "was killed"
+
     return f"{done}; it {how}"
 
 
@@ -243,4 +261,5 @@ def _why_zero(evaluation: StoredEvaluation) -> str:
     seen = {found.result for found in observed if found is not None}
     if not seen:
         return "earned nothing"
+
     return f"earned nothing: {', '.join(sorted(seen))}"

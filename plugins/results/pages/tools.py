@@ -75,6 +75,7 @@ def best_tool(run: FinishedRun) -> Winner:
             raise UserError(
                 f"component {component.name!r} of {name} has no size that can be drawn"
             )
+
     return Winner(
         run=run,
         robot=representation.robot,

@@ -51,10 +51,16 @@ def report(
     others: Sequence[Path] = (),
     claimed: Path | None = None,
 ) -> Results:
-    """Read the runs in ``folders``; write the page, the tables and the figures to ``output``.
+    """Read runs, and write the page, the tables and the figures.
 
-    What is an entry of a benchmark becomes a results file, called ``name`` or by its method, and is compared with
-    ``others``, and with ``claimed``, whose designs are tried again.
+    What is an entry of a benchmark becomes a results file, and is compared with others.
+
+    Args:
+        folders: of runs, or that hold runs.
+        output: the folder to write.
+        name: of the entry; empty: its method's.
+        others: results files to compare with.
+        claimed: a results file whose designs are tried again; None: none is.
 
     Raises:
         UserError: a folder holds no run, a results file can't be used, or nothing can be written.
@@ -76,6 +82,7 @@ def report(
     results = Results(tuple(finished), tuple(left_out), (*ours, *theirs), verified)
     for file, data in contents(results, output).items():
         write_bytes(output / file, data)
+
     return results
 
 
@@ -98,6 +105,7 @@ def show(results: Results) -> None:
     ):
         if table.rows:
             _print(table)
+
     for run in results.left_out:
         say(f"not counted, {run}")
 
@@ -128,6 +136,7 @@ def main(words: list[str]) -> None:
         raise UserError(
             f"no run is finished; {len(left_out)} are listed in {page}; the first, {left_out[0]}"
         )
+
     show(results)
     say(str(page))
 

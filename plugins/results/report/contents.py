@@ -58,9 +58,11 @@ def contents(results: Results, folder: Path) -> dict[str, bytes]:
     for table in listed:
         text = to_csv(table, folder / DATA)
         files[f"{DATA}/{table.name}.csv"] = text.encode(errors="backslashreplace")
+
     for picture in pictures:
         files[f"{DATA}/{picture.name}.png"] = picture.render("png")
         files[f"{DATA}/{picture.name}.svg"] = drawings[picture.name]
+
     return files
 
 
@@ -87,6 +89,7 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
             task = g.task if film.parent.name == "best" else film.parent.name
             address = data_address(read_untrusted(film, FILM_BYTES), "gif")
             films.append((f"{task}, {g.method}: the best motion", address))
+
     return films
 
 
@@ -98,4 +101,5 @@ def _in_viewer(results: Results) -> list[dict[str, Any]]:
         extent = size(winner.tool, winner.robot)
         caption = f"reward {number(winner.reward, 3)}, {extent}"
         shown.append(in_viewer(winner.tool, winner.robot, name, caption))
+
     return shown

@@ -32,9 +32,20 @@ Rewards = Annotated[tuple[Reward, ...], Field(min_length=1, max_length=1000)]
 
 @dataclass(frozen=True)
 class RunResult:
-    """A run: its rewards in unseen layouts by engine, what its search took, and the design that earned them.
+    """What a run earned in layouts that its search never saw, and what the search took.
 
     Where nothing could be tried, all rewards are 0 and there is no design.
+
+    Attributes:
+        seed: of the run; its search may see the layouts from this one on.
+        rewards: in the unseen layouts, by engine.
+        candidates: how many were tried.
+        rollouts: in how many layouts and engines, all together.
+        requests: to the model.
+        cost_usd: of the replies; None: none reports it.
+        wall_time_s: of the search.
+        design: that earned the rewards, as a strategy of a designs file.
+        effort: what its motion costs; None: it was not measured.
     """
 
     seed: Seed
@@ -142,6 +153,7 @@ def check_entry(entry: Entry) -> Entry:
         raise UserError(
             f"it follows version {entry.version} of the protocol {rules.name}, not {rules.version}"
         )
+
     if entry.track not in rules.tracks:
         raise choices("track", entry.track, rules.tracks)
     _check_settings(entry)
@@ -154,6 +166,7 @@ def check_entry(entry: Entry) -> Entry:
             raise UserError(
                 f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}"
             )
+
     return entry
 
 
@@ -180,6 +193,7 @@ def _check_tasks(entry: Entry) -> None:
         raise UserError(
             f"it lacks {', '.join(lacks)}; an entry has all {len(tasks)} tasks of the track {entry.track}"
         )
+
     more = [short(task) for task in entry.tasks if task not in tasks]
     if more:
         raise UserError(f"the track {entry.track} has no task {', '.join(more)}")
@@ -201,6 +215,7 @@ def _check_seeds(entry: Entry) -> None:
         count = entry.settings.get(key, "")
         if re.fullmatch(r"\d{1,9}", count):
             layouts += int(count)
+
     for run in entry.runs:
         if run.seed + max(layouts, 1) > FIRST_UNSEEN:
             raise UserError(

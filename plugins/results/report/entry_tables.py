@@ -25,6 +25,7 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     head = f"track|entry|told|score:3|low:3|high:3{columns}|seeds"
     head += "|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"
     rows = [_row(listed, list(engines)) for listed in ranked]
+
     return [
         Table.of("entries", head, rows),
         Table.of("entries_by_task", "track|task|entry|score:3|runs:0", sorted(by_task)),
@@ -32,6 +33,12 @@ def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
 
 
 def _row(listed: ListedEntry, engines: Sequence[str]) -> tuple[Cell, ...]:
+    """Return the row of an entry.
+
+    Args:
+        listed: the entry, and how it was verified.
+        engines: of all entries, each of which has a column.
+    """
     entry = listed.entry
     tasks = list(entry.tasks.values())
     low, high = interval(list(entry.scores.values()), "mean") or (None, None)
@@ -45,6 +52,7 @@ def _row(listed: ListedEntry, engines: Sequence[str]) -> tuple[Cell, ...]:
     rules = f"{entry.protocol} {entry.version}"
     if len(entry.rules.engines) == 1:
         rules += ", one engine"
+
     return (
         entry.track,
         entry.name,

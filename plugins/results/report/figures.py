@@ -56,6 +56,7 @@ def comparable(results: Results) -> tuple[list[str], list[str]]:
         shared &= {g.task for g in results.of(method)}
     if not shared:
         return [], []
+
     return [task for task in tasks if task in shared], methods
 
 
@@ -83,6 +84,7 @@ def rewards(results: Results) -> FigurePage:
             dot = {"ms": 3, "mfc": "none", "mec": INK, "mew": 0.6, "clip_on": False}
             for place, g in zip(places, groups, strict=True):
                 ax.plot([place] * len(g.rewards), g.rewards, "o", **dot)
+
         ax.set(
             ylim=(0, 1.02),
             yticks=np.linspace(0, 1, 6),
@@ -94,6 +96,7 @@ def rewards(results: Results) -> FigurePage:
         ax.set_xticks(range(len(tasks)), names, rotation=35, ha="right")
         ax.tick_params(axis="x", length=0)
         figure.legend(loc="outside lower center", ncols=2)
+
         return figure
 
     return FigurePage("rewards", "Reward by task and method", paint)
@@ -109,15 +112,25 @@ def _read_course(run: FinishedRun) -> Course:
 def anytime(
     results: Results, tasks: list[str], methods: list[str]
 ) -> FigurePage | None:
-    """The mean best reward so far against rollouts, over the tasks that the methods share, with its interval."""
+    """Draw the mean best reward so far against rollouts, with its interval.
+
+    Args:
+        results: of the report.
+        tasks: over which the mean is taken.
+        methods: each of which has a curve, and was run on all of these tasks.
+
+    Returns:
+        The figure; None where no run had two rollouts.
+    """
     courses = {}
     ends = {}
     for method in methods:
-        groups = results.of(method, tasks)
+        groups = [g for g in results.of(method) if g.task in tasks]
         courses[method] = [list(map(_read_course, g.runs)) for g in groups]
         ends[method] = max(
             max(course.spent[-1] for course in task) for task in courses[method]
         )
+
     if max(ends.values(), default=0.0) < 2:
         return None
 
@@ -133,20 +146,30 @@ def anytime(
             _shade_interval(ax, x, scores, look["color"])
             means = [task.mean(axis=0) for task in scores]
             ax.plot(x, np.mean(means, axis=0), lw=1.8, **look)
+
         ax.grid(axis="y", visible=True)
         ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="rollouts")
         figure.legend(loc="outside lower center", ncols=2)
+
         return figure
 
     return FigurePage("anytime", "Reward by rollouts", paint)
 
 
 def _shade_interval(ax: Any, x: Array, scores: Sequence[Array], color: str) -> None:
-    """Draw the interval of the mean at each place (POINTS,) where it is known."""
+    """Draw the interval of the mean where it is known.
+
+    Args:
+        ax: the axes.
+        x: places (POINTS,), rollouts.
+        scores: of each task its runs' (runs, POINTS).
+        color: of the method.
+    """
     rows = []
     for i, place in enumerate(x):
         span = interval([task[:, i] for task in scores], "mean")
         if span is not None:
             rows.append((place, *span))
+
     if rows:
         ax.fill_between(*zip(*rows, strict=True), color=color, alpha=0.18, lw=0)

@@ -75,6 +75,7 @@ def group(
 
     order = list(dict.fromkeys(labels))
     keys = sorted(grouped, key=lambda key: (key[0], order.index(key[1])))
+
     return [Group(*key, tuple(grouped[key]), lost[key]) for key in keys]
 
 
@@ -87,9 +88,11 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
         labels.append(short(name) if isinstance(name, str) else "")
         if not labels[-1]:
             unnamed.append(number)
+
     names = _distinguish([configs[number] for number in unnamed])
     for number, name in zip(unnamed, names, strict=True):
         labels[number] = name
+
     return labels
 
 
@@ -116,6 +119,7 @@ def _distinguish(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
             varying.append(key)
 
     named_by = varying or choices[:3]
+
     return [" ".join(_describe(setting, named_by)) for setting in settings]
 
 
@@ -130,6 +134,7 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
             found |= flatten(value, f"{name}.")
         else:
             found[name] = value if isinstance(value, str) else json.dumps(value)
+
     return found
 
 
@@ -143,4 +148,5 @@ def _describe(setting: Mapping[str, str], keys: Iterable[str]) -> list[str]:
         name = key.removesuffix(".name")
         value = setting.get(key)
         words.append(short(f"no {name}" if value is None else f"{name}={value}"))
+
     return words

@@ -27,9 +27,15 @@ class _Followed(NamedTuple):
 def find_entries(
     finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun], name: str = ""
 ) -> tuple[list[Entry], list[str]]:
-    """Make an entry of each method's runs on a track by a protocol; return them, and why others are none.
+    """Make an entry of each method's runs on a track by a protocol.
 
-    ``name`` is what entries are called; of several methods each adds its own.
+    Args:
+        finished: runs that count.
+        left_out: runs that don't; an entry must not have any, but those in which nothing could be tried.
+        name: what entries are called; of several methods each adds its own. Empty: by their methods.
+
+    Returns:
+        The entries, and why other runs are none.
     """
     entries: list[Entry] = []
     problems: list[str] = []
@@ -39,6 +45,7 @@ def find_entries(
         except UserError:
             # Runs of a protocol that is not installed are runs like others.
             continue
+
         for track, tasks in rules.tracks.items():
             on_track = [run for run in runs if run.task in tasks]
             if not on_track:
@@ -49,6 +56,7 @@ def find_entries(
                 problems.append(
                     f"no entry of the track {track}: {followed.name}: {error}"
                 )
+
     return entries, problems
 
 
@@ -65,6 +73,7 @@ def _group(runs: Sequence[AnyRun], name: str) -> dict[_Followed, list[AnyRun]]:
             case {"name": str(rules), "version": int(version)} if rules != "none":
                 followed = _Followed(called, rules, version)
                 groups.setdefault(followed, []).append(run)
+
     return groups
 
 
@@ -81,6 +90,12 @@ def _make_entry(
 ) -> Entry:
     """Make an entry of runs on a track.
 
+    Args:
+        followed: the name of the entry, and the version of the protocol that its runs followed.
+        rules: the protocol as it is now.
+        track: whose tasks they are.
+        runs: of one method.
+
     Raises:
         UserError: a run is not finished, they differ, or they are no entry (`check_entry`).
     """
@@ -91,6 +106,7 @@ def _make_entry(
                 raise UserError(
                     f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
                 )
+
     apart = differences(runs)
     if apart:
         raise UserError(f"its runs differ in more than task and seed: {apart}")
@@ -99,12 +115,14 @@ def _make_entry(
     for run in runs[1:]:
         theirs = flatten(run.config)
         settings = {k: v for k, v in settings.items() if theirs.get(k) == v}
+
     versions: dict[str, str] = {}
     results: dict[str, list[RunResult]] = {}
     for run in sorted(runs, key=lambda run: run.task):
         results.setdefault(run.task, []).append(_make_result(run, rules))
         if isinstance(run, FinishedRun):
             versions |= run.figures.versions
+
     entry = Entry(
         name=followed.name,
         protocol=rules.name,
@@ -114,6 +132,7 @@ def _make_entry(
         versions=versions,
         tasks={task: TaskResult(tuple(rows)) for task, rows in results.items()},
     )
+
     return check_entry(entry)
 
 
@@ -139,7 +158,9 @@ def _make_result(run: AnyRun, rules: Protocol) -> RunResult:
         if evaluation.candidate == run.best.candidate:
             written = store.designs()[evaluation.design].written
             design = written | {"action_sets": [evaluation.plan]}
+
     unseen = run.figures.unseen
+
     return replace(
         result,
         rewards=unseen.engines if unseen is not None else {},

@@ -61,6 +61,7 @@ def protocol(name: str) -> Protocol:
         ]
         for track, plugin in chosen.tracks.items()
     }
+
     return Protocol(
         name=name,
         version=chosen.version,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -26,7 +25,14 @@ class BestTools(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Finished runs, which are counted; runs that are left out; entries of a benchmark, and their verified runs."""
+    """What a report is about.
+
+    Attributes:
+        runs: finished runs, which are counted.
+        left_out: runs that are not.
+        entries: of a benchmark.
+        verified: the runs of an entry whose designs were tried again.
+    """
 
     runs: tuple[FinishedRun, ...]
     left_out: tuple[LeftOutRun, ...] = ()
@@ -49,12 +55,9 @@ class Results:
             method_of |= dict.fromkeys(g.runs, g.method)
         return list(dict.fromkeys(method_of[run] for run in self.runs))
 
-    def of(self, method: str, tasks: Sequence[str] | None = None) -> list[Group]:
-        """The groups of a method, on ``tasks`` or on all its tasks."""
-        groups = [g for g in self.groups if g.method == method]
-        if tasks is None:
-            return groups
-        return [g for g in groups if g.task in tasks]
+    def of(self, method: str) -> list[Group]:
+        """The groups of a method."""
+        return [g for g in self.groups if g.method == method]
 
     @cached_property
     def tools(self) -> BestTools:
@@ -67,6 +70,8 @@ class Results:
                 problem = clean(str(error), MAX_DESCRIPTION)
                 tools.problems.append(f"{g.task}, {g.method}: {problem}")
                 continue
+
             if winner.tool.components:
                 tools.best[g.task, g.method] = winner
+
         return tools

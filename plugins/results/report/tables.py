@@ -195,6 +195,7 @@ def _words(design: StoredDesign) -> str:
             text = str(design.written.get(name) or "").strip(" .")
             if text and text not in words:
                 words.append(text)
+
     return ". ".join(words)
 
 
@@ -243,10 +244,12 @@ def _answers_by_model(
             else:
                 asked[reply.model, "designs"].append(request)
                 designers[request.generation, request.agent] = reply.model
+
         for row in run.store.evaluations():
             model = designers.get(row.design[:2])
             if model is not None:
                 earned[model].append(row)
+
     return asked, earned
 
 

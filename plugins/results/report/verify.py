@@ -15,8 +15,9 @@ from core.config.compose import load, node, part, task_part, tool_part
 from core.design import DesignError
 from core.designs.reading import read_designs
 from core.errors import UserError
-from core.interfaces import Condition, Evaluation, RolloutSettings
-from core.plugins import EXECUTOR, FITNESS, SIMULATOR
+from core.interfaces import Evaluation, RolloutSettings
+from core.plugins import EXECUTOR
+from core.search.builder import build_fitness_in
 from core.search.finalists import try_unseen
 from core.search.trials import Trials
 from plugins.results.pages.formats import Table
@@ -58,6 +59,7 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
                     score = earned(entry, task, run)
                 except (UserError, DesignError) as error:
                     why = short(str(error))
+
             yield VerifiedRun(entry, task, run.seed, claimed, score, why)
 
 
@@ -69,6 +71,7 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
         DesignError: the design can't be read.
     """
     cfg = _configure(entry, task)
+    cfg.seed = run.seed
     representation = tool_part(cfg).create()
     document = {"strategies": [run.design]}
     candidate, *_ = read_designs(
@@ -77,12 +80,11 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
     if candidate.problem is not None:
         raise DesignError(candidate.problem)
 
-    sim = part(SIMULATOR, cfg.sim)
     settings = node(cfg.rollout, RolloutSettings)
-    condition = Condition(task_part(cfg), sim, run.seed, settings)
-    fitness = part(FITNESS, cfg.fitness).create(condition=condition)
+    fitness = build_fitness_in(task_part(cfg), cfg, settings)
     with part(EXECUTOR, cfg.executor).create() as executor:
         rewards, effort = try_unseen(Evaluation(candidate), fitness, Trials(executor))
+
     return replace(run, rewards=rewards, effort=effort).score(entry.rules, task)
 
 
@@ -92,6 +94,7 @@ def _configure(entry: Entry, task: str) -> DictConfig:
     for key, value in entry.settings.items():
         if key.startswith("tool."):
             settings[key] = value
+
     name = settings.pop("tool.name", "urdf")
     interpolated = any("$" in value for value in settings.values())
     if interpolated or not re.fullmatch(r"\w{1,50}", name):
@@ -107,6 +110,7 @@ def _configure(entry: Entry, task: str) -> DictConfig:
         with contextlib.suppress(ValueError):  # else it is a text
             value = json.loads(text)
         cfg.tool[key.removeprefix("tool.")] = value
+
     return cfg
 
 
@@ -118,4 +122,5 @@ def verification(runs: Sequence[VerifiedRun]) -> Table:
         verified = "yes" if run.same else f"no {run.why}".strip()
         row = (run.entry.name, run.task, run.seed, run.claimed, run.score, verified)
         rows.append(row)
+
     return Table.of("verification", head, rows)

@@ -78,7 +78,12 @@ class Toolbox:
 def toolbox(
     folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]
 ) -> Toolbox:
-    """Try the tools of all finished runs in all of their tasks and ``cfg.tasks``, and choose.
+    """Try the tools of all finished runs in all of their tasks, and choose.
+
+    Args:
+        folders: of runs, or that hold runs.
+        cfg: the settings of the command.
+        words: settings of the searches for plans (`core.run`).
 
     Raises:
         UserError: there is no run with a tool, their settings differ, or a part or setting can't be used.
@@ -95,5 +100,7 @@ def toolbox(
             raise UsageError(
                 f"the runs differ in {kind}; set it for all of them, as in {kind}=..."
             )
+
     earned = [attempt(tool, tasks, words, Path(cfg.output)) for tool in tools]
+
     return Toolbox(tools, tasks, earned, cfg.good)

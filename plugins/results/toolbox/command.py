@@ -48,6 +48,7 @@ def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
         plan = found.earned[index][task].plan
         if plan is not None:
             plans[task] = plan
+
     plan, *others = plans.values()
     if others:
         plan = _join_plans(plans, gripper=tool.tool.gripper)

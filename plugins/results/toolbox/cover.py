@@ -17,4 +17,5 @@ def best_sets(covers: Covers) -> list[list[int]]:
         best = int(covers[:, left].sum(axis=1).argmax())
         sets.append([*sets[-1], best] if sets else [best])
         left = left & ~covers[best]
+
     return sets

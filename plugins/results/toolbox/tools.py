@@ -62,6 +62,7 @@ def find_tools(runs: Iterable[FinishedRun], top: int) -> list[HeldTool]:
         for best in chosen_evaluations(config, representation, task):
             held = HeldTool(run, best, representation)
             tools[held.name] = held
+
     return list(tools.values())
 
 
@@ -75,6 +76,7 @@ def task_configs(task: Mapping[str, Any]) -> TaskConfigs:
         settings = {str(key): config[key] for key in config if key not in _IGNORED}
         name = part(TASK, OmegaConf.create(settings)).create().name
         found[name] = settings
+
     return found
 
 
@@ -94,4 +96,5 @@ def all_task_configs(runs: Iterable[FinishedRun], more: list[Any]) -> TaskConfig
                 raise UsageError(
                     f"{name} has different settings in these runs; give runs with the same"
                 )
+
     return found

@@ -54,9 +54,13 @@ Cells = dict[str, Cell]
 def attempt(
     held: HeldTool, tasks: TaskConfigs, words: Sequence[str], output: Path
 ) -> Cells:
-    """Return what a tool earns in each task: as its run says, as was tried before, or by a search for plans.
+    """Find what a tool earns in each task: as its run says, as was tried before, or by a search for plans.
 
-    ``words`` are settings of that search (`core.run`). What was tried stays in ``output``.
+    Args:
+        held: the tool, with its best plan.
+        tasks: by name.
+        words: settings of that search (`core.run`).
+        output: the folder in which all that was tried stays.
 
     Raises:
         UserError: a part or setting can't be used, or a limit ended the search.
@@ -82,6 +86,7 @@ def attempt(
     if found is None:
         _search(config, to_try, folder)
         found = _read(folder, file)
+
     return cells | (found or {})
 
 
@@ -92,6 +97,7 @@ def _best_cell(task: str, evaluations: Sequence[Evaluation]) -> Cell:
     if not tried:
         return Cell()
     best = max(tried, key=lambda evaluation: evaluation.reward)
+
     return Cell(best.reward, best.candidate.plan)
 
 
@@ -103,6 +109,7 @@ def _starts(held: HeldTool, config: DictConfig, task: TaskConfig) -> bool:
         SpawnRules(made, config.seed).check(held.tool)
     except DesignError:
         return False
+
     return True
 
 
@@ -146,6 +153,7 @@ def _read(folder: Path, file: Path) -> Cells | None:
     known = OmegaConf.create(config)
     representation = tool_part(known).create()
     found = stored_evaluations(folder, representation, task_part(known).create())
+
     return {name: _best_cell(name, found) for name in task_configs(config["task"])}
 
 
@@ -159,7 +167,12 @@ def groups(words: Sequence[str]) -> set[str]:
 
 
 def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
-    """Compose the configuration of a search for plans for the tool in ``file``, still for no task.
+    """Compose the configuration of a search for plans for a tool, still for no task.
+
+    Args:
+        held: the tool, with its run, whose settings count.
+        file: where the tool is written.
+        words: settings that go before those of the run.
 
     Raises:
         UserError: a setting can't be used.
@@ -170,6 +183,7 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
         raise UsageError(
             f"{min(refused)} can't be set: tools are those of the runs; more tasks are tasks=[NAME,...]"
         )
+
     named = {_key(word) for word in words}
     defaults = [f"{key}={DEFAULTS[key]}" for key in DEFAULTS if key not in named]
     config = load("config", [*defaults, *words])
@@ -178,8 +192,10 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
     for kind in set(OF_RUN) - given:
         merge = kind in ("material", "rollout")
         OmegaConf.update(config, kind, run[kind], merge=merge)
+
     tool = {"name": "known", "file": str(file), "of": run["tool"]}
     OmegaConf.update(config, "tool", tool, merge=False)
     if not getattr(installed().factory("vlm", config.vlm.name), "sees", True):
         config.prompt.picture = False
+
     return config

@@ -75,7 +75,18 @@ def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
 def fuse(
     link: ToolLink, printer: Printer, mount_to: Callable[[Any], Mount] = Mount
 ) -> Body:
-    """Weld a link by as little as makes it and its mount one body that is closed, also as it lies on the plate."""
+    """Make a link and its mount one closed body.
+
+    Its components are welded by as little as makes it closed and in one piece, also as it lies on the plate.
+
+    Args:
+        link: the tool's link.
+        printer: whose plate and thinnest wall count.
+        mount_to: fits the link's solid, a Manifold in millimetres, to what bears it.
+
+    Returns:
+        The body; where no weld does it, that of the widest one, whose checks fail.
+    """
     for weld_mm, uneven in itertools.product(WELDS_MM, (0.0, UNEVEN)):
         shapes = link.grown(weld_mm, uneven)
         mount = mount_to(union(shapes))
@@ -89,6 +100,7 @@ def fuse(
     whole = joined(names, [*shapes, *widened(mount.adding, weld_mm)], weld_mm, printer)
     if whole.passed and pieces != 1:
         whole = Check("one piece", False, f"it falls into {pieces} pieces")
+
     return Body(link, mount, weld_mm, whole)
 
 
@@ -102,6 +114,7 @@ def check_faithful(body: Body) -> Check:
     excess = max(0.0, (solid - wide - union(body.mount.adding)).volume())
     lack = max(0.0, (narrow - union(body.mount.taking) - solid).volume())
     differs = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
+
     return Check("as simulated", max(excess, lack) < NOTHING_MM3, differs)
 
 
@@ -118,15 +131,25 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
             names = f"{first.link.name} and {second.link.name}"
             share = f"{names} share {shared / 1000:.2f} cm³ at rest"
             checks.append(Check("apart", False, share))
+
     return checks
 
 
 def _offset(placed: Placed, offset_mm: float) -> Any:
-    """Move the sides of a shape out, or in: of one that is not convex by Minkowski's sum with a cube."""
+    """Move the sides of a shape out: of one that is not convex by Minkowski's sum with a cube.
+
+    Args:
+        placed: the shape and its pose.
+        offset_mm: by how much; in where it is negative.
+
+    Returns:
+        A Manifold, millimetres.
+    """
     if not isinstance(placed[0], Compound):
         return union(widened([placed], offset_mm))
     cube = manifold3d.Manifold.cube((2 * abs(offset_mm),) * 3, True)
     solid = union([placed])
     if offset_mm > 0:
         return solid.minkowski_sum(cube)
+
     return solid.minkowski_difference(cube)

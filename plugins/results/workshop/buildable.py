@@ -58,6 +58,7 @@ class Buildable(Fitness):
             raise UsageError(
                 "fitness.of: buildable can't judge for itself; name another fitness"
             )
+
         check_positive("fitness.", safety=safety)
         if not 0 <= margin_m <= 0.2:
             raise UsageError(
@@ -89,12 +90,14 @@ class Buildable(Fitness):
         inner = self._inner.instructions()
         if not inner:
             inner = "What counts is the reward of one rollout."
+
         return f"{inner}\n\n{rules}".strip()
 
     def conditions(self) -> list[Condition]:
         """Return those of the inner fitness; in the first one the exported motion is played, too."""
         first, *others = self._inner.conditions()
         builder = replace(self._examination, plays=False)
+
         return [
             replace(first, examiner=self._examination),
             *(replace(condition, examiner=builder) for condition in others),
@@ -119,4 +122,5 @@ class Buildable(Fitness):
             return replace(score, reward=0.0, reason=f"{problems[0]}, so that {lost}")
         if len(trials) > 1:
             return score
+
         return replace(score, reward=min(score.reward, exported))

@@ -43,7 +43,17 @@ class Nearest(NamedTuple):
 def clearance(
     scene: Scene, robot: Robot, tool: Tool, recording: Recording
 ) -> list[Nearest]:
-    """Measure distances along a recorded rollout, at `HZ`; the nearest first."""
+    """Measure distances along a recorded rollout, at `HZ`.
+
+    Args:
+        scene: its bodies.
+        robot: the arm, with its gripper.
+        tool: what it holds.
+        recording: of the rollout.
+
+    Returns:
+        How near arm and tool came to each body, and the arm to itself; the nearest first.
+    """
     wanted = np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)
     chosen = np.unique(np.searchsorted(recording.times, wanted))
     taken = subset(recording, chosen[chosen < len(recording.times)])
@@ -61,6 +71,7 @@ def clearance(
     for what, tracks in (("arm", links), ("tool", components)):
         for name, (gap, k) in nearest(tracks, bodies, None).items():
             found.append(Nearest(what, name, min(gap, NEAR_M), times[k]))
+
     return sorted(found, key=lambda row: row.metres)
 
 
@@ -76,9 +87,17 @@ def _gaps_to_itself(robot: Robot, tool: Tool, recording: Recording) -> Array:
 
 
 def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
-    """Compute the arm's joint torques (T, J), N m, that the motion needs with the tool and without contact.
+    """Compute the joint torques that a motion needs with a tool and without contact.
 
     Inverse dynamics of the links and the tool, and the motors' inertia. Friction in the joints is left out.
+
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        motion: T samples of its J joints.
+
+    Returns:
+        Torques (T, J), N m.
     """
     model = pin.buildModelFromXML(assemble(robot, tool, visuals=False))
     data = model.createData()
@@ -94,12 +113,24 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
         speeds[columns] = motion.velocities[k]
         accelerations[columns] = motion.accelerations[k]
         found[k] = pin.rnea(model, data, joints, speeds, accelerations)[columns]
+
     inertia: Array = motion.accelerations * np.array(robot.motor_inertia)
+
     return found + inertia
 
 
 def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
-    """Compare a motion with the arm's limits, joint by joint: distance to the nearer end of its range, and shares."""
+    """Compare a motion with the arm's limits, joint by joint.
+
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        motion: as it is exported.
+
+    Returns:
+        For each joint the distance to the nearer end of its range, radians, and the largest shares of its limits of
+        velocity, acceleration and torque; of the latter None where the arm's description has no limit.
+    """
     arm = arm_of(robot)
     room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions)
     least_room = room.min(axis=0)
@@ -118,6 +149,7 @@ def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
             "torque_share": float(effort[i] / limit) if limit > 0 else None,
         }
         rows.append(row)
+
     return rows
 
 
@@ -141,6 +173,7 @@ def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
     mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))  # of the bare hand
     if parts:
         mass, center, inertia = merge_inertias(parts)
+
     return {
         "frame": robot.mount_link,
         "mass_kg": round(mass, 6),

@@ -84,6 +84,7 @@ def export(cfg: DictConfig) -> list[Export]:
         for made in exports:
             folder = output / made.task.name if len(exports) > 1 else output
             found.append(write_export(made, written, representation, folder))
+
     return found
 
 

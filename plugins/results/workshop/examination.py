@@ -79,13 +79,24 @@ class Examination:
         except (Unplayable, DesignError) as error:
             figures = {EXPORTED: 0.0}
             problems = [str(error)]
+
         warnings = [f"{PROBLEM}{problem}" for problem in problems]
+
         return replace(trial, figures=figures, warnings=(*trial.warnings, *warnings))
 
     def _play(
         self, condition: Condition, candidate: Candidate, tool: Tool
     ) -> tuple[dict[str, float], list[str]]:
-        """Play the motion as it is exported; return figures, and what speaks against the design."""
+        """Play the motion as it is exported.
+
+        Args:
+            condition: where the candidate was tried.
+            candidate: with the plan for the condition's task.
+            tool: the candidate's.
+
+        Returns:
+            Figures by name, and what speaks against the design.
+        """
         task = condition.task.shared()
         scene = condition.scene()
         settings = condition.settings
@@ -108,12 +119,23 @@ class Examination:
         factors = [row.safety for row in rows if row.safety is not None]
         if factors:
             figures["safety_factor"] = round(min(factors), 3)
+
         return figures, problems
 
     def _find_clearance(
         self, scene: Scene, robot: Robot, tool: Tool, replay: PlayedMotion
     ) -> tuple[float, str | None]:
-        """Return how near the arm comes to itself or to what is fixed, metres, and what speaks against that."""
+        """Find how near the arm comes to itself or to what is fixed.
+
+        Args:
+            scene: its bodies.
+            robot: the arm.
+            tool: what it holds.
+            replay: the motion as it was played.
+
+        Returns:
+            Metres, and what speaks against the design; None: it is far enough.
+        """
         fixed = {"itself", *(body.name for body in scene.bodies if body.fixed)}
         near = [
             row
@@ -129,6 +151,7 @@ class Examination:
         closest = min(near, key=lambda row: to_spare(row.to, row.metres))
         if to_spare(closest.to, closest.metres) >= 0:
             return closest.metres, None
+
         return closest.metres, (
             f"clearance: the arm comes as near as {1000 * closest.metres:.0f} mm to {closest.to}; at least "
             f"{1000 * self.margin_m:g} mm are asked for: move or turn waypoints, or lengthen the tool"
@@ -149,7 +172,9 @@ def _find_problem(
         printer = Printer(list(plate_mm), min_wall_mm)
         made = make_tool(tool, robot, material, printer, Fit())
         verdicts = [*printable(made.parts), *printable((), made.checks)]
+
     for verdict in verdicts:
         if verdict.passed is False and verdict.name != "weight":
             return f"{PROBLEM}{verdict}"
+
     return None

@@ -39,10 +39,12 @@ def new_folder(folder: Path) -> Path:
         written = any(folder.iterdir())
     except OSError as error:
         raise UserError(f"can't write {folder}: {error}") from error
+
     if written:
         raise UsageError(
             f"{folder} has files in it already; choose another output=, or remove it"
         )
+
     return folder
 
 
@@ -52,7 +54,16 @@ def write_export(
     representation: ToolRepresentation,
     folder: Path,
 ) -> Export:
-    """Write the files of a task, whose tool is ``written`` already; return the export with the verdicts on both.
+    """Write the files of a task.
+
+    Args:
+        made: the motion, and what it earned.
+        written: the tool, whose parts are written already.
+        representation: how the design is written.
+        folder: where to.
+
+    Returns:
+        The export with the verdicts on motion and tool.
 
     Raises:
         UserError: a file can't be written.
@@ -64,6 +75,7 @@ def write_export(
         verdicts = write_sheet(
             checked, made.task, made.scene, made.motion, made.replays, folder
         )
+
     made = replace(made, verdicts=verdicts)
 
     for name, move in made.moves.items():
@@ -71,6 +83,7 @@ def write_export(
         write_bytes(folder / "motion" / f"{name}.csv", table.encode())
         data = to_json(move, robot.arm_joints)
         _write_json(folder / "motion" / f"{name}.json", data)
+
     _write_json(folder / "figures.json", made.figures(), indent=2)
     write_bytes(folder / "CHECKLIST.md", checklist(made).encode())
     write_messages(robot, made.motion, made.scene, folder / "ros2")
@@ -78,6 +91,7 @@ def write_export(
 
     save_design(made.candidate, representation, folder / "design")
     save_files(made.candidate, robot, made.planned, folder / "design")
+
     return made
 
 

@@ -62,19 +62,29 @@ class Screws:
         found = f"{len(self.kinds)} of {bolts} screws can be driven"
         if self.covered:
             found += f"; in the way of the others: {', '.join(self.covered)}"
+
         return Check("screws", held, found)
 
 
 def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
-    """Make the plate of a rigid tool, whose link the solid is.
+    """Make the plate of a rigid tool.
 
     The mount's origin is in the flange's face, and the tool extends toward -z, so that the plate is right below z = 0.
     What the tool has above it is cut away where the arm is. Descriptions agree: the last link's mesh ends at the frame
     of the flange, where grippers are mounted. `Flange.disc`, which is half above that plane and half below, only bears
     tools in simulation.
 
+    Args:
+        robot: the arm, with its flange.
+        link: the link of the tool that the flange bears.
+        solid: the link as a Manifold, millimetres.
+        fit: the plate's thickness, and by how much bores are wider than threads.
+
+    Returns:
+        The solid with its plate and bores, the screws to buy, and what was checked.
+
     Raises:
-        UserError: the thread is none of `HEADS_MM`.
+        UserError: the thread is none of `HEADS_MM`, or no screw fits the plate.
     """
     flange = robot.flange
     thickness = fit.plate_mm / 1000
@@ -83,6 +93,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         raise UserError(
             f"robot {robot.name}: no screw is known for thread {flange.thread!r}; {known} are"
         )
+
     plate = _upright((0, 0), -thickness, 0, flange.disc.radius)
     adding = [plate]
     if flange.centring_m is not None:
@@ -104,6 +115,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         radius = (1000 * flange.pin_m + PIN_MM) / 2000
         bores = [*bores, _upright(place, -thickness, 0.001, radius)]
         hardware.append(f"1 pin {1000 * flange.pin_m:g} m6 x 12")
+
     return Mount(
         solid=clear + union(adding) - union(bores),
         name="mount_plate",
@@ -118,12 +130,20 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
 def _upright(
     place: Sequence[float] | Array, low: float, high: float, radius: float
 ) -> Placed:
-    """Return a cylinder along z at a place (x, y)."""
+    """Return a cylinder along z.
+
+    Args:
+        place: x and y of its axis, metres.
+        low: z of its lower end, metres.
+        high: z of its upper end, metres.
+        radius: metres.
+    """
     middle = np.array([place[0], place[1], (low + high) / 2])
     return Cylinder(radius, high - low), Pose(middle)
 
 
 def _on_circle(robot: Robot, angle: float) -> Array:
+    """Return the place (x, y) on the circle of bolts at an angle from the mount's x, metres."""
     return robot.flange.bolt_circle_m / 2 * np.array([math.cos(angle), math.sin(angle)])
 
 
@@ -137,6 +157,7 @@ def _arm(robot: Robot) -> tuple[Placed, ...]:
             place = mount @ poses[solid.name] @ solid.pose
             points = place.apply(corners(solid.geometry))
             found.append((hull(np.maximum(points, (-np.inf, -np.inf, 0.0))), Pose()))
+
     return tuple(found)
 
 
@@ -146,15 +167,22 @@ def _check_clear(link: ToolLink, arm: Sequence[Placed]) -> Check:
     for shape in link.shapes:
         component = union([shape])
         lost = max(lost, (component ^ union(arm)).volume() / component.volume())
+
     found = f"at most {lost:.0%} of a component is cut away where the arm is"
     return Check("clear of the arm", lost < MOST_LOST, found)
 
 
 def _find_screws(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Screws:
-    """Find the screws that can be driven into a flange through a solid, the tool with its plate.
+    """Find the screws that can be driven into a flange.
 
     A head rests on the plate, or below a component that is thick enough around the bore: a long screw through a beam
     leaves more of it than a way for a short one.
+
+    Args:
+        robot: the arm, with its flange.
+        link: the tool's link, of which bores and ways of keys must leave enough.
+        solid: the link with its plate, clear of the arm, as a Manifold, millimetres.
+        fit: the plate's thickness, and by how much bores are wider than threads.
 
     Raises:
         UserError: no screw fits the plate.
@@ -179,15 +207,23 @@ def _find_screws(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Screws:
             screws.cuts += [bore, way]
         elif weak not in screws.covered:
             screws.covered.append(weak)
+
     return screws
 
 
 def _find_seat(
     robot: Robot, solid: Any, place: Array, plate_mm: float
 ) -> tuple[float, int]:
-    """Find how deep below the face a screw's head rests, and the screw's length, millimetres.
+    """Find where the head of a screw rests: as deep as the solid around the bore is thick.
 
-    The head rests as deep as the solid around the bore is thick.
+    Args:
+        robot: the arm, with its flange.
+        solid: the tool with its plate, as a Manifold, millimetres.
+        place: x and y of the screw (2,), metres.
+        plate_mm: the plate's thickness.
+
+    Returns:
+        How deep the head rests below the flange's face, and the length of the screw, millimetres.
 
     Raises:
         UserError: no screw fits the plate.
@@ -199,6 +235,7 @@ def _find_seat(
     for angle in np.arange(12) * math.tau / 12:
         rim = radius * np.array([math.cos(angle), math.sin(angle)])
         depths.append(_measure_depth(solid, 1000 * place + rim, plate_mm))
+
     deep = min(depths)
 
     seats = []
@@ -206,24 +243,47 @@ def _find_seat(
         reaches = length >= plate_mm + least - 1e-6
         if reaches and length - 1000 * flange.thread_depth_m <= deep:
             seats.append((min(deep, length - least), length))
+
     if not seats or deep < plate_mm - 1e-6:
         raise UserError(
             f"no screw {flange.thread} fits a plate of {plate_mm:g} mm; set fit.plate_mm to 7, 10 or 15"
         )
+
     return max(seats)
 
 
 def _measure_depth(solid: Any, place: Array, plate_mm: float) -> float:
-    """Measure how far below the face a solid goes without a gap, in millimetres."""
+    """Measure how far below the face a solid goes without a gap.
+
+    Args:
+        solid: a Manifold, millimetres.
+        place: x and y (2,) where it is measured, millimetres.
+        plate_mm: the plate's thickness, in the middle of which the ray begins.
+
+    Returns:
+        Millimetres; 0 where nothing is hit.
+    """
     low = solid.bounding_box()[2] - 1
     for hit in solid.ray_cast((*place, -plate_mm / 2), (*place, low)):
         if hit.normal[2] < -1e-6:
             return -float(hit.position[2])
+
     return 0.0
 
 
 def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
-    """Name the component of which a screw's bore and way leave less than `LEFT` of a section along its own axes."""
+    """Name the component of which a screw leaves too little.
+
+    A section along one of the component's own axes, through the middle of what is cut away, must keep the share
+    `LEFT` of its area.
+
+    Args:
+        link: the tool's link.
+        cut: the screw's bore, and the way of its key.
+
+    Returns:
+        The name of the first such component; None: all keep enough.
+    """
     away = union(cut)
     for name, (shape, pose) in zip(link.names, link.shapes, strict=True):
         component = union([(shape, pose)])
@@ -236,6 +296,7 @@ def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
             area = _section(component, middle, axis)
             if area > 0 and 1 - _section(lost, middle, axis) / area < LEFT:
                 return name
+
     return None
 
 

@@ -81,13 +81,21 @@ def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[Pull]:
         pulls[1:-1] += np.diff(path, 2, axis=0) / float(motion.times[1]) ** 2
         forces = -component.mass * np.einsum("tji,tj->ti", turned, pulls)
         found.append(Pull(component.name, center, forces))
+
     return found
 
 
 def contact_loads(
     scene: Scene, robot: Robot, tool: Tool, material: Material, recording: Recording
 ) -> list[Instant]:
-    """Return the hardest instants of a recorded rollout, with what bodies load the tool with.
+    """Find the hardest instants of a recorded rollout, with what bodies load the tool with.
+
+    Args:
+        scene: its bodies, of which free ones strike no harder than their mass lets them.
+        robot: the arm.
+        tool: what it holds.
+        material: of the tool; it says how much it gives way.
+        recording: of the rollout, with forces.
 
     Raises:
         UserError: the engine does not tell where forces act.
@@ -97,6 +105,7 @@ def contact_loads(
     for (first, second), values in recording.forces.items():
         if first == "tool":
             forces[second] = values
+
     if not forces or not tool.components:
         return []
     pushes = recording.pushes
@@ -120,15 +129,28 @@ def contact_loads(
                 most = _impact(recording.times, values, sample, mass, soft)
                 share = min(1.0, most / max(values[sample], 1e-9))
                 pushed = [load._replace(force=share * load.force) for load in pushed]
+
             loads += pushed
+
         found.append(Instant(float(recording.times[sample]), loads))
+
     return found
 
 
 def _choose_hardest(
     recording: Recording, forces: Mapping[str, Array], pushes: Pushes, parts: _Parts
 ) -> list[int]:
-    """Choose the instants that are looked at."""
+    """Choose the instants that are looked at.
+
+    Args:
+        recording: T instants.
+        forces: of each body on the tool (T,), newtons.
+        pushes: the contact points of all instants.
+        parts: the tool's parts, about whose mount moments count.
+
+    Returns:
+        The numbers of the instants, in order.
+    """
     moment = np.zeros((len(recording.times), 3))
     force = np.zeros((len(recording.times), 3))
     np.add.at(moment, pushes.samples, np.cross(pushes.points, pushes.forces))
@@ -143,15 +165,23 @@ def _choose_hardest(
         np.concatenate([by_body.argmax(axis=1), most_force, most_moment])
     )
     found: list[int] = chosen[by_body[:, chosen].max(axis=0) > 0].tolist()
+
     return found
 
 
 def _impact(
     times: Array, values: Array, sample: int, mass: float, soft: float
 ) -> float:
-    """The largest force of an impact on a spring of ``soft`` metres per newton: its impulse times sqrt(k / m).
+    """Compute the largest force of an impact on a spring: its impulse times sqrt(k / m).
 
-    The impulse is that of the forces (T,), newtons, in half of the spring's period.
+    The impulse is that of the forces in half of the spring's period.
+
+    Args:
+        times: (T,), s.
+        values: the forces (T,), newtons.
+        sample: the number of the instant in the middle.
+        mass: m, kg.
+        soft: 1 / k, metres per newton.
     """
     turn = 1 / math.sqrt(mass * max(soft, 1e-12))
     within = np.abs(times - times[sample]) <= math.pi / turn / 2
@@ -194,6 +224,7 @@ class _Parts:
             local = (point - track.middles[sample]) @ track.rotations[sample]
             beyond = np.maximum(np.abs(local) - track.box, 0)
             gaps.append(float(np.linalg.norm(beyond)))
+
         near = [i for i, gap in enumerate(gaps) if gap <= min(gaps) + NEAR_M]
         part = self.tool.parts[min(near, key=lambda i: self._gap(i, sample, point))]
 
@@ -202,6 +233,7 @@ class _Parts:
         to_bearer = turned[sample].T
         place = rest.apply(to_bearer @ (point - moved[sample]))
         turned_force = rest.rotation.apply(to_bearer @ force)
+
         return Load(body, part.component, place, turned_force)
 
     def _gap(self, number: int, sample: int, point: Array) -> float:
@@ -212,6 +244,7 @@ class _Parts:
         request = coal.DistanceRequest()
         result = coal.DistanceResult()
         gap = coal.distance(track.geometry, place, _DOT, dot, request, result)
+
         return abs(float(gap))
 
 

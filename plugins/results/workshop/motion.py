@@ -61,6 +61,7 @@ class Sampled:
         wanted = np.append(np.arange(0.0, end, seconds), end)
         samples = np.unique(np.searchsorted(self.times, wanted - 1e-9))
         chosen: list[int] = samples.tolist()
+
         return chosen
 
     def loads(self, arm: Arm) -> tuple[Array, Array]:
@@ -73,7 +74,13 @@ class Sampled:
 def sample(
     trajectory: JointTrajectory, arm: Arm, rate_hz: float, speed: float = 1.0
 ) -> Sampled:
-    """Sample a trajectory at ``rate_hz``; it takes 1 / ``speed`` times as long, or longer where a limit asks for it.
+    """Sample a trajectory at a fixed rate.
+
+    Args:
+        trajectory: as engines play it.
+        arm: whose limits the motion keeps.
+        rate_hz: samples a second.
+        speed: the motion takes 1 / ``speed`` times as long, or longer where a limit asks for it.
 
     Raises:
         UsageError: the rate or the speed can't be used.
@@ -98,6 +105,7 @@ def sample(
     times = np.arange(math.ceil(duration * slower * rate_hz - 1e-6) + 1) / rate_hz
     spline_times = np.minimum(times / slower, duration)
     _, fingers = trajectory.sample(spline_times - STEP_S)
+
     return Sampled(
         times=times,
         positions=np.clip(spline(spline_times), arm.lower, arm.upper),
@@ -111,9 +119,16 @@ def sample(
 def approach(
     start: Array, end: Array, opening: float, arm: Arm, rate_hz: float
 ) -> Sampled:
-    """Move slowly from joints (J,) to others, all joints in step, at rest at both ends.
+    """Move slowly from joints to others, all in step, at rest at both ends.
 
     The course is the polynomial of fifth degree without acceleration at the ends.
+
+    Args:
+        start: joints (J,), radians.
+        end: joints (J,), radians.
+        opening: of the fingers, each from the middle, metres.
+        arm: whose limits count.
+        rate_hz: samples a second.
 
     Raises:
         UsageError: the start is beyond a joint's limit.
@@ -135,6 +150,7 @@ def approach(
 
     times = np.arange(math.ceil(duration * rate_hz) + 1) / rate_hz
     s = np.minimum(times / duration, 1.0)[:, None]
+
     return Sampled(
         times=times,
         positions=start + way * s**3 * (10 - 15 * s + 6 * s**2),
@@ -147,7 +163,17 @@ def approach(
 def cut(
     trajectory: JointTrajectory, arrivals: Array, instant: float, arm: Arm
 ) -> JointTrajectory | None:
-    """Return the part up to the last waypoint before an instant where the arm rests; None if there is none."""
+    """Return the part of a trajectory up to the last rest before an instant.
+
+    Args:
+        trajectory: as engines play it.
+        arrivals: when the waypoints are reached (W,), s; the arm rests at some of them.
+        instant: s.
+        arm: whose limits tell what a rest is.
+
+    Returns:
+        The part; None if the arm never rests before.
+    """
     most = arm.acceleration_limits * STEP_S**2
     for end in np.sort(arrivals[arrivals < instant])[::-1].tolist():
         joints, fingers = trajectory.sample(end + STEP_S * np.array([-1.0, 0.0, 1.0]))
@@ -159,6 +185,7 @@ def cut(
             np.vstack([trajectory.arm[before], joints[1]]),
             np.append(trajectory.fingers[before], fingers[1]),
         )
+
     return None
 
 
@@ -182,6 +209,7 @@ def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:
     np.savetxt(
         text, table, fmt="%.7g", delimiter=",", header=",".join(names), comments=""
     )
+
     return text.getvalue()
 
 

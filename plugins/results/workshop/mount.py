@@ -42,7 +42,14 @@ class Mount:
 def weighed(
     mount: Mount, link: ToolLink, taken: Collection[str], material: Material
 ) -> list[Component]:
-    """Return what a mount adds as components, whose names are not taken, with the mass of what is not in the link."""
+    """Return what a mount adds as components, with the mass of what is not in the link.
+
+    Args:
+        mount: whose simulated shapes become components.
+        link: the link that it is part of.
+        taken: names that components of the tool have already.
+        material: of the tool; one without a density counts as solid PLA.
+    """
     if not mount.simulated:
         return []
     added = union(mount.simulated)
@@ -56,4 +63,5 @@ def weighed(
             name += "_"
         mass = max(LEAST_KG, density * material.volume_of(shape))
         components.append(Component(name, link.bearer, pose, shape, mass))
+
     return components

@@ -36,6 +36,12 @@ def make_export(
 ) -> Export:
     """Sample the motion of a task, and play it in each engine, without and with what fixes the tool to the arm.
 
+    Args:
+        cfg: the settings of the command.
+        task_part: makes the task.
+        chosen: the design, and what it earned in the search; of several tasks those of all.
+        tool: as parts.
+
     Raises:
         UserError: the design or a setting can't be used, or the motion can't be played.
     """
@@ -61,6 +67,7 @@ def make_export(
     for replay in replays.values():
         touches = [touch for touch in replay.contacts.all if touch.kind != "body"]
         touched += [touch.first_s for touch in touches]
+
     contact_s = min(touched, default=None)
     if contact_s is not None:
         moves |= _sample_before(cfg, task, planned, contact_s / motion.slower)
@@ -79,10 +86,12 @@ def make_export(
         checks.append(
             Check("guards", False, f"exported programs have none: {left_out}")
         )
+
     if mounted:
         checks.append(
             compare_rewards(f"mounted{several}", "with its mount", mounted, rewards)
         )
+
     return Export(
         task=task,
         scene=scene,
@@ -116,6 +125,7 @@ def _sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sam
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
     start = np.array(list(cfg.start) or task.robot.home, dtype=np.float64)
     opening = float(motion.fingers[0])
+
     return {
         "approach": approach(start, motion.positions[0], opening, arm, cfg.rate_hz),
         "trajectory": motion,
@@ -128,12 +138,23 @@ def _sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sam
 def _sample_before(
     cfg: DictConfig, task: Task, planned: Motion, contact_s: float
 ) -> dict[str, Sampled]:
-    """Sample the motion slowly up to the last rest before contact, if it rests before that."""
+    """Sample the motion slowly up to the last rest before contact.
+
+    Args:
+        cfg: the settings of the command.
+        task: whose robot moves.
+        planned: the motion as it was simulated.
+        contact_s: when something is touched first, s of the planned motion.
+
+    Returns:
+        The motion by the name of its file; nothing where the arm does not rest before.
+    """
     arm = arm_of(task.robot)
     before = cut(planned.trajectory, planned.arrivals, contact_s - STEP_S, arm)
     if before is None:
         return {}
     slow = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
+
     return {"trajectory_before_contact": slow}
 
 
@@ -144,6 +165,7 @@ def _earned(condition: Condition, best: Evaluation) -> float:
         raise UserError(
             f"the design is {trial.status} in {condition.engine}: {trial.reason}"
         )
+
     if best.combined:
         return trial.reward
     return max(trial.reward, best.reward)
@@ -152,11 +174,19 @@ def _earned(condition: Condition, best: Evaluation) -> float:
 def compare_rewards(
     name: str, how: str, earned: Mapping[str, float], asked: Mapping[str, float]
 ) -> Check:
-    """Check that a motion earns in each engine what is asked of it, and anything at all."""
+    """Check that a motion earns in each engine what is asked of it, and anything at all.
+
+    Args:
+        name: of the check.
+        how: it was played, in words.
+        earned: rewards by engine.
+        asked: the rewards that are asked for, by engine.
+    """
     passed = True
     rows = []
     for engine, reward in earned.items():
         least = max(asked[engine] - SAME_REWARD, LEAST_REWARD)
         passed = passed and reward >= least
         rows.append(f"{reward:.3f} for {asked[engine]:.3f} in {engine}")
+
     return Check(name, passed, f"{how} it earns {', '.join(rows)}")

@@ -95,7 +95,16 @@ def print_part(
     printer: Printer,
     material: Material = PAPER,
 ) -> PrintedPart:
-    """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
+    """Lay a solid on the plate, check it, and weigh it.
+
+    Args:
+        name: of the tool's link that it is.
+        solid: a Manifold in the frame of its mount, millimetres.
+        weld_mm: by how much its sides were moved out.
+        whole: the check that it is in one piece.
+        printer: whose plate and thinnest wall count; metal is milled, and needs no plate.
+        material: what it is made of.
+    """
     mesh = to_mesh(solid)
     lying = lay(mesh, printer.plate_mm)
     is_closed = closed(lying.mesh)
@@ -120,6 +129,7 @@ def print_part(
     metres = Mesh(np.asarray(lying.mesh.vertices) / 1000, np.asarray(lying.mesh.faces))
     density = material.density_kg_m3 or 1000 * PLA_G_PER_CM3
     mass_g = 1000 * material.volume_of(metres) * density
+
     return PrintedPart(
         name, solid, lying.mesh, lying.back, weld_mm, mass_g, tuple(checks)
     )
@@ -128,7 +138,14 @@ def print_part(
 def joined(
     names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer
 ) -> Check:
-    """Check that all shapes are connected by joints as wide as a wall, in two directions at least."""
+    """Check that all shapes are connected by joints as wide as a wall, in two directions at least.
+
+    Args:
+        names: of the shapes.
+        shapes: with their poses, metres, already moved out.
+        weld_mm: by how much that was.
+        printer: whose thinnest wall counts.
+    """
     solids = [union([shape]) for shape in shapes]
     joints = networkx.empty_graph(len(solids))
     for a, b in itertools.combinations(range(len(solids)), 2):
@@ -145,7 +162,9 @@ def joined(
     if loose:
         thin = "held by a joint thinner than a wall, or by none"
         return Check("one piece", False, f"{thin}: {', '.join(loose[:3])}{gaps}")
+
     plural = "s" if len(solids) > 1 else ""
+
     return Check("one piece", True, f"{len(solids)} component{plural}{gaps}")
 
 
@@ -158,11 +177,19 @@ def _joint_width(solid: Any, other: Any) -> float:
     shared = solid ^ other
     if shared.is_empty():
         return -math.inf
+
     return float(sorted(to_mesh(shared).bounding_box_oriented.extents)[1])
 
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
-    """The least thickness of a wall: from points of the surface straight in, to where the ray leaves the body."""
+    """Measure the thinnest wall: from points of the surface straight in, to where the ray leaves the body.
+
+    Args:
+        mesh: closed, millimetres.
+
+    Returns:
+        The least thickness that a surface of `_SPOT_MM2` has, millimetres.
+    """
     areas = np.asarray(mesh.area_faces)
     sound = np.flatnonzero(areas > _SLIVER_MM2)
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
@@ -184,16 +211,28 @@ def thinnest(mesh: trimesh.Trimesh) -> float:
     order = np.argsort(found)
     spot = min(_SPOT_MM2, stands_for.sum())
     decides = np.searchsorted(np.cumsum(stands_for[order]), spot)
+
     return float(found[order][decides])
 
 
 def _measure_wall(solid: Any, start: Array, direction: Array, length: float) -> float:
-    """Measure how far it is from a point of a surface to the other side of a wall; inf: there is none."""
+    """Measure how far it is from a point of a surface to the other side of a wall.
+
+    Args:
+        solid: a Manifold, millimetres.
+        start: the point (3,).
+        direction: straight in, a unit vector (3,).
+        length: of the ray, more than the solid's size.
+
+    Returns:
+        Millimetres; inf where two faces meet at an edge, and are no wall.
+    """
     for hit in solid.ray_cast(start, start + length * direction):
         thickness = float((np.asarray(hit.position) - start) @ direction)
         facing = float(np.dot(hit.normal, direction))
         if thickness > _SKIN_MM and facing > 1e-6:
             return thickness if facing > _WALL else math.inf
+
     return math.inf
 
 
@@ -201,6 +240,10 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> Lying:
     """Lay a mesh on one of its sides and turn it so that it fits the plate.
 
     Of the ways that fit it is the one that touches the plate most, else the one that exceeds it least.
+
+    Args:
+        mesh: closed, millimetres.
+        plate: the printer's build volume (x, y, z), millimetres.
     """
     hull = mesh.convex_hull
     by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
@@ -213,6 +256,7 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> Lying:
         looks_down = np.asarray(mesh.face_normals) @ down > _FLAT
         touching = float(mesh.area_faces[looks_down].sum())
         ways.append((max(excess, 0.0), -touching, matrix))
+
     excess, _, matrix = min(ways, key=lambda way: way[:2])
 
     lying = mesh.copy().apply_transform(matrix)
@@ -220,16 +264,26 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> Lying:
     to_middle = [*(-(low + high)[:2] / 2), -low[2]]
     moved = trimesh.transformations.translation_matrix(to_middle)
     back = np.linalg.inv(moved @ matrix)
+
     return Lying(lying.apply_transform(moved), excess == 0, back)
 
 
 def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
-    """The angle about z, in whole degrees, at which points (N, 3) exceed the plate least, and by how many mm."""
+    """Find the angle about z at which points exceed the plate least, in whole degrees; the first that fits, if any.
+
+    Args:
+        corners: points (N, 3), millimetres.
+        plate: the build volume (x, y, z), millimetres.
+
+    Returns:
+        The angle, radians, and by how much they exceed the plate, millimetres.
+    """
     angles = np.deg2rad(np.arange(180))
     turns = Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
     sides = np.ptp(corners @ turns.transpose(0, 2, 1), axis=1)
     excess = (sides - plate).max(axis=1)
     chosen = int(np.argmin(np.maximum(excess, 0.0)))  # the first that fits, if any
+
     return float(angles[chosen]), float(excess[chosen])
 
 

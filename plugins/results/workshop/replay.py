@@ -24,7 +24,14 @@ class Unplayable(UserError):
 
 @dataclass(frozen=True, eq=False)
 class PlayedMotion:
-    """What a motion earned in an engine, and what was seen; ``problems`` name what passed through something."""
+    """What a motion earned in an engine, and what was seen.
+
+    Attributes:
+        reward: the task's; 0 where something passed through something else.
+        recording: of the rollout, with forces.
+        contacts: what touched what.
+        problems: what passed through something, in words.
+    """
 
     reward: float
     recording: Recording
@@ -35,7 +42,13 @@ class PlayedMotion:
 def play_motion(
     condition: Condition, scene: Scene, tool: Tool, motion: Sampled
 ) -> PlayedMotion:
-    """Play a motion from its first sample, in the scene of a condition, with forces.
+    """Play a motion from its first sample, with forces.
+
+    Args:
+        condition: the task and the engine; its settings say how long things settle and hold.
+        scene: of the condition, made once for all engines.
+        tool: what the arm holds.
+        motion: as it is exported.
 
     Raises:
         Unplayable: the rollout fails.
@@ -71,4 +84,5 @@ def play_motion(
     problems = tuple(finding.text for finding in seen if finding.penetration)
     if problems:
         reward = 0.0
+
     return PlayedMotion(reward, recording, contacts, problems)

@@ -54,6 +54,7 @@ def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
                 "time_from_start": time_from_start,
             }
         )
+
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     return {"header": header, "joint_names": list(robot.arm_joints), "points": points}
 
@@ -78,7 +79,9 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
             poses = "mesh_poses" if kind == "meshes" else "primitive_poses"
             entry.setdefault(kind, []).append(data)
             entry.setdefault(poses, []).append(_pose(part.pose))
+
         objects.append(entry)
+
     return {
         "is_diff": True,
         "robot_state": {"is_diff": True},
@@ -87,7 +90,7 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
 
 
 def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
-    """Return a ``shape_msgs`` primitive or mesh."""
+    """Return a ``shape_msgs`` primitive or mesh, and the key of the message under which it stands."""
     match shape:
         case Box(size):
             return "primitives", {"type": 1, "dimensions": _rounded(np.array(size))}
@@ -95,8 +98,10 @@ def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
             return "primitives", {"type": 2, "dimensions": [radius]}
         case Cylinder(radius, length):
             return "primitives", {"type": 3, "dimensions": [length, radius]}
+
     mesh = shape.to_trimesh()
     triangles = [{"vertex_indices": face} for face in mesh.faces.tolist()]
+
     return "meshes", {
         "triangles": triangles,
         "vertices": [_point(vertex) for vertex in mesh.vertices],

@@ -26,6 +26,7 @@ class Printer:
             raise UsageError(
                 f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}"
             )
+
         check_positive("plate_mm.", **dict(zip("xyz", self.plate_mm, strict=True)))
         check_positive("", min_wall_mm=self.min_wall_mm)
 

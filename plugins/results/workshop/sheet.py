@@ -37,6 +37,11 @@ def figures(
     """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too.
 
     ``to_mount`` (4, 4) leads from a piece's file to the frame of its mount, millimetres.
+
+    Args:
+        made: the tool as parts.
+        strengths: the worst of each component.
+        task: what it was made for.
     """
     tool = made.tool
     material = made.material
@@ -48,6 +53,7 @@ def figures(
     ]
     factors = [row.safety for row in strengths if row.safety is not None]
     load = payload(robot, made.printed)
+
     return {
         "tool": tool.name or "a tool",
         "task": task.name,
@@ -99,6 +105,7 @@ def _describe_components(
             "mass_kg": component.mass,
         }
         components.append(row | borne.get(component.name, {}))
+
     return sorted(components, key=lambda row: row.get("safety") or math.inf)
 
 
@@ -113,6 +120,7 @@ def _describe_flange(robot: Robot) -> str:
     if flange.pin_angle is not None:
         angle = math.degrees(flange.pin_angle)
         text += f"; pin {1000 * flange.pin_m:g} mm at {angle:g}°"
+
     return text
 
 
@@ -124,7 +132,18 @@ def write_sheet(
     replays: Mapping[str, PlayedMotion],
     folder: Path,
 ) -> list[Check]:
-    """Write ``sheet.html`` and ``sheet.json`` to a folder; return what was checked.
+    """Write ``sheet.html`` and ``sheet.json`` to a folder.
+
+    Args:
+        made: the tool as parts.
+        task: what it was made for.
+        scene: the task's layout in which it was tried.
+        motion: as it is exported.
+        replays: the motion in each engine, by the engine's name.
+        folder: where to.
+
+    Returns:
+        What was checked.
 
     Raises:
         UserError: a file can't be written.
@@ -149,4 +168,5 @@ def write_sheet(
     )
     write_bytes(folder / "sheet.html", page.encode())
     write_bytes(folder / "sheet.json", (json.dumps(data, indent=2) + "\n").encode())
+
     return checks

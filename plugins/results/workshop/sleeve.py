@@ -31,6 +31,15 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
 
     The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
+
+    Args:
+        robot: the arm, with its gripper.
+        link: the link of the tool that the finger bears.
+        solid: the link as a Manifold, millimetres.
+        fit: the gap between sleeve and finger, and the bore of the clamping screw.
+
+    Returns:
+        The solid with its sleeve, the screw to buy, and what was checked.
     """
     finger = next(finger for finger in fingers_of(robot) if finger.name == link.bearer)
     gap = fit.sleeve_mm / 1000
@@ -55,6 +64,7 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
 
     adding = (walls, clamp)
     taking = (*cavity, bore)
+
     return Mount(
         solid=solid + union(adding) - union(taking),
         name=f"{link.bearer}_sleeve",
@@ -79,11 +89,20 @@ def _slide_to_base(robot: Robot, finger: Finger) -> list[Mesh]:
         if part.name == finger.name:
             points = part.pose.apply(corners(part.geometry))
             slid.append(hull(np.vstack([points, points - BASE_M * finger.tip])))
+
     return slid
 
 
 def _find_clasped(slid: Sequence[Mesh], finger: Finger) -> tuple[Array, Array]:
-    """Find the bounds of a finger, slid to its base, over the length of the sleeve: lowest and highest (3,)."""
+    """Find the bounds of a finger over the length of the sleeve.
+
+    Args:
+        slid: what the finger's shapes cover on their way to its base.
+        finger: whose tip the sleeve begins at.
+
+    Returns:
+        The lowest and the highest corner, (3,) each, metres.
+    """
     tip = finger.tip
     end = finger.face(tip)
     start = end - SLEEVE_MM / 1000 * tip[int(np.abs(tip).argmax())]
@@ -92,13 +111,24 @@ def _find_clasped(slid: Sequence[Mesh], finger: Finger) -> tuple[Array, Array]:
     last = np.where(along, max(start, end), 1.0)
     inside = union([(shape, Pose()) for shape in slid]) ^ union([box(first, last)])
     bounds = np.array(inside.bounding_box()) / 1000
+
     return bounds[:3], bounds[3:]
 
 
 def _clamp(
     finger: Finger, low: Array, high: Array, insert_mm: float
 ) -> tuple[Placed, Placed]:
-    """Return the block beside a finger's bounds that takes the clamping screw, and its bore."""
+    """Make the block that takes the clamping screw, and its bore.
+
+    Args:
+        finger: which it stands beside, square to the way in which it opens.
+        low: the lowest corner (3,) of the finger's bounds, metres.
+        high: the highest corner (3,), metres.
+        insert_mm: the bore's diameter.
+
+    Returns:
+        The block, and the bore.
+    """
     side = np.cross(np.abs(finger.opens), np.abs(finger.tip))
     widths = high - low
     middle = (low + high) / 2
@@ -106,11 +136,19 @@ def _clamp(
     half = np.minimum(widths / 2, 0.005) * (1 - np.abs(side))
     block = box(middle - half, middle + half + out)
     end = middle + out + 0.001 * np.abs(side)
+
     return block, rod(middle, end, insert_mm / 2000)
 
 
 def _sheets(finger: Finger, low: Array, high: Array, wall: float) -> list[Placed]:
-    """Return the walls around a finger's bounds as boxes; at its base they are open."""
+    """Return the walls around a finger's bounds as boxes; at its base they are open.
+
+    Args:
+        finger: whose tip is closed.
+        low: the lowest corner (3,) of its bounds, metres.
+        high: the highest corner (3,), metres.
+        wall: the thickness of the walls, metres.
+    """
     sheets = []
     for axis in range(3):
         for end in (-1, 1):
@@ -124,5 +162,7 @@ def _sheets(finger: Finger, low: Array, high: Array, wall: float) -> list[Placed
             else:
                 first[axis] = low[axis] - wall
                 last[axis] = low[axis]
+
             sheets.append(box(first, last))
+
     return sheets

@@ -69,7 +69,12 @@ class ToolLink:
         return NAMES.get(self.bearer, self.bearer)
 
     def grown(self, weld_mm: float, uneven: float = 0.0) -> list[Placed]:
-        """Return its shapes with each side moved out: the last shape's by the share ``uneven`` less."""
+        """Return its shapes with each side moved out.
+
+        Args:
+            weld_mm: by how much.
+            uneven: the share of that by which the last shape is moved out less.
+        """
         step = uneven / max(1, len(self.shapes) - 1)
         grown = []
         for number, placed in enumerate(self.shapes):
@@ -94,12 +99,19 @@ def links_of(tool: Tool) -> list[ToolLink]:
         if bearer in joints:
             joint = joints[bearer]
             link = replace(link, parent=joint.parent, joint=joint.joint)
+
         links.append(link)
+
     return links
 
 
 def widened(shapes: Sequence[Placed], weld_mm: float) -> list[Placed]:
-    """Move each side of shapes out; by little, what is hollow stays: its inner walls would move, too."""
+    """Move each side of shapes out; by little, what is hollow stays: its inner walls would move, too.
+
+    Args:
+        shapes: with their poses, metres.
+        weld_mm: by how much.
+    """
     stays = weld_mm <= WELDS_MM[0]
     moved: list[Placed] = []
     for shape, pose in shapes:
@@ -108,6 +120,7 @@ def widened(shapes: Sequence[Placed], weld_mm: float) -> list[Placed]:
         else:
             size = shape.bounds[1] + 0.002 * weld_mm
             moved.append((resized(shape, size), pose))
+
     return moved
 
 

@@ -86,7 +86,18 @@ def measured(
     motion: Sampled,
     replays: Mapping[str, PlayedMotion],
 ) -> list[Strength]:
-    """Find the worst of a motion that was played in engines, and without any; of their stresses the largest counts.
+    """Find the worst that a motion does to a tool, where it was played in engines and by its weight alone.
+
+    Args:
+        tool: as it was simulated.
+        robot: the arm.
+        material: of the tool.
+        scene: its bodies.
+        motion: as it is exported.
+        replays: the motion in each engine, by the engine's name.
+
+    Returns:
+        For each component that carries something the largest stress.
 
     Raises:
         UserError: an engine does not tell where forces act.
@@ -111,6 +122,7 @@ def measured(
             sample = min(int(np.searchsorted(motion.times, found.time_s)), last)
             loads = [*pulled(sample), *found.loads]
             instants[name].append(Instant(found.time_s, loads))
+
     return strength(tool, robot, material, instants)
 
 
@@ -120,7 +132,13 @@ def strength(
     material: Material,
     instants: Mapping[str, Sequence[Instant]],
 ) -> list[Strength]:
-    """Find for each component the worst of the instants of all engines; those of no engine have the name "".
+    """Find for each component the worst of some instants.
+
+    Args:
+        tool: as it was simulated.
+        robot: the arm.
+        material: of the tool.
+        instants: of each engine, by its name; those of no engine have the name "".
 
     Raises:
         DesignError: a component does not touch its parent.
@@ -133,7 +151,9 @@ def strength(
                 known = worst.get(row.component)
                 if known is None or row.stress_pa > known.stress_pa:
                     worst[row.component] = row
+
     names = [component.name for component in tool.components]
+
     return [worst[name] for name in names if name in worst]
 
 
@@ -144,6 +164,13 @@ def _stresses(
 
     The moments of all loads beyond a section add up as vectors, so that loads that oppose each other do so here.
     Sections are looked at where a component is held, and where a load acts on it or comes from what it carries.
+
+    Args:
+        tool: as it was simulated.
+        beams: its components as beams.
+        most_pa: the material's strength; None: it has none.
+        engine: where the loads were measured.
+        instant: the loads.
     """
     carried: dict[str, list[tuple[Load, Beam]]] = {}
     for load in instant.loads:
@@ -178,7 +205,11 @@ def _stresses(
 
 
 def _find_weakest(carried: Sequence[tuple[Load, Beam]]) -> Section:
-    """Find the section of a component that bears most, of its N beams, each of which carries a load."""
+    """Find the section of a component that bears most.
+
+    Args:
+        carried: the N loads that it carries, each with the beam that leads to it within the component.
+    """
     loads = [load for load, _ in carried]
     beams = [beam for _, beam in carried]
     starts, stops, _, weak = map(np.array, zip(*beams, strict=True))
@@ -201,4 +232,5 @@ def _find_weakest(carried: Sequence[tuple[Load, Beam]]) -> Section:
         if stress[k] > weakest.stress_pa:
             counted = [loads[i] for i in np.flatnonzero(beyond[k])]
             weakest = Section(float(stress[k]), places[k], counted)
+
     return weakest

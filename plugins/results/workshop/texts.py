@@ -58,6 +58,12 @@ def write_programs(
 ) -> None:
     """Render the templates of `Robot.programs` to files in a folder.
 
+    Args:
+        robot: whose templates they are.
+        payload: mass, centre and inertia of the tool (`plugins.results.workshop.clearance.payload`).
+        moves: the motions, by name.
+        folder: where to.
+
     Raises:
         UserError: a template can't be rendered, or a file can't be written.
     """
@@ -73,6 +79,7 @@ def write_programs(
             raise UserError(
                 f"robot {robot.name}: its program {name} can't be written: {error}"
             ) from error
+
         write_bytes(folder / name, (text + "\n").encode())
 
 
@@ -82,4 +89,5 @@ def every(move: Sampled, seconds: float) -> list[tuple[float, list[float]]]:
     for sample in move.every(seconds):
         joints = np.round(move.positions[sample], 6).tolist()
         rows.append((float(move.times[sample]), joints))
+
     return rows

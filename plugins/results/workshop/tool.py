@@ -27,7 +27,16 @@ SAME_WEIGHT = 0.2
 
 @dataclass(frozen=True, eq=False)
 class PrintedTool:
-    """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated."""
+    """A tool as parts that a printer makes.
+
+    Attributes:
+        tool: as it was designed.
+        parts: one for each of its rigid links; none of the bare hand.
+        checks: of the whole tool; those of its parts are theirs.
+        hardware: what is bought.
+        mounted: the tool with its plate or sleeves as components, as it can be simulated.
+        material: what it is made of.
+    """
 
     tool: Tool
     parts: tuple[PrintedPart, ...]
@@ -48,6 +57,7 @@ class PrintedTool:
             replace(component, mass=density * volume)
             for component, volume in zip(components, volumes, strict=True)
         ]
+
         return replace(self.mounted, components=tuple(weighing))
 
 
@@ -55,6 +65,13 @@ def make_tool(
     tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit
 ) -> PrintedTool:
     """Turn a tool into parts that a printer makes; the bare hand has none.
+
+    Args:
+        tool: as it was designed.
+        robot: the arm that it is fitted to.
+        material: of its parts; metal is milled, and takes threads.
+        printer: whose plate and thinnest wall count.
+        fit: the clearances of what joins it to the arm.
 
     Raises:
         UserError: the robot's flange can't be fitted.
@@ -73,6 +90,7 @@ def make_tool(
         added += weighed(body.mount, body.link, taken, material)
         checks += [*body.mount.checks, check_faithful(body)]
         hardware += body.mount.hardware
+
     checks += check_apart(fitted)
     for link in links:
         if link.joint is not None:
@@ -87,6 +105,7 @@ def make_tool(
         weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         same = abs(printed - simulated) <= SAME_WEIGHT * printed
         checks.append(Check("weight", same, weighs))
+
     return PrintedTool(
         tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material
     )
@@ -121,6 +140,8 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
         excess = (written - part.solid).volume()
         lack = (part.solid - written).volume()
         most = max(most, float((excess + lack) / part.solid.volume()))
+
     differ = f"STL files differ from the parts by up to {most:.2%} in volume"
     same = Check("files read back", most <= SAME_FILE, differ)
+
     return replace(made, checks=(*made.checks, same))

@@ -39,7 +39,7 @@ _MENDS = {  # by how the name of a check begins; the first counts
 
 
 def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
-    """Judge whether an arm carries a tool."""
+    """Judge whether an arm carries a tool: its mass, and its moment about the flange."""
     heaviest = max(tool.components, key=lambda component: component.mass)
     mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
     most, why = mass_limit(robot, material)
@@ -47,6 +47,7 @@ def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
     moment = flange_moment(tool, robot)
     bears = moment_limit(robot)
     turns = f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m"
+
     return [
         Check("mass", tool.mass <= most, weighs, mend),
         Check("moment", moment <= bears, turns, mend),
@@ -56,12 +57,18 @@ def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
 def printable(
     parts: Sequence[PrintedPart], checks: Sequence[Check] = ()
 ) -> list[Check]:
-    """Name what was checked of parts by these, and add what to change; ``checks`` are those of the whole tool."""
+    """Name what was checked by the parts that it is of, and add what to change.
+
+    Args:
+        parts: whose checks are named by them.
+        checks: of the whole tool.
+    """
     found = [check._replace(mend=_mend(check.name)) for check in checks]
     for part in parts:
         for check in part.checks:
             name = f"{check.name}, {part.name}"
             found.append(check._replace(name=name, mend=_mend(check.name)))
+
     return found
 
 
@@ -69,6 +76,7 @@ def _mend(name: str) -> str:
     for begins, mend in _MENDS.items():
         if name.startswith(begins):
             return mend
+
     return ""
 
 
@@ -78,7 +86,14 @@ def strong(
     task: Task,
     safety: float = SAFETY,
 ) -> list[Check]:
-    """Judge strength and stiffness of components; where all bear what they must, the weakest is named."""
+    """Judge strength and stiffness of components; where all bear what they must, the weakest is named.
+
+    Args:
+        material: of the tool; one without a strength is not judged.
+        strengths: the worst of each component.
+        task: whose goals say by how much a tool may bend.
+        safety: the least strength over stress.
+    """
     if material.strength_pa is None:
         choose = f"material={material.name} has no strength: choose one, such as material=pla"
         return [Check("strength", None, choose)]
@@ -93,6 +108,7 @@ def strong(
     allowed_m = BENT * tolerance(task)
     if softest is not None and softest.bend_m > min(SOFT_M, allowed_m):
         checks.append(_judge_stiffness(softest, allowed_m))
+
     return checks
 
 
@@ -112,6 +128,7 @@ def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
     allowed = f"at most {1000 * allowed_m:.3g} mm are allowed"
     passed = False if row.bend_m > allowed_m else None
     found = f"{bends}, and engines took it to be rigid; {allowed}"
+
     return Check("rigid", passed, found, _mend("rigid"))
 
 
