@@ -29,11 +29,7 @@ class Painted:
 
 def painted(tool: Tool, robot: Robot) -> list[Painted]:
     """A tool as the arm holds it at home, with the flange or the fingers that carry it in grey."""
-    if tool.gripper:
-        solids = _fingers(robot)
-    else:
-        solids = [robot.flange.disc.to_trimesh()]
-
+    solids = _fingers(robot) if tool.gripper else [robot.flange.disc.to_trimesh()]
     bearing = [Painted(solid, ROBOT) for solid in solids]
     held = as_held(tool, robot)
     return [*bearing, *(Painted(solid, component.color) for component, solid in held)]
