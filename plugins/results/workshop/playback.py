@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
@@ -63,34 +63,21 @@ def make_export(
     moves = _sample_moves(cfg, task, planned)
     motion = moves["trajectory"]
     replays = _play_all(conditions, scene, candidate.tool, motion)
-    touched = list[float]()
-    for replay in replays.values():
-        touches = [touch for touch in replay.contacts.all if touch.kind != "body"]
-        touched += [touch.first_s for touch in touches]
-
-    contact_s = min(touched, default=None)
+    instants = [replay.contact_s for replay in replays.values()]
+    contact_s = min((s for s in instants if s is not None), default=None)
     if contact_s is not None:
         moves |= _sample_before(cfg, task, planned, contact_s / motion.slower)
+
+    rewards = _rewards(replays)
+    searched = {name: _earned(where, best) for name, where in conditions.items()}
+    several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
+    checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
+    checks += _check_guards(waypoints.guards)
     mounted: dict[str, float] = {}
     if tool.parts:
-        played = _play_all(conditions, scene, tool.printed, motion)
-        mounted = _rewards(played)
-
-    several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
-    searched = {name: _earned(where, best) for name, where in conditions.items()}
-    rewards = _rewards(replays)
-    checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
-    guarded = [str(n) for n, guard in enumerate(waypoints.guards, 1) if guard]
-    if guarded:
-        left_out = f"those of waypoint {', '.join(guarded)} are left out"
-        checks.append(
-            Check("guards", False, f"exported programs have none: {left_out}")
-        )
-
-    if mounted:
-        checks.append(
-            compare_rewards(f"mounted{several}", "with its mount", mounted, rewards)
-        )
+        mounted = _rewards(_play_all(conditions, scene, tool.printed, motion))
+        name = f"mounted{several}"
+        checks.append(compare_rewards(name, "with its mount", mounted, rewards))
 
     return Export(
         task=task,
@@ -117,6 +104,15 @@ def _play_all(
 
 def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
     return {name: replay.reward for name, replay in replays.items()}
+
+
+def _check_guards(guards: Sequence[object]) -> list[Check]:
+    """Fail a plan with guards, which programs for arms lack."""
+    guarded = [str(number) for number, guard in enumerate(guards, 1) if guard]
+    if not guarded:
+        return []
+    left_out = f"those of waypoint {', '.join(guarded)} are left out"
+    return [Check("guards", False, f"exported programs have none: {left_out}")]
 
 
 def _sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sampled]:

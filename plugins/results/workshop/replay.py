@@ -38,6 +38,12 @@ class PlayedMotion:
     contacts: Contacts
     problems: tuple[str, ...]
 
+    @property
+    def contact_s(self) -> float | None:
+        """When the robot first touches a body, s; None: never."""
+        touches = [touch for touch in self.contacts.all if touch.kind != "body"]
+        return min((touch.first_s for touch in touches), default=None)
+
 
 def play_motion(
     condition: Condition, scene: Scene, tool: Tool, motion: Sampled
