@@ -23,7 +23,16 @@ USAGE = "usage: vlmgineer render task=NAME [designs=FILE strategy=N] [seed=N] [w
 
 @dataclass
 class RenderConfig(SceneConfig):
-    """Settings of ``vlmgineer render``. ``designs``: a file, of which the tool number ``strategy`` is mounted."""
+    """Settings of ``vlmgineer render``, beside those of the scene.
+
+    Attributes:
+        tool: how the design's tool is written.
+        designs: a file, of which a tool is mounted; None: none is.
+        strategy: the number of that tool, from 0.
+        output: the picture to write.
+        width: pixels.
+        height: pixels.
+    """
 
     tool: dict[str, Any] = MISSING
     designs: str | None = None

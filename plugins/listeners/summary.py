@@ -35,9 +35,12 @@ def listeners() -> Mapping[str, Callable[..., Any]]:
 
 
 class SummaryListener:
-    """Prints a table of the ``top`` best tools, what spoke against candidates, and the commands to type next.
+    """Prints a table of the best tools, what spoke against candidates, and the commands to type next.
 
     All goes to standard error, so that standard output stays free for results.
+
+    Args:
+        top: how many tools.
     """
 
     def __init__(self, top: int = 3) -> None:

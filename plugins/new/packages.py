@@ -17,7 +17,14 @@ from core.support.cli import say, write_bytes
 
 
 class Template(NamedTuple):
-    """A kind's config group, its name for people, its module and class."""
+    """What a package for a kind of part is made of.
+
+    Attributes:
+        group: the kind's config group.
+        what: the kind, for people.
+        module: in which the part stands.
+        cls: the part's class, with ``{}`` for the name in camel case.
+    """
 
     group: str
     what: str

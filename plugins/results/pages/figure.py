@@ -24,7 +24,13 @@ INK = "#1b1f24"
 
 @dataclass(frozen=True, eq=False)
 class FigurePage:
-    """A figure; ``name`` is its file's. What it shows, and how it was made, is in ``report.html.j2``."""
+    """A figure. What it shows, and how it was made, is in ``report.html.j2``.
+
+    Attributes:
+        name: of its file.
+        title: above it.
+        paint: draws it.
+    """
 
     name: str
     title: str

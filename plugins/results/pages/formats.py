@@ -33,7 +33,13 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; ``name`` is its file's. Its title, and how its numbers are made, are in ``report.html.j2``."""
+    """A table of a report. Its title, and how its numbers are made, are in ``report.html.j2``.
+
+    Attributes:
+        name: of its file.
+        columns: with the number of digits where they hold numbers.
+        rows: a cell for each column.
+    """
 
     name: str
     columns: tuple[Column, ...]
@@ -41,7 +47,13 @@ class Table:
 
     @classmethod
     def of(cls, name: str, head: str, rows: Iterable[tuple[Cell, ...]]) -> Table:
-        """Make a table with a head such as ``task|runs:0|best reward:3``: names, and digits where they hold numbers."""
+        """Make a table with a short head.
+
+        Args:
+            name: of its file.
+            head: names of columns, and digits where they hold numbers, such as ``task|runs:0|best reward:3``.
+            rows: a cell for each column.
+        """
         columns = []
         for word in head.split("|"):
             title, _, digits = word.partition(":")

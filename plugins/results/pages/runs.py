@@ -26,7 +26,13 @@ _LONGEST = 300
 
 @dataclass(frozen=True, eq=False)
 class FinishedRun:
-    """A run that ended and has a best candidate. ``config`` is all of its configuration, resolved."""
+    """A run that ended and has a best candidate.
+
+    Attributes:
+        folder: of the run, which is only read.
+        figures: its ``result.json``.
+        config: all of its configuration, resolved.
+    """
 
     folder: Path
     figures: RunFigures
@@ -90,7 +96,15 @@ class FinishedRun:
 
 @dataclass(frozen=True, eq=False)
 class LeftOutRun:
-    """A run that no figure counts, and the reason."""
+    """A run that no figure counts.
+
+    Attributes:
+        folder: of the run.
+        status: ``unfinished``, ``failed`` or ``unreadable``.
+        reason: in words.
+        task: its name; empty: not known.
+        config: as far as it is known.
+    """
 
     folder: Path
     status: Literal["unfinished", "failed", "unreadable"]

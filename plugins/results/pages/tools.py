@@ -23,9 +23,20 @@ _THINNEST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Winner:
-    """A tool with the reward of its best action plan. Texts are the model's, on one line, without control characters.
+    """The best tool of a run, with the reward of its best plan.
 
-    ``name`` is the tool's, else the strategy's, else the candidate's; ``use``, how the strategy uses it.
+    Texts are the model's, on one line, without control characters.
+
+    Attributes:
+        run: where it was found.
+        robot: the run's.
+        material: of the tool.
+        tool: as it can be drawn.
+        name: the tool's, else the strategy's, else the candidate's.
+        use: how the strategy uses it.
+        candidate: its id.
+        reward: 0..1.
+        distance_m: of its plan.
     """
 
     run: FinishedRun
@@ -90,7 +101,7 @@ def best_tool(run: FinishedRun) -> Winner:
 
 
 def size(tool: Tool, robot: Robot) -> str:
-    """The extent along x, y and z, in millimetres."""
+    """Say the extent along x, y and z, in millimetres, as the arm holds the tool."""
     if not tool.components:
         return "no tool"
     corners = [solid.vertices for _, solid in as_held(tool, robot)]

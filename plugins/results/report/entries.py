@@ -84,7 +84,17 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class Entry:
-    """The content of a results file; ``settings`` are those that all runs share, ``versions`` of packages."""
+    """The content of a results file.
+
+    Attributes:
+        name: of the method.
+        protocol: that all runs followed.
+        version: of the protocol.
+        track: whose tasks were run.
+        settings: those that all runs share, as text by dotted key.
+        versions: of packages.
+        tasks: the results of each.
+    """
 
     name: Id
     protocol: str

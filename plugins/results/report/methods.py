@@ -37,7 +37,14 @@ _NO_METHOD = (
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The runs of one method on one task; ``left_out`` counts those that failed or are unfinished."""
+    """The runs of one method on one task.
+
+    Attributes:
+        task: its name.
+        method: its name, as reports show it.
+        runs: those that count.
+        left_out: how many failed or are unfinished.
+    """
 
     task: str
     method: str
@@ -63,7 +70,12 @@ class Group:
 def group(
     finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()
 ) -> list[Group]:
-    """Group runs by task, in alphabetical order, and method, in the order in which methods appear."""
+    """Group runs by task, in alphabetical order, and method, in the order in which methods appear.
+
+    Args:
+        finished: runs that count.
+        left_out: runs that don't, but are counted where their task and method are known.
+    """
     known = [run for run in left_out if run.task and run.config]
     labels = label([(run.task, run.config) for run in (*finished, *known)])
     grouped: dict[tuple[str, str], list[FinishedRun]] = defaultdict(list)

@@ -17,7 +17,13 @@ from plugins.results.report.statistics import RunCost
 
 
 class _Followed(NamedTuple):
-    """A method, as the entry will be called, and the protocol that its runs followed."""
+    """A method, and the protocol that its runs followed.
+
+    Attributes:
+        name: as the entry will be called.
+        protocol: its name.
+        version: when the runs were made.
+    """
 
     name: str
     protocol: str

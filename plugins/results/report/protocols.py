@@ -19,9 +19,17 @@ from plugins.results.report.methods import flatten
 
 @dataclass(frozen=True)
 class Protocol:
-    """A protocol as it is now: the settings that it fixes, the tasks of each track, and what the best is tried in.
+    """A protocol as it is now.
 
-    With ``references``, by task, what counts of a design that holds is the effort saved.
+    Attributes:
+        name: as in ``protocol=NAME``.
+        version: a file of another version can't be compared.
+        fixed: the settings that all entries share, as text by dotted key.
+        tracks: the tasks of each track.
+        engines: in which the best of a run is tried.
+        layouts: in how many unseen layouts.
+        references: the effort of a reference solution, by task. With these, what counts of a design that holds is the
+            effort saved.
     """
 
     name: str

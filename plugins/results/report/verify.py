@@ -29,7 +29,16 @@ TOLERANCE = 0.01
 
 
 class VerifiedRun(NamedTuple):
-    """A run of an entry: the score that it claims, and what its design earned again; None: it was not tried."""
+    """A run of an entry, and what its design earned again.
+
+    Attributes:
+        entry: the content of the results file.
+        task: the run's.
+        seed: the run's.
+        claimed: the score by the file.
+        score: what the design earned here; None: it was not tried.
+        why: it was not tried.
+    """
 
     entry: Entry
     task: str

@@ -43,7 +43,14 @@ class ToolboxConfig:
 
 @dataclass(frozen=True, eq=False)
 class Toolbox:
-    """What each tool earned, by task; a tool does a task from the reward ``good``."""
+    """What each tool earned, by task, and which few do most.
+
+    Attributes:
+        tools: all that were tried.
+        tasks: in which they were tried, by name.
+        earned: by each tool, in their order.
+        good: the reward from which a tool does a task.
+    """
 
     tools: list[HeldTool]
     tasks: TaskConfigs

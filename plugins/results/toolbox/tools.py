@@ -28,7 +28,13 @@ _IGNORED = ("paper", "tool_kinds")
 
 @dataclass(frozen=True, eq=False)
 class HeldTool:
-    """A tool of a run, with its best plan."""
+    """A tool of a run, with its best plan.
+
+    Attributes:
+        run: where it was found.
+        best: the tool with its best plan, and what it earned.
+        representation: of the run; reads and writes the tool.
+    """
 
     run: FinishedRun
     best: Evaluation

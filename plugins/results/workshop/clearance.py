@@ -28,10 +28,14 @@ NEAR_M = 0.3
 
 
 class Nearest(NamedTuple):
-    """How near the ``arm``, with its gripper, or the ``tool`` came to a body, and when; `NEAR_M` stands for more.
+    """How near the arm or the tool came to something, and when.
 
-    Metres are negative for penetration. The arm ``to`` ``itself`` is between its parts, and between the tool and the
-    arm, that limits don't keep apart.
+    Attributes:
+        what: ``arm``, with its gripper, or ``tool``.
+        to: the body; of the arm also ``itself``: between its parts, and between the tool and the arm, that limits don't
+            keep apart.
+        metres: negative for penetration; `NEAR_M` stands for more.
+        seconds: of the motion.
     """
 
     what: str

@@ -34,9 +34,22 @@ USAGE = (
 class ExportConfig:
     """Settings of ``vlmgineer export``.
 
-    ``designs``: a run's folder, whose best is exported, or a designs file, of which it is the first. ``sims``: engines
-    that play the motion back. ``rate_hz``: of the samples. ``speed``: 1 is the motion as it was simulated. ``start``:
-    joints (J,) from which the arm approaches, radians; none: its home. ``printer`` and ``fit``: of the tool's parts.
+    Attributes:
+        task: what the design is for.
+        robot: the arm.
+        tool: how the design's tool is written.
+        material: of the tool.
+        rollout: how plans are executed.
+        sims: engines that play the motion back.
+        seed: of the layout.
+        designs: a run's folder, whose best is exported, or a designs file, of which it is the first.
+        top: how many candidates of a run are read, the best first.
+        output: the folder to write.
+        rate_hz: of the samples.
+        speed: 1 is the motion as it was simulated.
+        start: joints (J,) from which the arm approaches, radians; none: its home.
+        printer: whose plate and thinnest wall count.
+        fit: the clearances of what joins the tool to the arm.
     """
 
     task: dict[str, Any] = MISSING
@@ -94,7 +107,7 @@ def configured(words: Sequence[str]) -> DictConfig:
 
 
 def show(made: Export) -> None:
-    """Print how the motion played, and what was not or not well checked."""
+    """Print how a motion played, and what was not or not well checked."""
     task = made.task
     rows = [
         (task.name, engine, f"{replay.reward:.3f}", "; ".join(replay.problems))

@@ -42,7 +42,14 @@ _DOT = coal.Sphere(1e-6)
 
 
 class Load(NamedTuple):
-    """A ``force`` (3,), newtons, at a ``point`` (3,) of a component, in the frame of its mount; ``what`` names it."""
+    """A force on a component, in the frame of its mount.
+
+    Attributes:
+        what: pushes: a body, or the tool's weight.
+        component: its name.
+        point: where (3,), metres.
+        force: (3,), newtons.
+    """
 
     what: str
     component: str
@@ -58,7 +65,13 @@ class Instant(NamedTuple):
 
 
 class Pull(NamedTuple):
-    """What a component's weight and acceleration pull it with over a motion, newtons (T, 3), at its ``center`` (3,)."""
+    """What a component's weight and acceleration pull it with over a motion, in the frame of its mount.
+
+    Attributes:
+        component: its name.
+        center: its centre of mass (3,), metres.
+        forces: (T, 3), newtons.
+    """
 
     component: str
     center: Array
@@ -66,7 +79,13 @@ class Pull(NamedTuple):
 
 
 def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[Pull]:
-    """Return the pull on each component over a motion, in its mount's frame."""
+    """Compute the pull on each component over a motion.
+
+    Args:
+        tool: as it was simulated.
+        robot: the arm.
+        motion: T samples.
+    """
     fingers = np.repeat(motion.fingers[:, None], len(robot.finger_joints), axis=1)
     frames = link_frames(robot, Tool(gripper=tool.gripper), motion.positions, fingers)
     placed = tool.placed()
@@ -191,7 +210,9 @@ def _impact(
 class _Parts:
     """The tool's parts halfway between the instants of a recording, at which steps are on average.
 
-    ``frames`` holds the rotations (T, 3, 3) and positions (T, 3) of what bears them.
+    Attributes:
+        tool: whose parts they are.
+        frames: rotations (T, 3, 3) and positions (T, 3) of what bears them, by name.
     """
 
     def __init__(self, robot: Robot, tool: Tool, recording: Recording) -> None:

@@ -38,7 +38,14 @@ _SIDES = 24  # on which a piece may be laid; the largest are tried first
 
 
 class Check(NamedTuple):
-    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: not known."""
+    """One thing that was checked.
+
+    Attributes:
+        name: of what was checked.
+        passed: None: it is not known.
+        found: what was found, with figures.
+        mend: where it fails, what to change.
+    """
 
     name: str
     passed: bool | None
@@ -53,7 +60,13 @@ class Check(NamedTuple):
 
 
 class Lying(NamedTuple):
-    """A mesh as it lies on the plate, whether it ``fits``, and the (4, 4) matrix that takes it ``back``."""
+    """A mesh as it lies on the plate.
+
+    Attributes:
+        mesh: its lowest point is at 0.
+        fits: whether the plate holds it.
+        back: (4, 4), takes it back to where it came from.
+    """
 
     mesh: trimesh.Trimesh
     fits: bool

@@ -9,9 +9,12 @@ from core.errors import UsageError, check_positive
 
 @dataclass
 class Printer:
-    """A printer. The defaults are a Prusa MK4's; lengths are millimetres.
+    """A printer. The defaults are a Prusa MK4's.
 
-    ``plate_mm``: its build volume (x, y, z). ``min_wall_mm``: two lines.
+    Attributes:
+        plate_mm: its build volume (x, y, z).
+        min_wall_mm: the thinnest wall, of two lines.
+        name: of the machine.
 
     Raises:
         UsageError: a number that is not positive, or not three lengths.

@@ -60,7 +60,13 @@ class Strength:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A section of a component: its stress, its place (3,), and the loads beyond it."""
+    """A section of a component, and what loads it.
+
+    Attributes:
+        stress_pa: by all loads beyond it.
+        place: (3,), metres, in the frame of the mount.
+        beyond: the loads.
+    """
 
     stress_pa: float
     place: Array
