@@ -32,8 +32,8 @@ def recordings(run: Path) -> list[Path]:
     """
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    own = sorted(run.glob("recording*.rrd"))
-    files = [*own, *sorted(run.glob("*/recording*.rrd"))]
+    files = sorted(run.glob("recording*.rrd"))
+    files += sorted(run.glob("*/recording*.rrd"))
     if not files:
         raise UserError(
             f"{run} holds no recording.rrd; runs with the listener rerun write one"

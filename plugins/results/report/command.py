@@ -94,15 +94,12 @@ def _file_name(entry: Entry) -> str:
 
 def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
-    whole = rewards(results)
+    full = rewards(results)
     shorten = itemgetter(0, 1, 2, 4, 5, 6, 8)
-    rows = tuple(shorten(row) for row in whole.rows)
-    short = replace(whole, columns=shorten(whole.columns), rows=rows)
-    for table in (
-        short,
-        *entry_tables(results.entries)[:1],
-        verification(results.verified),
-    ):
+    rows = tuple(shorten(row) for row in full.rows)
+    short = replace(full, columns=shorten(full.columns), rows=rows)
+    entries = entry_tables(results.entries)[:1]
+    for table in (short, *entries, verification(results.verified)):
         if table.rows:
             _print(table)
 

@@ -47,13 +47,13 @@ def comparable(results: Results) -> tuple[list[str], list[str]]:
     """All tasks and the methods that were run on all of them; failing that, the tasks that all methods share."""
     tasks = results.tasks
     methods = results.methods
-    everywhere = [m for m in methods if len(results.of(m)) == len(tasks)]
+    everywhere = [m for m in methods if len(results.groups_of(m)) == len(tasks)]
     if everywhere:
         return tasks, everywhere
 
     shared = set(tasks)
     for method in methods:
-        shared &= {g.task for g in results.of(method)}
+        shared &= {g.task for g in results.groups_of(method)}
     if not shared:
         return [], []
 
@@ -76,7 +76,7 @@ def rewards(results: Results) -> FigurePage:
         figure = new_figure(max(6.4, 1.2 + 0.24 * len(tasks) * (len(methods) + 1)), 4.0)
         ax = figure.subplots()
         for i, method in enumerate(methods):
-            groups = results.of(method)
+            groups = results.groups_of(method)
             places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
             means = [fmean(g.rewards) for g in groups]
             look = _look(results, method)
@@ -125,7 +125,7 @@ def anytime(
     courses = {}
     ends = {}
     for method in methods:
-        groups = [g for g in results.of(method) if g.task in tasks]
+        groups = [g for g in results.groups_of(method) if g.task in tasks]
         courses[method] = [list(map(_read_course, g.runs)) for g in groups]
         ends[method] = max(
             max(course.spent[-1] for course in task) for task in courses[method]

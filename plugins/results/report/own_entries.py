@@ -145,7 +145,7 @@ def _make_entry(
 def _make_result(run: AnyRun, rules: Protocol) -> RunResult:
     """Return what a run earned and took; one in which nothing could be tried earned nothing."""
     store = StoredRun(run.folder)
-    cost = RunCost.of(store.requests())
+    cost = RunCost.total(store.requests())
     tried = [e for e in store.evaluations() if e.status != "rejected"]
     result = RunResult(
         seed=run.config["seed"],

@@ -55,7 +55,7 @@ class Results:
             method_of |= dict.fromkeys(g.runs, g.method)
         return list(dict.fromkeys(method_of[run] for run in self.runs))
 
-    def of(self, method: str) -> list[Group]:
+    def groups_of(self, method: str) -> list[Group]:
         """The groups of a method."""
         return [g for g in self.groups if g.method == method]
 

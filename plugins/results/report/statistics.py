@@ -95,7 +95,7 @@ class RunCost(NamedTuple):
     cost_usd: float | None
 
     @classmethod
-    def of(cls, requests: Sequence[StoredRequest]) -> RunCost:
+    def total(cls, requests: Sequence[StoredRequest]) -> RunCost:
         """Add up requests and their replies."""
         replies = [request.reply for request in requests if request.reply is not None]
         return cls(

@@ -101,7 +101,7 @@ def rewards(results: Results) -> Rows:
 def methods(results: Results) -> Rows:
     """The paper's mean and the interquartile mean of each method, with intervals."""
     for method in results.methods:
-        groups = results.of(method)
+        groups = results.groups_of(method)
         by_task = [g.rewards for g in groups]
         rewards = sum(by_task, list[float]())
         low, high = interval(by_task, "mean") or (None, None)
@@ -131,7 +131,7 @@ def generations(results: Results) -> Rows:
         by_run = [run.figures.generations for run in g.runs]
         for index in range(max(map(len, by_run))):
             so_far = [run.best_so_far(index + 1)[index] for run in g.runs]
-            there = [own[index] for own in by_run if index < len(own)]
+            there = [rows[index] for rows in by_run if index < len(rows)]
             candidates = sum(figures.n_candidates for figures in there)
             rejected = sum(figures.n_rejected for figures in there)
             failed = sum(figures.n_failed for figures in there)
@@ -149,8 +149,8 @@ def generations(results: Results) -> Rows:
             )
 
 
-def _percent(count: int, whole: int) -> float | None:
-    return 100 * count / whole if whole else None
+def _percent(count: int, total: int) -> float | None:
+    return 100 * count / total if total else None
 
 
 @_table("task|method|run|candidates|reason")
@@ -210,7 +210,7 @@ def models(results: Results) -> Rows:
         if len(asked) == 1:
             continue
         for model, purpose in sorted(asked):
-            cost = RunCost.of(asked[model, purpose])
+            cost = RunCost.total(asked[model, purpose])
             candidates = earned[model] if purpose == "designs" else []
             tried = [row for row in candidates if row.status != "rejected"]
             rewards = [row.reward for row in tried if row.status == "ok"]
@@ -260,7 +260,7 @@ def _answers_by_model(
 def costs(results: Results) -> Rows:
     """Time, tokens and dollars that runs took."""
     for g in results.groups:
-        spent = [RunCost.of(run.store.requests()) for run in g.runs]
+        spent = [RunCost.total(run.store.requests()) for run in g.runs]
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         rollouts = sum(run.rollouts for run in g.runs)
         yield (

@@ -81,10 +81,11 @@ def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
     if not folders:
         raise UsageError(f"no folder given; {USAGE}")
-    settings = vars(ToolboxConfig())
-    own = [word for word in overrides if word.partition("=")[0] in settings]
-    cfg = node(load("toolbox", own, ToolboxConfig), ToolboxConfig)
-    found = toolbox(folders, cfg, [word for word in overrides if word not in own])
+    keys = vars(ToolboxConfig())
+    settings = [word for word in overrides if word.partition("=")[0] in keys]
+    of_searches = [word for word in overrides if word not in settings]
+    cfg = node(load("toolbox", settings, ToolboxConfig), ToolboxConfig)
+    found = toolbox(folders, cfg, of_searches)
     output = Path(cfg.output)
     write(found, output)
     show(found)

@@ -101,12 +101,12 @@ def _best_cell(task: str, evaluations: Sequence[Evaluation]) -> Cell:
     return Cell(best.reward, best.candidate.plan)
 
 
-def _starts(held: HeldTool, config: DictConfig, task: TaskConfig) -> bool:
+def _starts(held: HeldTool, config: DictConfig, settings: TaskConfig) -> bool:
     """Report whether the tool starts clear of everything in a task."""
     robot = held.representation.robot
-    made = part(TASK, OmegaConf.create(task)).create(robot=robot)
+    task = part(TASK, OmegaConf.create(settings)).create(robot=robot)
     try:
-        SpawnRules(made, config.seed).check(held.tool)
+        SpawnRules(task, config.seed).check(held.tool)
     except DesignError:
         return False
 

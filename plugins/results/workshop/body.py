@@ -47,13 +47,13 @@ class Body:
     Attributes:
         mount: the solid, fitted to what bears it.
         weld_mm: by how much its components were moved out to become one.
-        whole: the check that it is in one piece.
+        one_piece: the check that it is in one piece.
     """
 
     link: ToolLink
     mount: Mount
     weld_mm: float
-    whole: Check
+    one_piece: Check
 
     def printed(self, printer: Printer, material: Material) -> PrintedPart:
         """Lay it on a printer's plate, and check it."""
@@ -61,7 +61,7 @@ class Body:
             self.link.name,
             self.mount.solid,
             self.weld_mm,
-            self.whole,
+            self.one_piece,
             printer,
             material,
         )
@@ -97,11 +97,13 @@ def fuse(
             break
 
     names = [*link.names, *(f"mount {number}" for number in range(len(mount.adding)))]
-    whole = joined(names, [*shapes, *widened(mount.adding, weld_mm)], weld_mm, printer)
-    if whole.passed and pieces != 1:
-        whole = Check("one piece", False, f"it falls into {pieces} pieces")
+    one_piece = joined(
+        names, [*shapes, *widened(mount.adding, weld_mm)], weld_mm, printer
+    )
+    if one_piece.passed and pieces != 1:
+        one_piece = Check("one piece", False, f"it falls into {pieces} pieces")
 
-    return Body(link, mount, weld_mm, whole)
+    return Body(link, mount, weld_mm, one_piece)
 
 
 def check_faithful(body: Body) -> Check:

@@ -94,9 +94,9 @@ def export(cfg: DictConfig) -> list[Export]:
     found = []
     with writing(output):
         written = write_tool(printed, output / "tool")
-        for made in exports:
-            folder = output / made.task.name if len(exports) > 1 else output
-            found.append(write_export(made, written, representation, folder))
+        for item in exports:
+            folder = output / item.task.name if len(exports) > 1 else output
+            found.append(write_export(item, written, representation, folder))
 
     return found
 
@@ -106,22 +106,22 @@ def configured(words: Sequence[str]) -> DictConfig:
     return config_for(words, "export", ExportConfig, USAGE)
 
 
-def show(made: Export) -> None:
+def show(result: Export) -> None:
     """Print how a motion played, and what was not or not well checked."""
-    task = made.task
+    task = result.task
     rows = [
         (task.name, engine, f"{replay.reward:.3f}", "; ".join(replay.problems))
-        for engine, replay in made.replays.items()
+        for engine, replay in result.replays.items()
     ]
     print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
 
-    motion = made.motion
+    motion = result.motion
     say(f"{motion.times[-1]:.2f} s, {motion.slower:.3f} times as long as simulated")
-    mass = f"payload {made.payload['mass_kg']:g} kg of {task.robot.payload_kg:g}"
-    most = max(made.limits, key=lambda joint: joint["torque_share"] or 0.0)
+    mass = f"payload {result.payload['mass_kg']:g} kg of {task.robot.payload_kg:g}"
+    most = max(result.limits, key=lambda joint: joint["torque_share"] or 0.0)
     say(f"{mass}; most torque in {most['joint']}")
-    say(*(f"– {verdict}" for verdict in made.verdicts if verdict.passed is None))
-    say(*(f"✗ {verdict}" for verdict in made.verdicts if verdict.passed is False))
+    say(*(f"– {verdict}" for verdict in result.verdicts if verdict.passed is None))
+    say(*(f"✗ {verdict}" for verdict in result.verdicts if verdict.passed is False))
 
 
 def main(words: list[str]) -> None:
@@ -135,9 +135,9 @@ def main(words: list[str]) -> None:
         raise UsageError(f"one folder at a time; {USAGE}")
     designs = [f"designs={folder}" for folder in folders]
     verdicts = []
-    for made in export(configured([*designs, *overrides])):
-        show(made)
-        verdicts += made.verdicts
+    for result in export(configured([*designs, *overrides])):
+        show(result)
+        verdicts += result.verdicts
 
     failing = [verdict for verdict in verdicts if verdict.passed is False]
     if failing:

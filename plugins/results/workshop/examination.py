@@ -170,8 +170,8 @@ def _find_problem(
     verdicts = carried(tool, robot, material)
     if all(verdict.passed for verdict in verdicts):
         printer = Printer(list(plate_mm), min_wall_mm)
-        made = make_tool(tool, robot, material, printer, Fit())
-        verdicts = [*printable(made.parts), *printable((), made.checks)]
+        printed = make_tool(tool, robot, material, printer, Fit())
+        verdicts = [*printable(printed.parts), *printable((), printed.checks)]
 
     for verdict in verdicts:
         if verdict.passed is False and verdict.name != "weight":

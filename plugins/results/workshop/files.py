@@ -1,4 +1,4 @@
-"""Write what an export made to a folder: the motion as samples and programs, the scene, the checklist, the design."""
+"""Write what an export export to a folder: the motion as samples and programs, the scene, the checklist, the design."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def new_folder(folder: Path) -> Path:
     """Make a folder to write to.
 
     Raises:
-        UserError: it has something in it, or can't be made.
+        UserError: it has something in it, or can't be export.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -49,7 +49,7 @@ def new_folder(folder: Path) -> Path:
 
 
 def write_export(
-    made: Export,
+    export: Export,
     written: PrintedTool,
     representation: ToolRepresentation,
     folder: Path,
@@ -57,7 +57,7 @@ def write_export(
     """Write the files of a task.
 
     Args:
-        made: the motion, and what it earned.
+        export: the motion, and what it earned.
         written: the tool, whose parts are written already.
         representation: how the design is written.
         folder: where to.
@@ -68,31 +68,31 @@ def write_export(
     Raises:
         UserError: a file can't be written.
     """
-    robot = made.task.robot
-    verdicts = printable((), made.checks)
+    robot = export.task.robot
+    verdicts = printable((), export.checks)
     if written.parts:
-        checked = replace(written, checks=(*made.checks, *written.checks))
+        checked = replace(written, checks=(*export.checks, *written.checks))
         verdicts = write_sheet(
-            checked, made.task, made.scene, made.motion, made.replays, folder
+            checked, export.task, export.scene, export.motion, export.replays, folder
         )
 
-    made = replace(made, verdicts=verdicts)
+    export = replace(export, verdicts=verdicts)
 
-    for name, move in made.moves.items():
+    for name, move in export.moves.items():
         table = to_csv(move, robot.arm_joints)
         write_bytes(folder / "motion" / f"{name}.csv", table.encode())
         data = to_json(move, robot.arm_joints)
         _write_json(folder / "motion" / f"{name}.json", data)
 
-    _write_json(folder / "figures.json", made.figures(), indent=2)
-    write_bytes(folder / "CHECKLIST.md", checklist(made).encode())
-    write_messages(robot, made.motion, made.scene, folder / "ros2")
-    write_programs(robot, made.payload, made.moves, folder / "programs")
+    _write_json(folder / "figures.json", export.figures(), indent=2)
+    write_bytes(folder / "CHECKLIST.md", checklist(export).encode())
+    write_messages(robot, export.motion, export.scene, folder / "ros2")
+    write_programs(robot, export.payload, export.moves, folder / "programs")
 
-    save_design(made.candidate, representation, folder / "design")
-    save_files(made.candidate, robot, made.planned, folder / "design")
+    save_design(export.candidate, representation, folder / "design")
+    save_files(export.candidate, robot, export.planned, folder / "design")
 
-    return made
+    return export
 
 
 def _write_json(file: Path, data: Mapping[str, Any], indent: int | None = None) -> None:
@@ -100,13 +100,13 @@ def _write_json(file: Path, data: Mapping[str, Any], indent: int | None = None) 
     write_bytes(file, f"{text}\n".encode())
 
 
-def checklist(made: Export) -> str:
+def checklist(export: Export) -> str:
     """Write what to do at the arm, in order, with the figures of this motion."""
-    start = np.round(made.moves["approach"].positions[0], 3) + 0.0  # no -0.0
+    start = np.round(export.moves["approach"].positions[0], 3) + 0.0  # no -0.0
     return filled(
         "checklist.md.j2",
-        made=made,
+        export=export,
         start=start.tolist(),
-        nearest=made.nearest[:LINES],
+        nearest=export.nearest[:LINES],
         slow=SLOW,
     )

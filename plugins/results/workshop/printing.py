@@ -104,7 +104,7 @@ def print_part(
     name: str,
     solid: Any,
     weld_mm: float,
-    whole: Check,
+    one_piece: Check,
     printer: Printer,
     material: Material = PAPER,
 ) -> PrintedPart:
@@ -114,7 +114,7 @@ def print_part(
         name: of the tool's link that it is.
         solid: a Manifold in the frame of its mount, millimetres.
         weld_mm: by how much its sides were moved out.
-        whole: the check that it is in one piece.
+        one_piece: the check that it is in one piece.
         printer: whose plate and thinnest wall count; metal is milled, and needs no plate.
         material: what it is made of.
     """
@@ -130,7 +130,7 @@ def print_part(
             is_closed,
             "closed" if is_closed else "the surface is not closed",
         ),
-        whole,
+        one_piece,
         Check("walls", wall >= least, walls),
     ]
     if not material.metal:

@@ -32,27 +32,27 @@ HOW = "Strength: forces of the rollout where they act, on beams; without notches
 
 
 def figures(
-    made: PrintedTool, strengths: Sequence[Strength], task: Task
+    printed_tool: PrintedTool, strengths: Sequence[Strength], task: Task
 ) -> dict[str, Any]:
     """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too.
 
     ``to_mount`` (4, 4) leads from a piece's file to the frame of its mount, millimetres.
 
     Args:
-        made: the tool as parts.
+        printed_tool: the tool as parts.
         strengths: the worst of each component.
         task: what it was made for.
     """
-    tool = made.tool
-    material = made.material
+    tool = printed_tool.tool
+    material = printed_tool.material
     robot = task.robot
     verdicts = [
-        *carried(made.printed, robot, material),
-        *printable(made.parts, made.checks),
+        *carried(printed_tool.printed, robot, material),
+        *printable(printed_tool.parts, printed_tool.checks),
         *strong(material, strengths, task),
     ]
     factors = [row.safety for row in strengths if row.safety is not None]
-    load = payload(robot, made.printed)
+    load = payload(robot, printed_tool.printed)
 
     return {
         "tool": tool.name or "a tool",
@@ -63,9 +63,9 @@ def figures(
         "mass_kg": load["mass_kg"],
         "center_m": load["center_m"],
         "frame": load["frame"],
-        "moment_nm": flange_moment(made.printed, robot),
-        "pieces": [_describe_piece(part) for part in made.parts],
-        "hardware": list(made.hardware),
+        "moment_nm": flange_moment(printed_tool.printed, robot),
+        "pieces": [_describe_piece(part) for part in printed_tool.parts],
+        "hardware": list(printed_tool.hardware),
         "flange": _describe_flange(robot) if RIGID_MOUNT in tool.mounts else None,
         "parts": _describe_components(tool, strengths),
         "least_safety": min(factors, default=None),
@@ -125,7 +125,7 @@ def _describe_flange(robot: Robot) -> str:
 
 
 def write_sheet(
-    made: PrintedTool,
+    printed_tool: PrintedTool,
     task: Task,
     scene: Scene,
     motion: Sampled,
@@ -135,7 +135,7 @@ def write_sheet(
     """Write ``sheet.html`` and ``sheet.json`` to a folder.
 
     Args:
-        made: the tool as parts.
+        printed_tool: the tool as parts.
         task: what it was made for.
         scene: the task's layout in which it was tried.
         motion: as it is exported.
@@ -149,9 +149,9 @@ def write_sheet(
         UserError: a file can't be written.
     """
     robot = task.robot
-    tool = made.tool
-    strengths = measured(tool, robot, made.material, scene, motion, replays)
-    data = figures(made, strengths, task)
+    tool = printed_tool.tool
+    strengths = measured(tool, robot, printed_tool.material, scene, motion, replays)
+    data = figures(printed_tool, strengths, task)
     checks = [Check(**verdict) for verdict in data["verdicts"]]
     failing = [check for check in checks if check.passed is False]
     unknown = [check for check in checks if check.passed is None]
@@ -162,7 +162,7 @@ def write_sheet(
         folder,
         [in_viewer(tool, robot, data["tool"], size(tool, robot))],
         title=data["tool"],
-        said=data,
+        sheet=data,
         checks=[*failing, *unknown, *passed],
         failing={check.name.partition(", ")[2] for check in failing},
     )

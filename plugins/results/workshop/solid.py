@@ -150,12 +150,12 @@ def manifold(mesh: trimesh.Trimesh) -> Any:
     return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
 
 
-def to_mesh(whole: Any) -> trimesh.Trimesh:
+def to_mesh(solid: Any) -> trimesh.Trimesh:
     """Return a Manifold as a mesh, as closed as it is: where bodies touch along an edge they share no corner.
 
     Edges that STL files can't hold are merged.
     """
-    data = whole.simplify(SHORTEST_MM).to_mesh64()
+    data = solid.simplify(SHORTEST_MM).to_mesh64()
     return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=False)
 
 

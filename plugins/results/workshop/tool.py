@@ -51,7 +51,7 @@ class PrintedTool:
         if not self.parts:
             return self.mounted
         components = self.mounted.components
-        volumes = [self.material.volume_of(each.shape) for each in components]
+        volumes = [self.material.volume_of(part.shape) for part in components]
         density = grams(self.parts) / 1000 / sum(volumes)
         weighing = [
             replace(component, mass=density * volume)
@@ -120,7 +120,7 @@ def _mount(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
     return Mount(solid)
 
 
-def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
+def write_tool(printed_tool: PrintedTool, folder: Path) -> PrintedTool:
     """Write an STL file of each part.
 
     Returns:
@@ -129,11 +129,11 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     Raises:
         UserError: a file can't be written.
     """
-    if not made.parts:
-        return made
+    if not printed_tool.parts:
+        return printed_tool
     # What a part and its file don't share, as a share of the part: 1 or more where the file isn't closed.
     most = 0.0
-    for part in made.parts:
+    for part in printed_tool.parts:
         file = folder / part.file
         write_bytes(file, to_stl(part))
         written = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount))
@@ -144,4 +144,4 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     differ = f"STL files differ from the parts by up to {most:.2%} in volume"
     same = Check("files read back", most <= SAME_FILE, differ)
 
-    return replace(made, checks=(*made.checks, same))
+    return replace(printed_tool, checks=(*printed_tool.checks, same))

@@ -35,7 +35,7 @@ def test_a_finished_run(tmp_path):
     assert run.best_so_far(3) == [0.2, 0.5, 0.5]
     assert [g.n_rejected for g in run.figures.generations] == [1, 0]
     assert run.config["budget"]["name"] == "quick"
-    spent = RunCost.of(run.store.requests())
+    spent = RunCost.total(run.store.requests())
     assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (
         2,
         2,
