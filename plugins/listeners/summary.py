@@ -100,7 +100,8 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     """Say what is to be said of the best candidate."""
     yield from _tied(result, best)
     if len(best.tasks) > 1:
-        yield _tasks(result, best)
+        every = [evaluation.figures for evaluation in result.ranking]
+        yield _compare("tasks", best.tasks, [best.figures], every)
     else:
         yield from _goals(result, best)
 
@@ -125,12 +126,6 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
-
-
-def _tasks(result: Result, best: Evaluation) -> str:
-    """Say what the best candidate earned in each of several tasks, and the most that any candidate did."""
-    every = [evaluation.figures for evaluation in result.ranking]
-    return _compare("tasks", best.tasks, [best.figures], every)
 
 
 def _goals(result: Result, best: Evaluation) -> Iterator[str]:
