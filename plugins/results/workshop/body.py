@@ -91,10 +91,10 @@ def fuse(
         shapes = link.grown(weld_mm, uneven)
         mount = mount_to(union(shapes))
         pieces = len(mount.solid.decompose())
-        mesh = to_mesh(mount.solid)
-        is_closed = closed(mesh) and closed(lay(mesh, printer.plate_mm).mesh)
-        if is_closed and pieces == 1:
-            break
+        if pieces == 1:
+            mesh = to_mesh(mount.solid)
+            if closed(mesh) and closed(lay(mesh, printer.plate_mm).mesh):
+                break
 
     names = [*link.names, *(f"mount {number}" for number in range(len(mount.adding)))]
     one_piece = joined(
@@ -125,8 +125,8 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
     checks = []
     for first, second in itertools.combinations(links, 2):
         bearers = {first.link.bearer, second.link.bearer}
-        joined = bearers & {first.link.parent, second.link.parent}
-        if first.link.mount != second.link.mount or joined:
+        jointed = bearers & {first.link.parent, second.link.parent}
+        if first.link.mount != second.link.mount or jointed:
             continue
         shared = (first.mount.solid ^ second.mount.solid).volume()
         if shared >= NOTHING_MM3:
