@@ -81,7 +81,13 @@ def rewards(results: Results) -> FigurePage:
             means = [fmean(g.rewards) for g in groups]
             look = _look(results, method)
             ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **look)
-            dot = {"ms": 3, "mfc": "none", "mec": INK, "mew": 0.6, "clip_on": False}
+            dot: dict[str, Any] = {
+                "ms": 3,
+                "mfc": "none",
+                "mec": INK,
+                "mew": 0.6,
+                "clip_on": False,
+            }
             for place, g in zip(places, groups, strict=True):
                 ax.plot([place] * len(g.rewards), g.rewards, "o", **dot)
 

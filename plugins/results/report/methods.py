@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
+from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, short
 
 CHOICES = (
     "tool",
@@ -77,7 +77,8 @@ def group(
         left_out: runs that don't, but are counted where their task and method are known.
     """
     known = [run for run in left_out if run.task and run.config]
-    labels = label([(run.task, run.config) for run in (*finished, *known)])
+    runs: list[AnyRun] = [*finished, *known]
+    labels = label([(run.task, run.config) for run in runs])
     grouped: dict[tuple[str, str], list[FinishedRun]] = defaultdict(list)
     for run, name in zip(finished, labels, strict=False):
         grouped[run.task, name].append(run)

@@ -65,8 +65,8 @@ def interval(
 
 
 def _mean_of_tasks(*tasks: Array, axis: int) -> Array:
-    means: Array = np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0)
-    return means
+    means = [np.mean(runs, axis=axis) for runs in tasks]
+    return np.asarray(np.mean(means, axis=0))
 
 
 def _mean_of_middle_half(*tasks: Array, axis: int) -> Array:

@@ -137,8 +137,9 @@ def tolerance(task: Task) -> float:
     kinds = {joint.name: joint.kind for joint in task.scene(0).joints}
     lengths = []
     for goal in task.goals:
-        slides = isinstance(goal, JointAt) and kinds.get(goal.joint) == "slider"
-        if slides or isinstance(goal, Placed):
+        if isinstance(goal, Placed) or (
+            isinstance(goal, JointAt) and kinds.get(goal.joint) == "slider"
+        ):
             lengths.append(goal.tolerance)
 
     return min((length for length in lengths if length > 0), default=TOLERANCE_M)
