@@ -14,8 +14,7 @@ from core.errors import UserError
 from core.interfaces import Condition, Evaluation, RolloutSettings, Task
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
-from core.robot.trajectory import plan_task_motion
-from core.robot.trajectory import Motion
+from core.robot.trajectory import Motion, plan_task_motion
 from core.scene import Scene
 from core.simulation.play import play
 from plugins.results.workshop.export import Export
