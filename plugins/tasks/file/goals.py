@@ -156,10 +156,16 @@ def _make(key: str, kind: type[Goal], given: Mapping[str, Any]) -> Goal:
 
 def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
     """Put the goals of all entries in a row, and let ``after`` count these."""
-    firsts = [sum(map(len, entries[:number])) for number in range(len(entries))]
+    first = 0
+    firsts = dict[str | int | None, int]()
+    for number, entry in enumerate(entries):
+        firsts[number] = first
+        first += len(entry)
+
     goals = list[Goal]()
-    for goal in (goal for entry in entries for goal in entry):
-        if isinstance(goal, Reach) and isinstance(goal.after, int):
-            goal = replace(goal, after=firsts[goal.after])
-        goals.append(goal)
+    for entry in entries:
+        for goal in entry:
+            if isinstance(goal, Reach) and goal.after in firsts:
+                goal = replace(goal, after=firsts[goal.after])
+            goals.append(goal)
     return tuple(goals)
