@@ -93,7 +93,9 @@ class PlannedGuards:
         leaves: Array = arrivals
         if self._waypoints.tempo is not None:
             leaves = arrivals + self._waypoints.tempo.waits[: len(arrivals)]
-        self.since = float(leaves[self._number - 1]) if self._number else 0.0
+        self.since = 0.0
+        if self._number > 0:
+            self.since = float(leaves[self._number - 1])
         self._until = float(leaves[self._number])
 
     def feel(
@@ -109,8 +111,9 @@ class PlannedGuards:
         force = np.sort(recent, axis=0)[len(recent) // 2] - self._sensed[0]
         fired = self._has_fired(guard, time, arm, force)
         if not fired and time < self._until:
-            soon = time >= self._until - 2 * FEEL_S
-            return self._extend(guard) if soon else None
+            if time >= self._until - 2 * FEEL_S:
+                return self._extend(guard)
+            return None
 
         what = guard.until if fired else ""
         newtons = float(np.linalg.norm(force))
@@ -164,7 +167,9 @@ class PlannedGuards:
             wait = JointTrajectory(times, stop.arm[ends], stop.fingers[ends])
             stop = _join(stop, wait)
         arrivals = np.append(before.arrivals[:number], stop.duration)
-        rest = None if arm is None else self._plan_rest(stop, number + 1)
+        rest = None
+        if arm is not None:
+            rest = self._plan_rest(stop, number + 1)
         self.motion = self._join_motions(stop, arrivals, rest)
         self._find_next(number + 1)
         return self.motion.trajectory
@@ -258,7 +263,9 @@ def _bring_to_rest(
     targets, fingers = trajectory.sample(np.array([time - FEEL_S, time]))
     begin = targets[1]
     velocity = (targets[1] - targets[0]) / FEEL_S
-    way = np.zeros_like(begin) if end is None else end - begin
+    way = np.zeros_like(begin)
+    if end is not None:
+        way = end - begin
     limits = speed * arm.acceleration_limits
     lasts = FEEL_S
     while True:

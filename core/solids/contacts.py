@@ -122,8 +122,12 @@ def find_contacts(
     softs = {soft.name for soft in scene.softs}
     for (first, second), force in taken.forces.items():
         if softs & {first, second}:  # engines alone know what soft bodies touch
-            kind = "tool" if first == "tool" and tool.components else "arm"
-            key = ("body" if first in bodies else kind, first, second)
+            kind = "arm"
+            if first in bodies:
+                kind = "body"
+            elif first == "tool" and tool.components:
+                kind = "tool"
+            key = (kind, first, second)
             touching[key] = force > 0
             depths[key] = 0.0
 
