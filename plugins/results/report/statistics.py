@@ -71,8 +71,7 @@ def _mean_of_tasks(*tasks: Array, axis: int) -> Array:
 
 def _mean_of_middle_half(*tasks: Array, axis: int) -> Array:
     runs = np.concatenate(tasks, axis=axis)
-    means: Array = scipy.stats.trim_mean(runs, 0.25, axis=axis)
-    return means
+    return np.asarray(scipy.stats.trim_mean(runs, 0.25, axis=axis))
 
 
 _STATISTICS: dict[Statistic, Callable[..., Array]] = {
