@@ -26,8 +26,4 @@ def commands() -> dict[str, Command]:
         "render": Command(
             "draw a task's scene, with a tool if one is given", "plugins.render:main"
         ),
-        "transfer": Command(
-            "try the best designs in several engines and in perturbed scenes",
-            "plugins.fitness.transfer:main",
-        ),
     }

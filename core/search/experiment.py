@@ -8,7 +8,7 @@ from typing import Any
 from omegaconf import DictConfig
 
 from core.config.compose import load
-from core.config.sources import new_folder, stamp, task_folder
+from core.config.folders import new_folder, stamp, task_folder
 from core.events import Result
 from core.search.orchestration import run
 from core.store.database import writing

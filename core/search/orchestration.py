@@ -87,7 +87,7 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     with writing(run.folder):
         save_best(result, run, search.strategy, film=film)
     events.hook.run_finished(run=run, result=result)
-    exited = [guard.exited for guard in search.guards if guard.exited]
+    exited = [proxy.exited for proxy in search.listeners if proxy.exited]
     if exited:
         raise UserError(f"{exited[0]}; the run came to its end without it")
     return result
@@ -125,9 +125,9 @@ def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
     cfg = changed(store.config, overrides)
     more = any(cfg[key] != store.config[key] for key in ("budget", "evolution"))
     ended = store.result
-    if ended is not None and ended["stopped"] is None and not more:
+    if ended is not None and ended.stopped is None and not more:
         say(f"{folder} holds a run that has come to its end")
-        print_best(ended["best"], folder, unseen=ended.get("unseen"))
+        print_best(ended.best, folder, unseen=ended.unseen)
         return
 
     refuse_stored_receivers(store.config, overrides)

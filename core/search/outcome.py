@@ -5,11 +5,11 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import Any
 
 from core.errors import UserError
 from core.events import INTERRUPTED, Result
 from core.store.figures import best_figures, unseen_figures
+from core.store.rows import Best, Unseen
 from core.support.cli import say
 
 
@@ -39,12 +39,12 @@ def print_outcome(result: Result, folder: Path) -> None:
 
 
 def print_best(
-    best: dict[str, Any] | None,
+    best: Best | None,
     folder: Path,
     why: str = "",
-    unseen: dict[str, Any] | None = None,
+    unseen: Unseen | None = None,
 ) -> None:
-    """Print the best candidate and what it earned in unseen layouts, given as in ``result.json``.
+    """Print the best candidate and what it earned in unseen layouts.
 
     Raises:
         UserError: there is none.
@@ -52,11 +52,11 @@ def print_best(
     if best is None:
         reason = f"; the first reason: {why}" if why else ""
         raise UserError(f"no candidate could be tried{reason}")
-    figures = [f"best reward {best['reward']:.3f}"]
-    if best["distance_m"] is not None:  # of joined plans it is not known
-        figures.append(f"distance {best['distance_m']:.2f} m")
+    figures = [f"best reward {best.reward:.3f}"]
+    if best.distance_m is not None:  # of joined plans it is not known
+        figures.append(f"distance {best.distance_m:.2f} m")
     if unseen is not None:
-        mean = f"mean {unseen['mean']:.3f}, worst {unseen['worst']:.3f}"
-        figures.append(f"in {unseen['layouts']} unseen layouts {mean}")
-    figures.append(f"candidate {best['candidate']}")
+        mean = f"mean {unseen.mean:.3f}, worst {unseen.worst:.3f}"
+        figures.append(f"in {unseen.layouts} unseen layouts {mean}")
+    figures.append(f"candidate {best.candidate}")
     say(", ".join(figures), str(folder / "best"))

@@ -15,7 +15,7 @@ from core.config.trust import refuse_keys
 from core.events import Run
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Reply
 from core.plugins import EVOLUTION, EXECUTOR, MODEL, SIMULATOR, event_hub, installed
-from core.plugins.blame import Guard, add_listener, refuse_exit
+from core.plugins.blame import ListenerProxy, add_listener, refuse_exit
 from core.search.asking import build_designer
 from core.search.designer import ModelDesigner
 from core.store.progress import CachedVLM
@@ -36,7 +36,7 @@ class Search:
     fitness: Fitness
     executor: Executor
     events: pluggy.PluginManager
-    guards: list[Guard]
+    listeners: list[ListenerProxy]
 
 
 @refuse_exit()
@@ -57,7 +57,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     strategy = _build_strategy(config["evolution"], designer)
     if strategy.learns:
         events.register(designer, "designer")
-    guards = _add_listeners(config["listener"], vlm, events)
+    proxies = _add_listeners(config["listener"], vlm, events)
 
     assignment = designer.assignment
     task = assignment.task
@@ -77,7 +77,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         part(SIMULATOR, cfg.sim).create(),
         designer.prompts.rollout,
     )
-    return Search(run, designer, strategy, fitness, executor, events, guards)
+    return Search(run, designer, strategy, fitness, executor, events, proxies)
 
 
 def _build_strategy(
@@ -106,7 +106,7 @@ def _add_listeners(
     chosen: Mapping[str, Mapping[str, Any] | None],
     vlm: VLM,
     events: pluggy.PluginManager,
-) -> list[Guard]:
+) -> list[ListenerProxy]:
     """Register the listeners, and the model, which may be one too.
 
     Raises:

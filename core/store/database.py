@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sqlite3
 import threading
 from collections.abc import Iterator
@@ -22,28 +23,14 @@ FILE = "run.sqlite"
 LOCK = "run.lock"
 
 SCHEMA_VERSION = 1  # until something is released
-_REFUSALS = {
-    getattr(sqlite3, f"SQLITE_{name}")
-    for name in (
-        "FULL",
-        "IOERR",
-        "READONLY",
-        "CANTOPEN",
-        "PERM",
-        "BUSY",
-        "CORRUPT",
-        "NOTADB",
-    )
-}
+
 # What runs write: files as patterns, and folders with all that is in them.
 _FILES = ("run.*", "result.json*", "scene.png", "recording*.rrd", "task.*")
 _FOLDERS = (".hydra", "requests", "replies", "best")
-_PATIENCE_S = (
-    10.0  # with another process that has the file open, such as a SQLite shell
-)
-_ASKED_S = (
-    0.2  # to wait for a lock that another process may hold for an instant, in `is_held`
-)
+
+_OUR_FAULTS = ("SQLITE_ERROR", "SQLITE_CONSTRAINT", "SQLITE_MISUSE")
+_PATIENCE_S = 10.0  # with another process that has the file open, as a SQLite shell
+_ASKED_S = 0.2  # to wait for a lock that another process holds for an instant
 _sound: set[object] = set()  # the states of files that this process has checked
 
 
@@ -56,16 +43,15 @@ def writing(folder: Path) -> Iterator[None]:
     """
     try:
         yield
-    except OSError as error:
-        raise UserError(_refused(folder, error.strerror or str(error))) from error
-    except sqlite3.DatabaseError as error:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _REFUSALS:
+    except (OSError, sqlite3.DatabaseError) as error:
+        name = getattr(error, "sqlite_errorname", None)
+        is_our_fault = name is None or name.startswith(_OUR_FAULTS)
+        if isinstance(error, sqlite3.Error) and is_our_fault:
             raise
-        raise UserError(_refused(folder, str(error))) from error
-
-
-def _refused(folder: Path, why: str) -> str:
-    return f"{folder} can't be written: {why}; what is in it is kept"
+        why = getattr(error, "strerror", None) or error
+        raise UserError(
+            f"{folder} can't be written: {why}; what is in it is kept"
+        ) from error
 
 
 def refuse_links(folder: Path) -> None:
@@ -74,9 +60,8 @@ def refuse_links(folder: Path) -> None:
     Raises:
         UserError: one of its files or folders is a link, or something else that is neither.
     """
-    written = [path for name in (*_FILES, *_FOLDERS) for path in folder.glob(name)]
-    written += [path for name in _FOLDERS for path in folder.glob(f"{name}/**/*")]
-    for path in written:
+    patterns = [*_FILES, *_FOLDERS, *(f"{name}/**/*" for name in _FOLDERS)]
+    for path in itertools.chain(*map(folder.glob, patterns)):
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
             raise UserError(
                 f"{path} is a link or a device, and a run writes only within its folder; remove it"
@@ -104,9 +89,8 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
         # Without a log it is at rest: SQLite needs no lock, nor a folder that can be written.
         mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
         address = f"{file.resolve().as_uri()}?{mode}"
-        with closing(
-            sqlite3.connect(address, uri=True, timeout=_PATIENCE_S)
-        ) as database:
+        connection = sqlite3.connect(address, uri=True, timeout=_PATIENCE_S)
+        with closing(connection) as database:
             database.row_factory = sqlite3.Row
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
             database.execute("PRAGMA trusted_schema = OFF")
@@ -145,6 +129,9 @@ def _has_tables(database: sqlite3.Connection) -> bool:
 
 class Database:
     """``run.sqlite``, open for writing by this process alone until `close`.
+
+    Threads may share it: a `transaction` or a query waits for the one that is under way. Any number of processes may
+    read it meanwhile (`reading`).
 
     Raises:
         UserError: another process writes it; it is damaged, or another version wrote it; the folder can't be written.
@@ -197,9 +184,8 @@ class Database:
             UserError: it can't be written.
         """
         with self._using, writing(self.folder):
-            self._connection.execute(
-                f"PRAGMA synchronous={'FULL' if paid else 'NORMAL'}"
-            )
+            level = "FULL" if paid else "NORMAL"
+            self._connection.execute(f"PRAGMA synchronous={level}")
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -213,16 +199,13 @@ class Database:
         """Insert a row, within a `transaction`; the ``verb`` REPLACE puts it in the place of one with the same key."""
         columns = ", ".join(values)
         marks = ", ".join("?" * len(values))
-        self.execute(
-            f"{verb} INTO {table} ({columns}) VALUES ({marks})", *values.values()
-        )
+        statement = f"{verb} INTO {table} ({columns}) VALUES ({marks})"
+        self.execute(statement, *values.values())
 
     def execute(self, statement: str, *values: Any) -> None:
         """Change rows, within a `transaction`; keys are left out of the values."""
-        self._connection.execute(
-            statement,
-            [scrub(value) if isinstance(value, str) else value for value in values],
-        )
+        kept = [scrub(value) if isinstance(value, str) else value for value in values]
+        self._connection.execute(statement, kept)
 
     def rows(self, query: str) -> list[sqlite3.Row]:
         """Return all rows of a query."""
@@ -247,17 +230,3 @@ def _lock(file: Path) -> FileLock:
             f"another process is at work on the run in {file.parent}; wait for its end, or end it"
         ) from error
     return lock
-
-
-def is_held(folder: Path) -> bool:
-    """Report whether a process is at work on the run in ``folder``."""
-    from filelock import FileLock, Timeout
-
-    file = folder / LOCK
-    if file.is_symlink() or not file.is_file():
-        return False
-    try:
-        with FileLock(file, timeout=0):
-            return False
-    except (Timeout, OSError):  # it is held, or nobody can tell here
-        return True

@@ -1,56 +1,51 @@
-"""Define what the rows of a store hold, and check them against their schemas."""
+"""Define what the rows of a store hold, and check them: each class is what one row says, and what a reader gets."""
 
 from __future__ import annotations
 
-import json
 import sqlite3
 from collections.abc import Callable, Mapping
-from dataclasses import Field as DataclassField
-from dataclasses import asdict, dataclass, field, fields
-from functools import lru_cache
-from typing import Annotated, Any, Literal, TypeVar, cast
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Annotated, Any, Literal, NotRequired, TypeVar, cast
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
+    Json,
+    StrictBool,
     TypeAdapter,
     ValidationError,
 )
-from pydantic import model_validator as check_whole
+from pydantic_core import from_json
+from typing_extensions import TypedDict
 
+from core.config.schemas import RunConfig
+from core.design import Candidate
+from core.interfaces import Reply
 from core.support.text import clean
-from core.trial import Score, Trial, Where
+from core.trial import Evaluation, Score, Status, Trial, Where, count_rollouts
 from core.values.efforts import Effort
 from core.values.margins import Margin
-from core.values.plans import ActionPlan, Waypoints
 
 MAX_BYTES = 100_000_000  # of a text
 
 T = TypeVar("T")
+Row = Mapping[str, Any] | sqlite3.Row
 
-_adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(
+Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Amount = Annotated[Number, Field(ge=0, le=1e9)]
+Reward = Annotated[Number, Field(ge=0, le=1)]
+Id = Annotated[str, Field(max_length=200)]
+Ids = Json[tuple[Id, ...]]
+Key = tuple[int, int, int]  # generation, agent and strategy of a design
+
+adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(
     TypeAdapter
 )  # slow to make
-
-
-def dump_plan(plan: ActionPlan) -> str:
-    """Write a plan for the column ``waypoints``: literal ones as a list, others with their representation's name."""
-    written = plan.dump()
-    return json.dumps(
-        written
-        if isinstance(plan, Waypoints)
-        else {"action": plan.action, "plan": written}
-    )
-
-
-def load_plan(text: str) -> list[Any]:
-    """Read what `dump_plan` wrote, as an item of ``action_sets``."""
-    stored: Any = json.loads(text)
-    found: list[Any] = stored["plan"] if isinstance(stored, dict) else stored
-    return found
 
 
 def validated(schema: type[T], value: object) -> T:
@@ -60,7 +55,7 @@ def validated(schema: type[T], value: object) -> T:
         ValueError: it does not fit; one line.
     """
     try:
-        return cast(T, _adapter(schema).validate_python(value))
+        return cast(T, adapter(schema).validate_python(value))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"]))
@@ -75,47 +70,34 @@ def parsed(text: object) -> Any:
         ValueError: it is malformed, or nested too deep.
     """
     if not isinstance(text, str | bytes):
-        raise ValueError("is no text")  # noqa: TRY004 - pydantic takes no TypeError
-    try:
-        return json.loads(text)
-    except RecursionError as error:
-        raise ValueError("is nested too deep") from error
+        raise ValueError("is no text")  # noqa: TRY004 - as for all that is no JSON
+    return from_json(text)
 
 
-def _named(value: dict[str, Any]) -> dict[str, Any]:
-    if not isinstance(value.get("name"), str):
-        raise ValueError("has no name")  # noqa: TRY004
-    return value
-
-
-def _with_tie(value: dict[str, Any]) -> dict[str, Any]:
-    validated(Amount, value.get("tie", 0.0))
-    return value
-
-
-Json = BeforeValidator(parsed)
-Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
-Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Amount = Annotated[Number, Field(ge=0, le=1e9)]
-Distance = Annotated[
-    Amount | None, BeforeValidator(lambda value: None if value != value else value)
-]  # JSON has nan
-Reward = Annotated[Number, Field(ge=0, le=1)]
-Id = Annotated[str, Field(max_length=200)]
-Chosen = Annotated[dict[str, Any], AfterValidator(_named)]  # a part with its settings
-Evolution = Annotated[Chosen, AfterValidator(_with_tie)]
+def _with_usable_parts(config: RunConfig) -> RunConfig:
+    """Check what the settings of parts must have for those who read them unresolved."""
+    parts = {
+        kind: part for kind, part in vars(config).items() if isinstance(part, dict)
+    }
+    for kind, part in parts.items():
+        if kind not in ("robot", "listener") and not isinstance(part.get("name"), str):
+            raise ValueError(f"{kind} has no name")
+    validated(Amount, parts.get("evolution", {}).get("tie", 0.0))
+    return config
 
 
 @dataclass(frozen=True)
 class Best:
-    """The best candidate of a run."""
+    """The best candidate of a run.
+
+    ``distance_m`` is None where it is not known, as of plans that were joined; ``margin`` is the least.
+    """
 
     reward: Reward
-    distance_m: Distance
+    distance_m: Amount | None
     generation: Count
     candidate: Id
-    margin: Margin | None = None  # the least
+    margin: Margin | None = None
 
 
 @dataclass(frozen=True)
@@ -140,48 +122,53 @@ class Unseen:
     mean: Reward
     worst: Reward
     rewards: tuple[Reward, ...]
-    engines: dict[str, tuple[Reward, ...]] = field(
-        default_factory=dict
-    )  # of runs before they were kept
+    engines: dict[str, tuple[Reward, ...]]
 
 
 @dataclass(frozen=True)
 class RunFigures:
-    """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
-    which difference rewards counted as equal.
+    """The content of a ``result.json``.
+
+    Attributes:
+        name: of the method; with ``budget``, ``material`` and the names of the parts as configured.
+        effort: of the best candidate, in unseen layouts.
+        finalists: what each earned in further layouts, by engine.
+        tie: the difference up to which rewards counted as equal.
+        stopped: why the run ended before its budget was spent; None: it did not.
     """
 
+    name: str
     task: str
+    robot: str
+    sim: str
+    vlm: str
+    tool: str
+    action: str
+    evolution: str
+    fitness: str
+    material: str
+    budget: str
     seed: Seed
+    best: Best | None
+    unseen: Unseen | None
+    effort: Effort | None
+    finalists: dict[str, dict[str, tuple[Reward, ...]]]
+    tie: Amount
+    stopped: str | None
     generations: tuple[GenerationFigures, ...]
     n_evaluations: Count
+    rollouts: Count
     wall_time_s: Amount
-    name: str = ""  # of the method
-    robot: str = ""  # of runs before there was a choice
-    sim: str = ""
-    vlm: str = ""
-    tool: str = ""
-    material: str = "paper"
-    action: str = Waypoints.action
-    evolution: str = ""
-    fitness: str = ""
-    budget: str = ""
-    best: Best | None = None
-    tie: Amount = 0.0  # of runs before there was one
-    stopped: str | None = None
-    unseen: Unseen | None = None
-    effort: Effort | None = None  # in unseen layouts
-    rollouts: Count | None = None  # of runs before they were counted
-    versions: dict[str, str] = field(default_factory=dict)
+    rollouts_per_s: Amount
+    versions: dict[str, str]
 
     def __post_init__(self) -> None:
-        if [generation.index for generation in self.generations] != list(
-            range(len(self.generations))
-        ):
+        numbers = [generation.index for generation in self.generations]
+        if numbers != list(range(len(numbers))):
             raise ValueError("generations are not numbered from 0")
-        if self.best is not None and self.best.generation >= len(self.generations):
+        if self.best is not None and self.best.generation >= len(numbers):
             raise ValueError(
-                f"best.generation is {self.best.generation}, of {len(self.generations)} generations"
+                f"best.generation is {self.best.generation}, of {len(numbers)} generations"
             )
 
 
@@ -190,51 +177,167 @@ class Details:
     """What the column ``details`` holds of an evaluation: its score, and the numbers of its trials."""
 
     score: Score
-    trials: tuple[Count, ...] = ()
-    finals: tuple[Count, ...] = ()
+    trials: tuple[Count, ...]
+    finals: tuple[Count, ...]
+
+    def __post_init__(self) -> None:
+        shown = self.score.shown
+        if not 0 <= shown < max(len(self.trials), 1):
+            raise ValueError(f"there is no trial {shown} to show")
 
 
-def dump_details(details: Details) -> str:
-    """Write the column ``details`` of an evaluation."""
-    score = non_default_fields(details.score) | {"reward": details.score.reward}
-    return json.dumps(
-        {"score": score, "trials": details.trials, "finals": details.finals},
-        default=float,
-    )
+@dataclass(frozen=True)
+class StoredConfig:
+    """The row of the run itself; ``result`` is None until it has ended."""
+
+    schema_version: Count
+    config: Json[Annotated[RunConfig, AfterValidator(_with_usable_parts)]]
+    result: Json[RunFigures] | None
 
 
-def load_details(text: str) -> Details:
-    """Read what `dump_details` wrote.
+@dataclass(frozen=True)
+class StoredSession:
+    """A start of the run, or a resume."""
 
-    Raises:
-        ValueError: it is something else.
-    """
-    return validated(Details, parsed(text))
-
-
-def trial_row(content: str, trial: Trial) -> dict[str, Any]:
-    """Return the columns of a trial of a design's content; ``details`` has what has no column of its own.
-
-    An engine's numbers may be numpy's.
-    """
-    row = {
-        "candidate": trial.candidate,
-        "status": trial.status,
-        "reward": float(trial.reward),
-    }
-    details = non_default_fields(trial)
-    for name in ("where", *row):
-        details.pop(name, None)
-    return {
-        "content": content,
-        **trial.where._asdict(),
-        **row,
-        "details": json.dumps(details, default=float),
-    }
+    seconds: Amount
+    began: Id
+    overrides: Json[list[str]]
+    versions: Json[dict[str, str]]
 
 
-def load_trial(row: Mapping[str, Any] | sqlite3.Row) -> Trial:
-    """Read the columns that `trial_row` made.
+@dataclass(frozen=True)
+class StoredReply(Reply):
+    """A reply, within the bounds that figures rely on."""
+
+    prompt_tokens: Count | None = None
+    completion_tokens: Count | None = None
+    cost_usd: Amount | None = None
+    unanswered: Annotated[bool, BeforeValidator(bool)] = False  # 1, or null
+
+
+@dataclass(frozen=True)
+class StoredRequest:
+    """A request with the ids of its elites, and its reply; None: none came."""
+
+    id: Id
+    generation: Count
+    agent: Count
+    gripper: Literal[0, 1]
+    temperature: Number
+    elites: Ids
+    digest: Id
+    reply: Reply | None = None
+
+    @property
+    def critique(self) -> bool:
+        """Whether it asked for a critique of its elite, and not for designs."""
+        return "-critic" in self.id
+
+
+class WrittenDesign(TypedDict):
+    """A design as a model wrote it, without its plans; it has the fields of its tool representation too."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    gripper: StrictBool
+    strategy_name: NotRequired[str | None]
+    strategy_description: NotRequired[str | None]
+    tool_name: NotRequired[str | None]
+    tool_description: NotRequired[str | None]
+
+
+@dataclass(frozen=True)
+class StoredDesign:
+    """A design, and the ids of the candidates that it derives from."""
+
+    generation: Count
+    agent: Count
+    strategy: Count
+    parents: Ids
+    design: Json[WrittenDesign]
+
+    @property
+    def key(self) -> Key:
+        return self.generation, self.agent, self.strategy
+
+    @property
+    def written(self) -> dict[str, Any]:
+        return dict(self.design)
+
+
+class WrittenPlan(TypedDict):
+    """A plan that is no list of poses: the name of its representation, and what that wrote."""
+
+    action: str
+    plan: list[Any]
+
+
+Pose = Annotated[list[float], Field(min_length=6, max_length=7)]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredEvaluation:
+    """What a candidate earned; ``number`` is that of its plan. The reader adds the trials that ``details`` names."""
+
+    candidate: Id
+    generation: Count
+    agent: Count
+    strategy: Count
+    number: Annotated[Count, Field(alias="plan")]
+    waypoints: Json[list[Pose] | WrittenPlan]
+    status: Status
+    reason: str
+    reward: Reward
+    distance_m: Amount | None
+    content: Id
+    details: Json[Details]
+    trials: tuple[Trial, ...] = ()
+    finals: tuple[Trial, ...] = ()
+
+    @property
+    def design(self) -> Key:
+        """The key of its design."""
+        return self.generation, self.agent, self.strategy
+
+    @property
+    def plan(self) -> list[Any]:
+        """The plan as written: an item of ``action_sets``."""
+        written = self.waypoints
+        return written["plan"] if isinstance(written, dict) else written
+
+    @property
+    def score(self) -> Score:
+        return self.details.score
+
+    @property
+    def rollouts(self) -> int:
+        """The number of rollouts that were played for it."""
+        return count_rollouts(self.candidate, self.trials)
+
+    def of(self, candidate: Candidate) -> Evaluation:
+        """Return it as the evaluation of a candidate that was read again."""
+        return Evaluation(candidate, self.trials, self.score, self.finals)
+
+
+@dataclass(frozen=True)
+class StoredTrial:
+    """A trial of a design's content."""
+
+    number: int
+    content: str
+    trial: Trial
+
+
+@dataclass(frozen=True)
+class StoredGeneration:
+    """The figures of a generation."""
+
+    number: Count
+    summary: Json[GenerationFigures]
+
+
+def load_trial(row: Row) -> Trial:
+    """Read the row of a trial, whose column ``details`` has what has no column of its own.
 
     Raises:
         ValueError: they hold something else.
@@ -244,165 +347,18 @@ def load_trial(row: Mapping[str, Any] | sqlite3.Row) -> Trial:
     return validated(Trial, {**parsed(row["details"]), **columns, "where": where})
 
 
-def non_default_fields(value: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that are not as their defaults, in plain types."""
-    written = asdict(value)
-    return {
-        each.name: written[each.name]
-        for each in fields(value)
-        if _differs(getattr(value, each.name), each)
-    }
-
-
-def _differs(value: object, field: DataclassField[Any]) -> bool:
-    if isinstance(value, dict | tuple) and not value:
-        return False
-    is_nan = value != value
-    return not is_nan and value != field.default
-
-
-class _Schema(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
-
-class _Budget(_Schema):
-    name: str = ""
-    n_agent: Count | None = None
-    n_tool: Count | None = None
-    n_action: Count | None = None
-    n_iteration: Count | None = None
-    k_top: Count | None = None
-    reward_save: Number | None = None
-    stop_reward: float | None = None
-
-
-class _Config(_Schema):
-    name: str = ""
-    task: Chosen = {}
-    robot: dict[str, Any] = {}
-    sim: Chosen = {}
-    vlm: Chosen = {}
-    tool: Chosen = {}
-    material: dict[str, str | float | None] = {}
-    evolution: Evolution = {}
-    fitness: Chosen = {}
-    executor: Chosen = {}
-    budget: _Budget = _Budget()
-    listener: dict[str, dict[str, Any] | None] = {}
-    rollout: dict[str, float | bool | str | dict[str, float] | None] = {}
-    seed: Seed = 0
-
-
-class _Design(_Schema):
-    gripper: Annotated[bool, Field(strict=True)]
-    strategy_name: str | None = None
-    strategy_description: str | None = None
-    tool_name: str | None = None
-    tool_description: str | None = None
-
-
-class _Run(_Schema):
-    schema_version: Count
-    config: Annotated[_Config, Json]
-    result: Annotated[RunFigures, Json] | None = None
-
-
-class _Session(_Schema):
-    seconds: Amount
-    began: Id
-    overrides: Annotated[list[str], Json]
-    versions: Annotated[dict[str, str], Json]
-
-
-class _Request(_Schema):
-    id: Id
-    generation: Count
-    agent: Count
-    gripper: Annotated[int, Field(strict=True, ge=0, le=1)]
-    temperature: Number
-    elites: Annotated[list[Id], Json]
-    digest: Id
-
-
-class _Reply(_Schema):
-    request_id: Id
-    model: str
-    text: str
-    error: str | None
-    prompt_tokens: Count | None
-    completion_tokens: Count | None
-    cost_usd: Amount | None
-    unanswered: Literal[1] | None = None
-
-
-class _Strategy(_Schema):
-    generation: Count
-    agent: Count
-    strategy: Count
-    parents: Annotated[list[Id], Json]
-    design: Annotated[_Design, Json]
-
-
-class _WrittenPlan(_Schema):
-    action: str
-    plan: list[Any]
-
-
-class _Evaluation(_Schema):
-    candidate: Id
-    generation: Count
-    agent: Count
-    strategy: Count
-    plan: Count
-    waypoints: Annotated[list[list[float]] | _WrittenPlan, Json]
-    status: Literal["ok", "rejected", "failed"]
-    reason: str
-    reward: Reward
-    distance_m: Amount | None
-    content: Id
-    details: Annotated[Details, Json]
-
-    @check_whole(mode="after")
-    def _fits(self) -> _Evaluation:
-        literal = self.waypoints if isinstance(self.waypoints, list) else []
-        if self.status == "ok" and {len(waypoint) for waypoint in literal} not in (
-            set(),
-            {6},
-            {7},
-        ):
-            raise ValueError("waypoints: 6 or 7 numbers are needed in each")
-        shown = self.details.score.shown
-        if not 0 <= shown < max(len(self.details.trials), 1):
-            raise ValueError(f"details: there is no trial {shown} to show")
-        return self
-
-
-class _Trial(_Schema):
-    number: Count
-    content: Id
-
-    @check_whole(mode="before")
-    @classmethod
-    def _is_trial(cls, row: dict[str, Any]) -> dict[str, Any]:
-        load_trial(row)
-        return row
-
-
-class _Generation(_Schema):
-    number: Count
-    summary: Annotated[GenerationFigures, Json]
-
-
-TABLES: dict[str, type[_Schema]] = {
-    "run": _Run,
-    "sessions": _Session,
-    "requests": _Request,
-    "replies": _Reply,
-    "strategies": _Strategy,
-    "evaluations": _Evaluation,
-    "trials": _Trial,
-    "generations": _Generation,
+TABLES: dict[str, Callable[[Any], object]] = {
+    "run": partial(validated, StoredConfig),
+    "sessions": partial(validated, StoredSession),
+    "requests": partial(validated, StoredRequest),
+    "replies": partial(validated, StoredReply),
+    "strategies": partial(validated, StoredDesign),
+    "evaluations": partial(validated, StoredEvaluation),
+    "trials": load_trial,
+    "generations": partial(validated, StoredGeneration),
 }
+"""How a row of each table is read."""
+
 _ORPHANS = (
     "SELECT candidate FROM evaluations LEFT JOIN strategies USING (generation, agent, strategy)"
     " WHERE status = 'ok' AND design IS NULL"
@@ -423,12 +379,12 @@ def damage(database: sqlite3.Connection) -> str | None:
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
     if found != "ok":
         return str(found)
-    for table, schema in TABLES.items():
-        for row in database.execute(f"SELECT rowid AS at, * FROM {table}"):  # noqa: S608
+    for table, read in TABLES.items():
+        for row in database.execute(f"SELECT rowid AS row_number, * FROM {table}"):  # noqa: S608
             try:
-                validated(schema, dict(row))
+                read(dict(row))
             except ValueError as error:
-                return f"row {row['at']} of {table}: {error}"
+                return f"row {row['row_number']} of {table}: {error}"
     for (candidate,) in database.execute(_ORPHANS):
         return f"evaluations: {candidate} has no row in strategies"
     for candidate, number in database.execute(_LOST_TRIALS):

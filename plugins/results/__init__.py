@@ -1,4 +1,4 @@
-"""What one does with finished runs: reports, toolboxes, and tools for the workshop.
+"""What one does with finished runs: reports, transfer, toolboxes, and tools for the workshop.
 
 ``pages`` is what the other rooms draw with, ``workshop`` makes tools; ``report`` and ``toolbox`` use what they need.
 """
@@ -18,6 +18,10 @@ def commands() -> dict[str, Command]:
         "toolbox": Command(
             "try tools on each other's tasks, and choose few that do most",
             "plugins.results.toolbox.command:main",
+        ),
+        "transfer": Command(
+            "try the best designs in several engines and in perturbed scenes",
+            "plugins.results.transfer:main",
         ),
         "export": Command(
             "write what a real arm needs to run the best motion",

@@ -18,8 +18,9 @@ from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Reply, Request, Text
 from core.plugins import event_hub
 from core.store.recorder import RunStore
-from core.trial import Evaluation, Where, tried_once
+from core.trial import Evaluation, Where
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
 

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from filelock import FileLock, Timeout
+
 from core.config.trust import read_stored_yaml
 from core.errors import UserError
-from core.store.database import FILE, is_held
-from core.store.reader import StoredEvaluation, StoredRun
-from core.store.rows import Best, RunFigures
+from core.store.database import FILE, LOCK
+from core.store.reader import StoredRun
+from core.store.rows import Best, RunFigures, StoredEvaluation
 from core.support.text import by_reason, clean
 
 RESULT = "result.json"
@@ -57,8 +59,7 @@ class FinishedRun:
 
     @property
     def rollouts(self) -> int:
-        counted = self.figures.rollouts
-        return self.figures.n_evaluations if counted is None else counted
+        return self.figures.rollouts
 
     def best_so_far(self, length: int) -> list[float]:
         """The best reward up to and with each of ``length`` generations; a run that stopped early keeps its last."""
@@ -240,6 +241,18 @@ def _read_yaml(file: Path) -> dict[str, Any]:
         return read_stored_yaml(file)
     except UserError:
         return {}
+
+
+def is_held(folder: Path) -> bool:
+    """Report whether a process is at work on the run in ``folder``."""
+    file = folder / LOCK
+    if file.is_symlink() or not file.is_file():
+        return False
+    try:
+        with FileLock(file, timeout=0):
+            return False
+    except (Timeout, OSError):  # it is held, or nobody can tell here
+        return True
 
 
 def _progress(folder: Path, store: StoredRun) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.stats
 
 from core.geometry import Array
-from core.store.reader import StoredRequest
+from core.store.rows import StoredRequest
 
 Statistic = Literal["mean", "interquartile mean"]
 

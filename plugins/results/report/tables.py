@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import wraps
 from statistics import fmean
 
-from core.store.reader import Key, StoredDesign, StoredEvaluation, StoredRequest
+from core.store.rows import Key, StoredDesign, StoredEvaluation, StoredRequest
 from core.trial import ranked
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun

@@ -8,22 +8,19 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from core.config.compose import listed, part, task_part, tool_part
+from core.config.compose import read_parts, task_part, tool_part
 from core.design import Tool
 from core.errors import UsageError
 from core.interfaces import Evaluation, ToolRepresentation
 from core.plugins import TASK
-from core.store.reader import chosen_evaluations
 from core.values.plans import digest
+from plugins.results.chosen import chosen_evaluations
 from plugins.results.pages.figure import slug
 from plugins.results.pages.runs import FinishedRun
 
 TaskConfig = dict[str, Any]
 TaskConfigs = Mapping[str, TaskConfig]
 """The configurations of tasks, by their names."""
-
-_IGNORED = ("paper", "tool_kinds")
-"""Settings of a task that don't change what happens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +71,9 @@ def find_tools(runs: Iterable[FinishedRun], top: int) -> list[HeldTool]:
 
 def task_configs(task: Mapping[str, Any]) -> TaskConfigs:
     """Return the tasks of a run's configuration of them, by name, as far as they change what happens."""
-    configs = [OmegaConf.create(dict(task))]
-    if "of" in task:
-        configs = list(listed("task", "task", task["of"]).values())
     found = {}
-    for config in configs:
-        settings = {str(key): config[key] for key in config if key not in _IGNORED}
-        name = part(TASK, OmegaConf.create(settings)).create().name
-        found[name] = settings
+    for part in read_parts(TASK, task.get("of", [dict(task)])).values():
+        found[part.create().name] = {"name": part.name, **dict(part.settings)}
 
     return found
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from core.config.compose import listed, part
+from core.config.compose import read_parts
 from core.design import Candidate
 from core.designs.statics import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
@@ -53,8 +53,8 @@ class Buildable(Fitness):
         safety: float = SAFETY,
         margin_m: float = 0.005,
     ) -> None:
-        (node,) = listed("fitness", "fitness", [of]).values()
-        if node.name == NAME:
+        (inner,) = read_parts(FITNESS, [of]).values()
+        if inner.name == NAME:
             raise UsageError(
                 "fitness.of: buildable can't judge for itself; name another fitness"
             )
@@ -66,7 +66,7 @@ class Buildable(Fitness):
             )
 
         self._printer = Printer(list(plate_mm), min_wall_mm)
-        self._inner = part(FITNESS, node).create(condition=condition)
+        self._inner = inner.create(condition=condition)
         self._condition = condition
         self._examination = Examination(
             material, tuple(plate_mm), min_wall_mm, safety, margin_m

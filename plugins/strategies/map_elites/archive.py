@@ -21,6 +21,7 @@ from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
 from core.trial import TIE, Evaluation, best_first
+from core.values.efforts import holds
 
 MAX_BINS = 100
 
@@ -205,10 +206,17 @@ def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     held = list[Evaluation]()
     for evaluation in evaluations:
         effort = evaluation.effort
-        if evaluation.holds and effort is not None:
+        if effort is not None and _holds(evaluation):
             points.append((effort.mass_kg, effort.motion_s))
             held.append(evaluation)
     return [held[number] for number in front(points)]
+
+
+def _holds(evaluation: Evaluation) -> bool:
+    """Say whether the trials hold in each engine (`core.values.efforts.holds`)."""
+    return holds(
+        min(float(np.mean(rewards)) for rewards in evaluation.by_engine.values())
+    )
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:

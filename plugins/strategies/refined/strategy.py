@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from core.config.compose import listed, part
+from core.config.compose import read_parts
 from core.design import Candidate
 from core.errors import check_positive
 from core.geometry import Array
@@ -152,8 +152,8 @@ class Refined(Refinement):
         tie: float = TIE,
     ) -> None:
         check_positive("evolution.", rollouts=rollouts)
-        (node,) = listed("evolution", "strategy", [of]).values()
-        inner = part(EVOLUTION, node).create(designer=designer, budget=budget)
+        (named,) = read_parts(EVOLUTION, [of]).values()
+        inner = named.create(designer=designer, budget=budget)
         variation = Variation(cast(AsksTeams, designer).assignment)
         super().__init__(inner, variation, rollouts)
         self.tie = tie

@@ -15,8 +15,10 @@ from core.goals import Away, JointAt, Placed, Turned, Untouched
 from core.interfaces import Observation, Outcome, Recording, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Box, Joint, Pose, Scene, State, table
-from core.store.rows import load_trial, trial_row
-from core.trial import Evaluation, tried_once
+from core.store.columns import trial_row
+from core.store.rows import load_trial
+from core.trial import Evaluation
+from plugins.conformance.evaluations import tried_once
 from tasks.bring_cube import BringCube
 from tests import solutions
 from tests.engines import simulator

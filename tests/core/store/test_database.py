@@ -11,8 +11,8 @@ from core.plugins import installed
 from core.store.database import FILE, Database, reading
 from core.store.reader import stored_config
 from core.store.recorder import RunStore
-from plugins.fitness.transfer import configured
 from plugins.results.pages.runs import read_run
+from plugins.results.transfer import configured
 from tests.core.run_folders import write_run
 
 FIGURES = {"best_reward": None, "mean_reward": None, "n_candidates": 0}

@@ -3,7 +3,7 @@
 import json
 import re
 import sqlite3
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -19,10 +19,11 @@ from core.plugins import event_hub, installed
 from core.store.figures import summary, versions
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
-from core.trial import Evaluation, Score, Trial, Where, tried_once
+from core.trial import Evaluation, Score, Trial, Where
 from core.values.margins import Margin
 from core.values.observations import Moved, Observation
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 from tasks.bring_cube import BringCube
 from tests.core.run_folders import keep_trials
 
@@ -158,8 +159,9 @@ def test_result_and_generations(opened):
     )
     events.hook.generation_finished(generation=generation)
     ((text,),) = rows(store, "SELECT summary FROM generations")
-    assert json.loads(text) == summary(generation)
-    assert summary(generation) == {
+    figures = asdict(summary(generation))
+    assert json.loads(text) == figures
+    assert figures == {
         "index": 0,
         "best_reward": 0.5,
         "mean_reward": pytest.approx(0.3),
@@ -195,7 +197,7 @@ def test_result_and_generations(opened):
         "finalists": {},
         "tie": 0.005,
         "stopped": None,
-        "generations": [summary(generation)],
+        "generations": [figures],
         "n_evaluations": 3,
         "rollouts": 2,  # the last one shares the trial of the first
         "wall_time_s": 1.5,

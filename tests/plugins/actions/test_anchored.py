@@ -19,9 +19,9 @@ from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
 from core.plugins import installed
 from core.robot.trajectory import plan_task_motion
 from core.search.orchestration import resume, run
-from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.waypoints import WaypointActions
+from plugins.results.chosen import stored_evaluations
 from plugins.results.pages.runs import read_run
 from plugins.results.pages.tools import best_tool
 from tasks.bring_cube import BringCube

@@ -11,8 +11,8 @@ from core.evaluate import evaluate
 from core.prompt import main, requests
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
-from plugins.fitness.transfer import configured as transfer_settings
-from plugins.fitness.transfer import transfer
+from plugins.results.transfer import configured as transfer_settings
+from plugins.results.transfer import transfer
 from plugins.results.workshop.command import configured, export
 from tests import toys
 from tests.test_resume import assert_same_run, toy  # noqa: F401  # a fixture

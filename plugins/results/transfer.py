@@ -6,21 +6,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from omegaconf import MISSING, DictConfig
 
 from core.config.compose import check_seed, engines, node, robot_part, task_parts
-from core.interfaces import RolloutSettings, Task
+from core.interfaces import Condition, RolloutSettings, Task
 from core.plugins import PluginPart
-from core.store.reader import config_for
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import clean
 from core.values.materials import Material
-from plugins.fitness.robustness import Perturbation, PerturbationRange, check_draws
-from plugins.fitness.stations import Bench, make_robots, read_on_each, try_on_each
+from plugins.results.chosen import config_for
+from plugins.results.stations import (
+    Bench,
+    make_robots,
+    make_robust,
+    read_on_each,
+    try_on_each,
+)
 
 USAGE = (
     "usage: vlmgineer transfer designs=FILE|RUN_DIR [task=NAME] [robots=[NAME,...]] [sims=[NAME,...]] "
@@ -47,7 +52,7 @@ class TransferConfig:
     sims: list[Any] = MISSING
     seed: int = 0
     seeds: list[int] = MISSING
-    perturbation: PerturbationRange = field(default_factory=PerturbationRange)
+    perturbation: dict[str, Any] = MISSING
     designs: str = MISSING
     top: int = 1
     output: str | None = None
@@ -63,7 +68,6 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
         UserError: the designs can't be used on any robot, or a part or setting is wrong.
     """
     check_seed(cfg.seed)
-    check_draws(cfg.seeds)
     designs: list[dict[str, Any]] = []
     result: dict[str, Any] = {}
     for task in task_parts(cfg):
@@ -79,19 +83,15 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     robots = make_robots(list(cfg.robots), robot_part(cfg.robot))
     candidates = read_on_each(cfg, task, robots)
     sims = engines(list(cfg.sims))
-    ranges = node(cfg.perturbation, PerturbationRange)
-    bench = Bench(
-        task,
-        sims,
-        [Perturbation(ranges, seed) for seed in cfg.seeds],
-        cfg.seed,
-        node(cfg.rollout, RolloutSettings),
-    )
+    settings = node(cfg.rollout, RolloutSettings)
+    first = next(iter(sims.values()))
+    robust = make_robust(cfg, Condition(task, first, cfg.seed, settings))
+    bench = Bench(task, sims, robust, cfg.seed, settings)
     designs = try_on_each(cfg, bench, robots, candidates)
     return {
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
-        "perturbation": asdict(ranges),
+        "perturbation": dict(cfg.perturbation),
         "robots": {
             robot: {"name": arm.name, **dict(arm.settings), "base": arm.base}
             for robot, arm in robots.items()

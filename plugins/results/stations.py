@@ -5,23 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 from omegaconf import DictConfig
 from rich.console import Console
 from rich.progress import Progress
 
-from core.config.compose import listed, part, robot_part, task_part, tool_part
+from core.config.compose import part, read_parts, task_part, tool_part
 from core.design import Candidate
 from core.designs.feedback import statistics
 from core.errors import UserError
-from core.interfaces import RolloutSettings, Simulator, Task
-from core.plugins import EXECUTOR, PluginPart, RobotPart
+from core.interfaces import Fitness, RolloutSettings, Simulator, Task
+from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, RobotPart, installed
 from core.robot.kinematics import arm_of
 from core.search.trials import Trials
-from core.store.reader import chosen_evaluations
-from core.trial import Change, Condition, Evaluation, Trial
-from plugins.fitness.several import score_by_worst_engine
+from core.trial import Condition, Evaluation, Trial
+from plugins.results.chosen import chosen_evaluations
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,25 +30,40 @@ class Bench:
     Attributes:
         task: the task.
         sims: the engines, by the names under which they are shown.
-        changes: perturbations of the scene; it is tried as it is, too.
+        robust: perturbs the scene, which is tried as it is, too, and scores what came of it.
         layout: the seed of the layout.
         settings: how plans are executed.
     """
 
     task: PluginPart[Task]
     sims: Mapping[str, PluginPart[Simulator]]
-    changes: Sequence[Change]
+    robust: Fitness
     layout: int
     settings: RolloutSettings
 
     def conditions(self, robot: RobotPart) -> list[Condition]:
         """Return the conditions of a robot's trials."""
         task = replace(self.task, robot=robot)
+        changes = [condition.change for condition in self.robust.conditions()]
         return [
             Condition(task, sim, self.layout, self.settings, change, engine)
             for engine, sim in self.sims.items()
-            for change in (None, *self.changes)
+            for change in (None, *changes)
         ]
+
+
+def make_robust(cfg: DictConfig, condition: Condition) -> Fitness:
+    """Make the fitness that perturbs the scene of a condition, and scores what came of it.
+
+    Raises:
+        UserError: a seed or a range can't be used.
+    """
+    settings = {
+        "sims": [condition.sim.name],
+        "seeds": list(cfg.seeds),
+        "perturbation": dict(cfg.perturbation),
+    }
+    return installed().create(FITNESS, "robust", settings, condition=condition)
 
 
 def make_robots(
@@ -60,11 +74,10 @@ def make_robots(
     Raises:
         UserError: a robot does not exist or can't be made, or is repeated.
     """
-    nodes = listed("robot", "robot", entries or [chosen.name], chosen)
-    found = {shown: robot_part(node) for shown, node in nodes.items()}
-    for robot in found.values():
+    robots = read_parts(ROBOT, entries or [chosen.name], chosen)
+    for robot in robots.values():
         robot.create()  # so that a fault is reported once
-    return found
+    return cast(dict[str, RobotPart], robots)
 
 
 def read_on_each(
@@ -132,7 +145,7 @@ def try_on_each(
             for candidate, tried in trials.try_in(conditions, own):
                 progress.advance(bar)
                 tried = tried or _reject(candidate, conditions)
-                designs.append(record(candidate, name, tried))
+                designs.append(record(candidate, name, tried, bench.robust))
     some = next(iter(candidates.values()))
     order = {candidate.id: number for number, candidate in enumerate(some)}
     return sorted(designs, key=lambda design: order[design["design"]])
@@ -147,11 +160,13 @@ def _reject(candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Tria
     )
 
 
-def record(candidate: Candidate, robot: str, tried: Sequence[Trial]) -> dict[str, Any]:
+def record(
+    candidate: Candidate, robot: str, tried: Sequence[Trial], fitness: Fitness
+) -> dict[str, Any]:
     """Make the entry of one design on one robot in the output file."""
     nominal = {trial.engine: trial.reward for trial in tried if trial.change is None}
     changed = tuple(trial for trial in tried if trial.change is not None)
-    robust = Evaluation(candidate, changed, score_by_worst_engine(changed))
+    robust = Evaluation(candidate, changed, fitness.score(candidate, changed))
     missed_m = changed[robust.score.shown].ik_error_m
     return {
         "design": candidate.id,

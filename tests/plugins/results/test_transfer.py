@@ -11,8 +11,9 @@ from core.config.compose import load
 from core.errors import UserError
 from core.plugins import Offer, installed
 from core.search.orchestration import run
-from core.store.reader import stored_config, stored_evaluations
-from plugins.fitness.transfer import TransferConfig, configured, transfer
+from core.store.reader import stored_config
+from plugins.results.chosen import stored_evaluations
+from plugins.results.transfer import TransferConfig, configured, transfer
 from plugins.robots.arms import panda
 from tests import toys
 from tests.commands import python_m
@@ -320,7 +321,7 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
         ),
         (
             [f"designs={SOLUTION}", "robots=[panda,panda]"],
-            "robots: 'panda' is repeated; name each robot once",
+            "robot: 'panda' is repeated; name each robot once",
         ),
         (
             [f"designs={SOLUTION}", "robots=[{base: [0, 0, 0, 0]}]"],

@@ -1,0 +1,130 @@
+"""Read the designs that a command names: all of a file, or the best of a run, with that run's settings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from core.config.compose import first_line, load
+from core.designs.reading import load_designs, read_designs
+from core.errors import UsageError, UserError
+from core.interfaces import Task, ToolRepresentation
+from core.store.reader import StoredRun, stored_config
+from core.trial import TIE, Evaluation, best_first
+
+_SECTIONS = ("rollout", "material")  # settings that are taken over key by key
+_KINDS = ("task", "tool", "robot")
+
+
+def stored_evaluations(
+    folder: Path, representation: ToolRepresentation, task: Task
+) -> list[Evaluation]:
+    """Return the evaluations with status ``ok``, in the order of `Candidate.key`, with their candidates read again.
+
+    The candidates of a design share one tool.
+
+    Raises:
+        UserError: the folder holds no run.
+    """
+    run = StoredRun(folder)
+    designs = run.designs()
+    tried = [stored for stored in run.evaluations() if stored.status == "ok"]
+    evaluations = []
+    for key, group in groupby(tried, lambda stored: stored.design):
+        alike = list(group)
+        design = designs[key]
+        plans = [stored.plan for stored in alike]
+        document = {"strategies": [design.written | {"action_sets": plans}]}
+        candidates = read_designs(
+            document,
+            representation,
+            task,
+            generation=design.generation,
+            agent=design.agent,
+        )
+        for stored, candidate in zip(alike, candidates, strict=True):
+            known = replace(
+                candidate,
+                strategy=design.strategy,
+                action=stored.number,
+                parents=design.parents,
+            )
+            evaluations.append(stored.of(known))
+    return evaluations
+
+
+def chosen_evaluations(
+    cfg: DictConfig, representation: ToolRepresentation, task: Task
+) -> list[Evaluation]:
+    """Read all designs of the file, or the best of the run, that ``cfg.designs`` names, and what each earned.
+
+    Those of a file have earned nothing.
+
+    Raises:
+        UserError: there is no such file or run, or it holds no design that could be tried.
+    """
+    path = Path(cfg.designs)
+    if not path.is_dir():
+        if not path.exists() and not path.suffix:
+            raise UserError(
+                f"{path}: there is no such folder of a run, and no designs file"
+            )
+        written = read_designs(load_designs(path), representation, task)
+        return [Evaluation(candidate) for candidate in written]
+
+    if cfg.top < 1:
+        raise UsageError(f"top must be at least 1, got {cfg.top}")
+    tried = stored_evaluations(path, representation, task)
+    if not tried:
+        raise UserError(f"{path}: no design of this run came to the end of a rollout")
+
+    tie = stored_config(path).get("evolution", {}).get("tie", TIE)
+    ranking = best_first(tried, tie)  # as the run chose its best
+    ended = StoredRun(path).result()
+    if ended is not None and ended.best is not None:
+        winner = ended.best.candidate
+        ranking.sort(key=lambda evaluation: evaluation.candidate.id != winner)
+    return ranking[: cfg.top]
+
+
+def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> DictConfig:
+    """Compose the primary config ``name`` of a command that takes ``designs``, a file or a run's folder.
+
+    Of a run its task, robot, tool, material, layout and rollout settings count, unless the command line sets them.
+
+    Raises:
+        UserError: no designs are given, or the run's configuration can't be used here.
+    """
+    cfg = load(name, words, schema)
+    if OmegaConf.is_missing(cfg, "designs"):
+        raise UsageError(f"no designs given; {usage}")
+    folder = Path(cfg.designs)
+    if folder.is_dir():
+        named = {word.lstrip("+~").partition("=")[0] for word in words}
+        try:
+            _take_over(cfg, stored_config(folder), named)
+        except (KeyError, OmegaConfBaseException) as error:
+            raise UserError(
+                f"{folder}: its configuration can't be used here: {first_line(error)}"
+            ) from error
+    return cfg
+
+
+def _take_over(cfg: DictConfig, run: dict[str, Any], named: set[str]) -> None:
+    """Take over settings of a run into ``cfg``, but those that are ``named``, and what stands below such a one."""
+    if "seed" not in named:
+        cfg.seed = run["seed"]
+    for section in _SECTIONS:
+        for key, value in run.get(section, {}).items():
+            if not {section, f"{section}.{key}"} & named:
+                OmegaConf.update(cfg, f"{section}.{key}", value)
+    groups = {name.partition(".")[0] for name in named}
+    for kind in _KINDS:
+        if kind not in groups:
+            OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
