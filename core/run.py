@@ -32,17 +32,18 @@ def _job(cfg: DictConfig) -> None:
     from hydra.core.hydra_config import HydraConfig
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config.compose import explain
+    from core.config.compose import check_keys, explain
     from core.search.orchestration import run
     from core.search.outcome import print_outcome
 
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
+        check_keys(cfg)
         print_outcome(run(cfg, folder), folder)
     except UserError as error:
         _failures.append(error)
     except OmegaConfBaseException as error:  # a setting without a value
-        _failures.append(explain(error, "config", ()))
+        _failures.append(explain(error, "config"))
 
 
 def main(words: list[str]) -> None:
@@ -70,11 +71,13 @@ def _hydra(given: list[str]) -> None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config.compose import explain, prepared
-    from core.config.sources import new_folder, stamp
-    from core.config.trust import KeyFound
+    from core.config.compose import explain, register
+    from core.config.folders import new_folder, stamp
+    from core.config.trust import KeyFound, refuse_key_words
 
-    words = prepared("config", given)
+    refuse_key_words(given)
+    register()
+    words = list(given)
     flags = {word for word in words if word.startswith("-")}
     if (
         flags
@@ -95,9 +98,7 @@ def _hydra(given: list[str]) -> None:
     except KeyFound as found:
         raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(
-            error, "config", [word for word in words if "=" in word and word[0] != "-"]
-        ) from error
+        raise explain(error, "config") from error
     except OSError as error:
         if isinstance(error, BrokenPipeError):
             raise

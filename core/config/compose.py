@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
 from typing import Any, TypeVar, cast, overload
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import (
@@ -42,60 +42,23 @@ from core.values.materials import Material
 T = TypeVar("T")
 
 SCHEMAS: dict[str, type] = {
-    "config": schemas.RunConfig,
+    "run": schemas.RunConfig,
     "evaluate": schemas.EvaluateConfig,
     "prompt": schemas.ComposeConfig,
 }
-"""The schema of each primary config; ``config`` belongs to ``core.run``. Plugins' commands add theirs (`load`)."""
-_registered: dict[str, type] = {}
+"""The schemas of core's own commands, from which their primary configs start; a plugin's command gives its own."""
 
 
 def register() -> None:
-    """Register the schemas, from which the primary configs start, and the configs of plugins with Hydra."""
+    """Register the schemas of core's commands, and the configs of plugins, with Hydra."""
     sources.register()
     for name, schema in SCHEMAS.items():
-        if _registered.get(name) is not schema:  # a quarter of the time of composing
-            ConfigStore.instance().store(
-                f"{'run' if name == 'config' else name}_schema", schema
-            )
-            _registered[name] = schema
+        _register_schema(name, schema)
 
 
-def prepared(name: str, overrides: Sequence[str]) -> list[str]:
-    """Prepare the overrides of the primary config ``name`` for Hydra, and register all that they need.
-
-    Hydra adds any key that has a ``+``. Here a key can be added to a part, whose factory checks it, and a config group
-    that a plugin brings. Elsewhere the ``+`` is dropped, so that an unknown key is an error.
-    """
-    refuse_key_words(overrides)
-    register()
-    elsewhere = any(
-        word.startswith(("--config-dir", "-cd", "hydra.searchpath="))
-        for word in overrides
-    )
-    known = {field.name for field in fields(SCHEMAS[name])}
-    return [_checked_addition(word, known, elsewhere) for word in overrides]
-
-
-def _checked_addition(word: str, known: set[str], elsewhere: bool) -> str:
-    """Keep, drop or double the ``+`` of an override; ``elsewhere``: unknown folders may bring config groups too."""
-    found = re.match(r"\+\+?(?=(\w+)([^=]*)=)", word)
-    if found is None:
-        return word
-    top, rest = found.groups()
-    if (
-        top == "hydra"
-        or rest[:1] in ("@", "/")
-        or (not rest and top not in known and (elsewhere or top in _groups()))
-    ):
-        return word
-    plain, steps = word[found.end() :], rest.split(".")[1:]
-    checked = (
-        top in known
-        and top in KINDS
-        and not (len(steps) > 1 and steps[0] in KINDS[top].defaults)
-    )
-    return f"++{plain}" if checked and steps else plain
+@cache  # it would be a quarter of the time of composing
+def _register_schema(name: str, schema: type) -> None:
+    ConfigStore.instance().store(f"{name}_schema", schema)
 
 
 def load(name: str, overrides: Sequence[str], schema: type | None = None) -> DictConfig:
@@ -109,26 +72,53 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
     Raises:
         UserError: a wrong group, key or type; the message says what is possible.
     """
+    refuse_key_words(overrides)
+    register()
     if schema is not None:
-        SCHEMAS[name] = schema
-    overrides = prepared(name, overrides)
+        _register_schema(name, schema)
     try:
         config = _compose(name, overrides)
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, name, overrides) from error
-    refuse_keys(config)
+        raise explain(error, name) from error
+    check_keys(config)
     return config
+
+
+def check_keys(config: DictConfig) -> None:
+    """Check that no secret stands in a composed configuration, and no key that a ``+`` added beside its schema.
+
+    The settings of a part have no schema: its factory checks them.
+
+    Raises:
+        UserError: there is one.
+    """
+    refuse_keys(config)
+    _refuse_unknown(config, "")
+
+
+def _refuse_unknown(config: DictConfig, path: str) -> None:
+    schema = OmegaConf.get_type(config)
+    if not is_dataclass(schema):
+        return
+    known = [field.name for field in fields(schema)]
+    for key, node in config.items_ex(resolve=False):
+        if key not in known:
+            raise choices("key", str(key), known, path or "the configuration")
+        if isinstance(node, DictConfig):
+            _refuse_unknown(node, f"{path}.{key}".lstrip("."))
 
 
 def overview(name: str, overrides: Sequence[str]) -> str:
     """Describe the config groups with their choices, and the primary config ``name`` with command-line overrides."""
-    config = load(name, overrides)
-    groups = "".join(
-        f"{group}: {', '.join(sorted(names))}\n"
-        for group, names in sorted(_groups().items())
-        if group != "command"
-    )
-    return f"groups (GROUP=NAME):\n\n{groups}\nkeys (KEY=VALUE), and their values:\n\n{OmegaConf.to_yaml(config)}"
+    keys = OmegaConf.to_yaml(load(name, overrides))
+    with _hydra():
+        loader = GlobalHydra.instance().config_loader()
+        groups = [
+            f"{group}: {', '.join(sorted(loader.get_group_options(group)))}\n"
+            for group in sorted(loader.list_groups(""))
+            if group not in ("hydra", "command")
+        ]
+    return f"groups (GROUP=NAME):\n\n{''.join(groups)}\nkeys (KEY=VALUE), and their values:\n\n{keys}"
 
 
 def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
@@ -137,93 +127,52 @@ def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
     return config
 
 
-def _groups() -> dict[str, list[str]]:
-    """Return the config groups and the names in each, without Hydra's own."""
-    with _hydra():
-        loader = GlobalHydra.instance().config_loader()
-        return {
-            group: loader.get_group_options(group)
-            for group in loader.list_groups("")
-            if group != "hydra"
-        }
-
-
 def _hydra() -> AbstractContextManager[object]:
     """Initialise Hydra for composing, unless this is one of its jobs."""
-    within = GlobalHydra.instance().is_initialized()
-    return (
-        nullcontext()
-        if within
-        else initialize_config_module("conf", version_base="1.3")
-    )
+    if GlobalHydra.instance().is_initialized():
+        return nullcontext()
+    return initialize_config_module("conf", version_base="1.3")  # type: ignore[no-any-return]
 
 
-def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
-    """Turn Hydra's complaint about ``overrides`` into one line that says what is possible."""
-    if (
-        isinstance(error, MissingConfigException)
-        and error.missing_cfg_file
-        and error.options
-    ):
-        group, _, choice = error.missing_cfg_file.rpartition("/")
-        return UsageError(
-            f"{choices(group, choice, error.options)}{installed().failed}"
-        )
+def explain(error: Exception, name: str) -> UserError:
+    """Turn a complaint of Hydra or OmegaConf about the config ``name`` into one line that says what is possible."""
+    failed = installed().failed
+    if isinstance(error, MissingConfigException) and error.options:
+        group, _, choice = (error.missing_cfg_file or "").rpartition("/")
+        return UsageError(f"{choices(group, choice, error.options)}{failed}")
     if isinstance(error, MissingMandatoryValue):
         return UsageError(
             f"{error.full_key} has no value; give one with {error.full_key}=VALUE"
         )
-    found = re.search(r"Could not override '([^']+)'", str(error))
-    cause = error.__cause__
-    if found and (
-        "in the defaults list" in str(error)
-        or isinstance(cause, ConfigAttributeError | ConfigKeyError)
-    ):
-        unknown = _unknown_key(found.group(1), name, overrides)
-        if unknown is not None:
-            return unknown
-    message = " ".join(
-        re.sub("To append to your config use .*", "", str(error)).split()
-    )
+    no_group = re.match(r"Could not override '(.+?)'\. No match in the", str(error))
+    if no_group:
+        known = [str(key) for key in _compose(name, [])]
+        return choices("key", no_group.group(1), known, "the configuration")
+
+    cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
+    if isinstance(cause, ConfigAttributeError | ConfigKeyError):
+        return _explain_key(cause)
+    message = " ".join(str(error).split())
     if message.startswith("LexerNoViableAltException: "):
         word = message.partition(": ")[2].partition(" ^")[0]
+        key = word.partition("=")[0]
         return UsageError(
-            f"can't read {word}; put its value in quotes: '{word.partition('=')[0]}=\"...\"'"
+            f"can't read {word}; put its value in quotes: '{key}=\"...\"'"
         )
-    if isinstance(cause, OmegaConfBaseException):
-        message = f"{message.rstrip('.')}: {first_line(cause)}"
-    return UsageError(f"{message}{installed().failed}")
+    if isinstance(error.__cause__, OmegaConfBaseException):
+        message = f"{message.rstrip('.')}: {first_line(error.__cause__)}"
+    return UsageError(f"{message}{failed}")
 
 
-def _unknown_key(key: str, name: str, overrides: Sequence[str]) -> UsageError | None:
-    """Name the unknown step of ``key``, and what is possible there; None: something else is wrong as well."""
-    try:
-        words = OverridesParser.create().parse_overrides(list(overrides))
-        others = [
-            word.input_line
-            for word in words
-            if word.key_or_group != key and not word.is_sweep_override()
-        ]
-        node: Any = _compose(name, others)
-    except (HydraException, OmegaConfBaseException):
-        return None
-    steps = key.split(".")
-    for i, step in enumerate(steps):
-        if not isinstance(node, DictConfig):
-            break
-        if step not in node.keys():  # noqa: SIM118 - `in node` leaves out missing values
-            if i == 1 and steps[0] in KINDS and step in installed().names(steps[0]):
-                return UsageError(
-                    f"{key} is a setting of {steps[0]}={step}; add {steps[0]}={step}"
-                )
-            return choices(
-                "key",
-                step,
-                [str(k) for k in node],
-                ".".join(steps[:i]) or "the configuration",
-            )
-        node = OmegaConf.select(node, step)
-    return None
+def _explain_key(error: ConfigAttributeError | ConfigKeyError) -> UsageError:
+    """Say what is possible where a key is unknown."""
+    path, _, key = (error.full_key or "").rpartition(".")
+    if path in KINDS and key in installed().names(path):
+        return UsageError(
+            f"{path}.{key} is a setting of {path}={key}; add {path}={key}"
+        )
+    known = [str(known) for known in error.parent_node or ()]
+    return choices("key", key, known, path or "the configuration")
 
 
 def first_line(error: BaseException) -> str:
@@ -262,88 +211,74 @@ def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
     group = KINDS[str(kind)]
-    others = ("name", *group.defaults)
+    name = settings.pop("name")
     given = [
-        (str(k), v)
-        for k, v in settings.items()
-        if k not in others and not OmegaConf.is_missing(config, k)
+        (str(key), value)
+        for key, value in settings.items()
+        if key not in group.defaults and not OmegaConf.is_missing(config, key)
     ]
-    return PluginPart(group.name, settings["name"], tuple(given))
+    return PluginPart(group.name, name, tuple(given))
 
 
 def robot_part(config: DictConfig) -> RobotPart:
     """Return the robot that a config node names, with its settings and its base."""
-    found = part(ROBOT, config)
-    return RobotPart(
-        found.kind,
-        found.name,
-        found.settings,
-        base=tuple(config.get("base") or (0.0,) * 4),
-    )
+    named = part(ROBOT, config)
+    base = config.get("base") or RobotPart.base
+    return RobotPart(named.kind, named.name, named.settings, base=tuple(base))
 
 
-def listed(
-    kind: str,
-    word: str,
+def read_parts(
+    kind: Kind[T],
     entries: Sequence[str | Mapping[str, Any]],
-    chosen: Part[Any] | None = None,
-) -> dict[str, DictConfig]:
-    """Read a setting that lists parts of a kind: the configuration of each, by the name under which it is shown.
+    chosen: Part[T] | None = None,
+) -> dict[str, PluginPart[T]]:
+    """Read a setting that lists parts of a kind, by the names under which they are shown.
 
     An entry is a name, or a mapping of a ``name`` and settings that differ from the configuration's. For the name of
-    ``chosen`` these are its settings. Messages call a part ``word``.
+    ``chosen`` these are its settings.
 
     Raises:
         UserError: an entry names no part; there are none, or one is repeated.
     """
-    found: dict[str, DictConfig] = {}
+    parts: dict[str, PluginPart[T]] = {}
     for entry in entries:
-        settings = (
-            {"name": entry}
-            if isinstance(entry, str)
-            else {str(key): value for key, value in entry.items()}
-        )
-        name = settings.pop("name", None)
+        given = {"name": entry} if isinstance(entry, str) else dict(entry)
+        name = given.pop("name", None)
         if not isinstance(name, str):
             raise UsageError(
-                f"{kind.removesuffix('s')}s: {entry!r} names no {word}; give a name, or {{name: NAME, SETTING: VALUE}}"
+                f"{kind}: {entry!r} names no {kind}; give a name, or {{name: NAME, SETTING: VALUE}}"
             )
-        shown = " ".join([name, *(f"{key}={value}" for key, value in settings.items())])
-        if shown in found:
-            raise UsageError(
-                f"{kind.removesuffix('s')}s: {shown!r} is repeated; name each {word} once"
-            )
-        usual = chosen
-        if usual is None or usual.name != name:
-            node = load("config", [f"{kind}={name}"])[kind]
-            usual = robot_part(node) if kind == "robot" else part(kind, node)
-        base = {"base": list(usual.base)} if isinstance(usual, RobotPart) else {}
-        found[shown] = OmegaConf.create(
-            {"name": name, **dict(usual.settings), **base, **settings}
-        )
-    if not found:
-        raise UsageError(f"{kind.removesuffix('s')}s: name at least one {word}")
-    return found
+        shown = " ".join([name, *(f"{key}={value}" for key, value in given.items())])
+        if shown in parts:
+            raise UsageError(f"{kind}: {shown!r} is repeated; name each {kind} once")
+        node: Any = {"name": name}
+        if chosen is None or chosen.name != name:
+            usual = load("config", [f"{kind}={name}"])[kind.name]
+            node = OmegaConf.to_container(usual, resolve=True)
+        else:
+            node |= dict(chosen.settings)
+            if isinstance(chosen, RobotPart):
+                node["base"] = list(chosen.base)
+        configured = OmegaConf.create({**node, **given})
+        found = robot_part(configured) if kind is ROBOT else part(kind, configured)
+        parts[shown] = cast(PluginPart[T], found)
+    if not parts:
+        raise UsageError(f"{kind}: name at least one {kind}")
+    return parts
 
 
 def engines(
     sims: Sequence[str | Mapping[str, Any]], chosen: Part[Simulator] | None = None
 ) -> dict[str, PluginPart[Simulator]]:
-    """Make the engines, by the names under which they are shown.
-
-    An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and settings that differ from the
-    configuration's. For the engine of ``chosen`` these are the configuration's settings.
+    """Read a list of engines (`read_parts`), and make each once, so that a fault isn't reported by each worker.
 
     Raises:
         UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
     """
-    nodes = listed("sim", "engine", sims, chosen)
-    found: dict[str, PluginPart[Simulator]] = {
-        shown: part(SIMULATOR, node) for shown, node in nodes.items()
-    }
-    for engine in found.values():
-        engine.create()  # so that a fault is reported once, not by each worker
-    return found
+    parts = read_parts(SIMULATOR, sims, chosen)
+    for engine in parts.values():
+        engine.create()
+    return parts
 
 
 def task_part(config: DictConfig) -> PluginPart[Task]:
@@ -367,9 +302,8 @@ def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
     """
     robot = config.get("robot")
     try:
-        merged = OmegaConf.merge(
-            OmegaConf.structured(Material), config.get("material") or {}
-        )
+        schema = OmegaConf.structured(Material)
+        merged = OmegaConf.merge(schema, config.get("material") or {})
         material = node(cast(DictConfig, merged), Material)
     except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
         raise UserError(f"material: {first_line(error)}") from error

@@ -47,34 +47,29 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         UserError: this version can't read the configuration.
     """
     refuse_key_words(overrides)
+    unusable = "the run's configuration can't be used by this version"
     try:
-        before = cast(
-            DictConfig, OmegaConf.merge(OmegaConf.structured(RunConfig), config)
-        )
+        schema = OmegaConf.structured(RunConfig)
+        before = cast(DictConfig, OmegaConf.merge(schema, config))
         lacks = sorted(OmegaConf.missing_keys(before))
     except OmegaConfBaseException as error:
-        raise UserError(
-            f"the run's configuration can't be used by this version: {first_line(error)}"
-        ) from error
+        raise UserError(f"{unusable}: {first_line(error)}") from error
     if lacks:
-        raise UserError(
-            f"the run's configuration can't be used: it lacks {', '.join(lacks[:3])}"
-        )
+        raise UserError(f"{unusable}: it lacks {', '.join(lacks[:3])}")
     after = before.copy()
     try:
         for override in OverridesParser.create().parse_overrides(list(overrides)):
             _apply(after, override)
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config", overrides) from error
-    if after.budget.n_iteration < before.budget.n_iteration:
-        what = "budget.n_iteration of a run that goes on can only be raised"
-        raise UsageError(f"{what}; it is {before.budget.n_iteration}")
-    refined = before.evolution.get("refine", 0)
-    if refined and after.evolution.refine < refined:
-        raise UsageError(
-            f"evolution.refine of a run that goes on can only be raised; it is {refined}"
-        )
-    if refined and after.budget.n_iteration != before.budget.n_iteration:
+        raise explain(error, "config") from error
+    for key in ("budget.n_iteration", "evolution.refine"):
+        least = OmegaConf.select(before, key, default=0)
+        if OmegaConf.select(after, key, default=0) < least:
+            raise UsageError(
+                f"{key} of a run that goes on can only be raised; it is {least}"
+            )
+    more_generations = after.budget.n_iteration > before.budget.n_iteration
+    if more_generations and before.evolution.get("refine", 0):
         raise UsageError(
             "budget.n_iteration of a run with evolution.refine can't change: refinement comes last"
         )
@@ -82,22 +77,20 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
 
 
 def _apply(config: DictConfig, override: Override) -> None:
-    key, line = override.key_or_group, override.input_line or ""
+    key = override.key_or_group
+    line = override.input_line or ""
     if override.is_sweep_override():
         raise UsageError(f"{line}: one run goes on, with one value for each setting")
-    if key in GROUPS and not override.is_delete():
-        config[key] = load("config", [line])[key]
-    elif (
-        (key in KEYS or key.startswith(PARTS))
-        and key != "vlm.name"
-        and not override.is_delete()
-    ):
-        OmegaConf.update(config, key, override.value(), force_add=True)
-    else:
+    free = key in KEYS or (key.startswith(PARTS) and key != "vlm.name")
+    if override.is_delete() or not (free or key in GROUPS):
         possible = ", ".join([*GROUPS, "vlm.*", *KEYS])
         raise UsageError(
             f"{line}: a run goes on as it began; what may change: {possible}"
         )
+    if key in GROUPS:
+        config[key] = load("config", [line])[key]
+    else:
+        OmegaConf.update(config, key, override.value(), force_add=True)
 
 
 def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> None:
@@ -115,12 +108,10 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
     for kind in ("vlm", "executor", "listener"):
         for path, value in texts(config.get(kind), kind):
             name = path.rpartition(".")[2]
-            leads = (
-                "://" in value
-                or _ADDRESS.search(name)
-                or (name == "model" and value != usual)
-            )
-            if leads and not any(f"{path}.".startswith(f"{key}.") for key in given):
+            is_address = "://" in value or _ADDRESS.search(name) is not None
+            other_model = name == "model" and value != usual
+            repeated_here = any(f"{path}.".startswith(f"{key}.") for key in given)
+            if (is_address or other_model) and not repeated_here:
                 found[path] = clean(value, 300)
     if found:
         words = " ".join(f"{path}={value}" for path, value in found.items())

@@ -1,12 +1,11 @@
-"""Give Hydra the configs of parts (from ``conf/``, packages of plugins, factories' signatures), and a run's folder."""
+"""Give Hydra the configs of parts: from ``conf/``, packages of plugins, and factories' signatures."""
 
 from __future__ import annotations
 
 import inspect
 import itertools
-from datetime import datetime
-from functools import cache
-from pathlib import Path
+import json
+from contextlib import suppress
 from typing import Any, cast
 
 from hydra._internal.core_plugins.importlib_resources_config_source import (
@@ -19,6 +18,7 @@ from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import MISSING, DictConfig, OmegaConf
 
+from core.config.folders import run_folder, task_folder
 from core.errors import UserError
 from core.plugins import KINDS, installed
 
@@ -47,39 +47,33 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
         return config_path.strip("/") in ("", *KINDS)
 
     def is_config(self, config_path: str) -> bool:
-        kind, _ = part = _part(config_path)
-        return kind in KINDS and (
-            part in installed().offers or _file(config_path) is not None
-        )
+        kind, name = _part(config_path)
+        offered = (kind, name) in installed().offers
+        return kind in KINDS and (offered or _file(config_path) is not None)
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         group = config_path.strip("/")
-        if group == "":
-            return sorted(KINDS) if results_filter in (None, ObjectType.GROUP) else []
-        return (
-            installed().names(group)
-            if results_filter in (None, ObjectType.CONFIG)
-            else []
-        )
+        if results_filter not in (
+            None,
+            ObjectType.CONFIG if group else ObjectType.GROUP,
+        ):
+            return []
+        return installed().names(group) if group else sorted(KINDS)
 
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = _part(config_path)
         base = OmegaConf.create({"name": name, **defaults(kind, name)})
         file = _file(config_path)
         if file is None:
-            return ConfigResult(
-                self.provider,
-                f"{self.scheme()}://",
-                _placed(kind, name, base),
-                {"package": None},
-            )
+            config = _placed(kind, name, base)
+            where = f"{self.scheme()}://"
+            return ConfigResult(self.provider, where, config, {"package": None})
 
         result = file.load_config(config_path)
         if "defaults" not in result.config:  # else the defaults of its base hold
-            own = result.config[name] if kind == "listener" else result.config
-            result.config = _placed(
-                kind, name, cast(DictConfig, OmegaConf.merge(base, own))
-            )
+            written = result.config[name] if kind == "listener" else result.config
+            settings = cast(DictConfig, OmegaConf.merge(base, written))
+            result.config = _placed(kind, name, settings)
         return result
 
 
@@ -100,10 +94,7 @@ def _part(config_path: str) -> tuple[str, str]:
 
 def _file(config_path: str) -> ConfigSource | None:
     """The package that holds the YAML file of a part, if one does."""
-    for path in (
-        "pkg://conf",
-        *(path for paths in installed().configs.values() for path in paths),
-    ):
+    for path in ("pkg://conf", *itertools.chain(*installed().configs.values())):
         source = ImportlibResourcesConfigSource("parts", path)
         if source.is_config(config_path):
             return source
@@ -111,7 +102,7 @@ def _file(config_path: str) -> ConfigSource | None:
 
 
 def defaults(kind: str, name: str) -> dict[str, Any]:
-    """The settings of a part with their defaults, as far as YAML can express them.
+    """The settings of a part with their defaults, as far as YAML can express them, and what the program itself reads.
 
     A part that can't be imported has none here; the error is reported when the part is made.
     """
@@ -120,81 +111,30 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
         parameters = inspect.signature(factory).parameters.values()
     except (UserError, TypeError, ValueError):
         return {}
-    settings = {
-        parameter.name: MISSING
-        if parameter.default is parameter.empty
-        else parameter.default
-        for parameter in parameters
-        if parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
-    }
-    plain = {
-        key: value
-        for key, value in settings.items()
-        if _is_plain(value) and key not in KINDS[kind].provided
-    }
-    return plain | {
-        key: _own_default(factory, key, value)
-        for key, value in KINDS[kind].defaults.items()
-    }
 
-
-def _own_default(factory: object, key: str, default: Any) -> Any:
-    """Return the default of a key that the program reads: what a part's class has under that name, else the kind's."""
-    own = getattr(factory, key, ())
-    return list(own) if isinstance(own, list | tuple) and own else default
-
-
-def _is_plain(value: object) -> bool:
-    if isinstance(value, list | tuple):
-        return all(map(_is_plain, value))
-    if isinstance(value, dict):
-        return all(
-            isinstance(key, str) and _is_plain(item) for key, item in value.items()
+    settings: dict[str, Any] = {}
+    for parameter in parameters:
+        settable = parameter.kind in (
+            parameter.POSITIONAL_OR_KEYWORD,
+            parameter.KEYWORD_ONLY,
         )
-    return value is None or isinstance(value, bool | int | float | str)
+        if settable and parameter.name not in KINDS[kind].provided:
+            needed = parameter.default is parameter.empty
+            default = MISSING if needed else parameter.default
+            with suppress(TypeError):  # YAML can't say it
+                json.dumps(default)
+                settings[parameter.name] = default
+
+    for key, default in KINDS[kind].defaults.items():
+        declared = getattr(factory, key, None)  # by the part's class
+        is_list = isinstance(declared, list | tuple)
+        settings[key] = list(declared) if declared and is_list else default
+    return settings
 
 
 def register() -> None:
-    """Register the sources with Hydra; call it before composing."""
+    """Register the sources, and what configurations call, with Hydra; call it before composing."""
     for source in (PluginConfigs, PartConfigs):
         HydraPlugins.instance().register(source)
-
-
-def new_folder(name: str) -> str:
-    """Make the folder, or where there is one of its name ``NAME_2``, ``NAME_3`` and so on; return its name.
-
-    Where none can be made, the name is returned: what writes to it gives the reason.
-    """
-    for number in itertools.count(1):
-        chosen = name if number == 1 else f"{name}_{number}"
-        try:
-            Path(chosen).mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError:
-            break
-        return chosen
-    return name
-
-
-def stamp() -> str:
-    """Return the local time as it stands in the names of folders."""
-    return datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-
-
-@cache
-def run_folder(name: str) -> str:
-    """Make the folder of this process's run, once: Hydra asks for it many times."""
-    return new_folder(name)
-
-
-def task_folder(task: DictConfig) -> str:
-    """Name a task in the names of folders: one that stands in a file by the file's name."""
-    file = task.get("file")
-    return (Path(file).stem.strip(".") if isinstance(file, str) else "") or str(
-        task.name
-    )
-
-
-OmegaConf.register_new_resolver("new_folder", run_folder, replace=True)
-OmegaConf.register_new_resolver("task_folder", task_folder, replace=True)
+    OmegaConf.register_new_resolver("new_folder", run_folder, replace=True)
+    OmegaConf.register_new_resolver("task_folder", task_folder, replace=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from core.config.compose import listed, load, part
+from core.config.compose import load, read_parts
 from core.errors import UsageError
 from core.geometry import Array
 from core.interfaces import Robot, Task
@@ -32,8 +32,7 @@ class Several(Task):
         self, of: list[str | dict[str, Any]], combine: Literal["mean", "worst"] = "mean"
     ) -> None:
         super().__init__()
-        nodes = listed("task", "task", of).values()
-        self.sources = [part(TASK, node) for node in nodes]
+        self.sources = list(read_parts(TASK, of).values())
         self._parts: tuple[Task, ...] = tuple(
             source.create() for source in self.sources
         )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from core.config.compose import listed, part
+from core.config.compose import read_parts
 from core.errors import LimitReached, UsageError, check_positive
 from core.events import Generation, Run
 from core.hooks import hookimpl
@@ -64,8 +64,8 @@ class Ensemble(VLM):
         self._members: dict[str, VLM] = {}
         self._events = event_hub()
 
-        for node in listed("vlm", "model", members).values():
-            vlm = part(MODEL, node).create()
+        for member in read_parts(MODEL, members).values():
+            vlm = member.create()
             if isinstance(vlm, Ensemble):
                 raise UsageError(
                     "vlm.members: an ensemble can't be a member of one; name its members here"

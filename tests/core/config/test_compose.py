@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
             "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: ",
         ),
         (
-            ["+task.paper.n_agnet=1"],
+            ["task.paper.n_agnet=1"],
             "no key 'n_agnet' in task.paper (did you mean 'n_agent'?); possible: ",
         ),
     ],
@@ -49,9 +49,10 @@ def test_no_key_that_belongs_to_another_command_is_taken(word):
         load("evaluate", [word])
 
 
-def test_a_plus_before_a_key_that_is_there_changes_nothing():
-    words = ["task=OneBook", "seed=3", "budget.n_agent=2"]
-    assert load("config", [f"+{word}" for word in words]) == load("config", words)
+def test_a_plus_before_a_key_that_is_there():
+    assert load("config", ["++seed=3"]) == load("config", ["seed=3"])
+    with pytest.raises(UsageError, match="Either remove \\+ prefix: 'seed=3'"):
+        load("config", ["+seed=3"])
 
 
 def test_a_plus_adds_a_setting_that_the_factory_checks():
@@ -70,11 +71,8 @@ def test_a_plus_adds_a_setting_that_the_factory_checks():
 def test_an_unknown_key_beside_a_sweep():
     with pytest.raises(UsageError) as caught:
         load("config", ["budget.n_agnet=2"])
-    error = caught.value.__cause__
     line = "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "
-    assert str(explain(error, "config", ["seed=1,2", "budget.n_agnet=2"])).startswith(
-        line
-    )
+    assert str(explain(caught.value.__cause__, "config")).startswith(line)
 
 
 def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
@@ -93,7 +91,7 @@ def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
 
 def test_a_setting_that_refers_to_another_key():
     """Every command knows ``seed``; a key that a command lacks is one line."""
-    config = load("evaluate", ["sim=mujoco", "+sim.time_step=${seed}"])
+    config = load("evaluate", ["sim=mujoco", "sim.time_step=${seed}"])
     assert dict(part("sim", config.sim).settings)["time_step"] == 0
     with pytest.raises(
         UserError,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from core.config.compose import load
-from core.config.sources import new_folder, task_folder
+from core.config.folders import new_folder, task_folder
 
 WORDS = [
     "task=BringCube",
@@ -43,8 +43,8 @@ def test_runs_begun_in_one_second_have_a_folder_each(sweep, tmp_path):
         "class Still(datetime.datetime):\n"
         "    @classmethod\n"
         "    def now(cls, tz=None): return datetime.datetime(2026, 1, 31, 12, 0, 0, tzinfo=tz)\n"
-        "import hydra.core.utils, core.config.sources\n"
-        "hydra.core.utils.datetime = core.config.sources.datetime = Still\n"
+        "import hydra.core.utils, core.config.folders\n"
+        "hydra.core.utils.datetime = core.config.folders.datetime = Still\n"
         "from core.run import main\n"
         "if __name__ == '__main__': main(sys.argv[1:])\n"
     )

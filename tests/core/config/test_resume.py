@@ -80,7 +80,8 @@ def test_a_configuration_that_lacks_a_setting(began, group, key):
     config = copy.deepcopy(began)
     del (config[group] if group else config)[key]
     with pytest.raises(
-        UserError, match=f"can't be used: it lacks {group + '.' if group else ''}{key}$"
+        UserError,
+        match=f"can't be used by this version: it lacks {group + '.' if group else ''}{key}$",
     ):
         changed(config, [])
 

@@ -5,7 +5,7 @@ import yaml
 from omegaconf import MISSING, OmegaConf
 
 from core.config import sources
-from core.config.compose import load, part, prepared
+from core.config.compose import load, part
 from core.errors import UsageError
 from core.hooks import hookimpl
 from core.interfaces import Task
@@ -136,7 +136,7 @@ def test_settings_that_a_config_file_does_not_list(brought):
         "size": "???",
         "hint": "none",
     }
-    for word in ("task.hint=away", "+task.hint=away", "++task.hint=away"):
+    for word in ("task.hint=away", "++task.hint=away"):
         cfg = load("evaluate", ["task=Hinted", word])
         assert part("task", cfg.task).settings == (("hint", "away"),)
         assert cfg.task.tool_kinds == ["gripper"]
@@ -174,8 +174,6 @@ def test_a_config_file_over_another_one_keeps_what_that_says(brought):
 def test_a_config_group_of_a_plugin_can_be_added(brought):
     assert load("config", ["+experiment=big"]).seed == 7
     assert load("config", []).seed == 0
-    words = ["--config-dir", "folder", "+other=big"]  # the group may be there
-    assert prepared("config", words) == words
 
 
 def test_settings_of_a_listener(extended):

@@ -15,7 +15,7 @@ from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Waypoints
 from core.plugins import Offer, installed
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from plugins.conformance.suites import SUITES
 from plugins.vlms.ensemble.model import Ensemble
 from tests.plugins.vlms.asking import until_limit
@@ -142,7 +142,7 @@ def test_a_resumed_run_deals_as_the_undisturbed_one():
         ({}, "vlm.members is empty; name models"),
         ({"members": ["ofline"]}, "no vlm 'ofline'.*did you mean 'offline'"),
         ({"members": ["offline", "offline"]}, "'offline' is repeated"),
-        ({"members": [{"model": "x"}]}, "names no model"),
+        ({"members": [{"model": "x"}]}, "names no vlm"),
         (
             {"members": [{"name": "offline", "size": 3}]},
             "no setting 'size' in vlm=offline",

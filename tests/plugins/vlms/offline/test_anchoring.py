@@ -10,9 +10,9 @@ from core.designs.reading import read_designs
 from core.interfaces import Brief, Perception, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.trial import tried_once
 from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.faults import reach_error
 from tests.panda import on_panda

@@ -19,8 +19,8 @@ from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Joint, Scene, floor, table
 from core.solids.self_collision import find_self_collision
-from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.unplanned import find_unplanned
