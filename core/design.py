@@ -1,28 +1,26 @@
-"""Define tools, candidates (a tool with an action plan) and their evaluations, and how these are ranked."""
+"""Define tools, and candidates: a tool with an action plan."""
+
+# ruff: noqa: I001 - names that are handed on (`X as X`) stand together
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypeVar
 
 import numpy as np
 
 from core.values.plans import ActionPlan, Waypoints, digest
-from core.values.tools import GRIPPER_MOUNTS as GRIPPER_MOUNTS
-from core.values.tools import RIGID_MOUNT as RIGID_MOUNT
-from core.values.tools import TOOL_FRICTION as TOOL_FRICTION
-from core.values.tools import Bearer as Bearer
-from core.values.tools import Component as Component
-from core.values.tools import ConvexPart as ConvexPart
-from core.values.tools import DesignError as DesignError
-from core.values.tools import Tool as Tool
-from core.values.tools import ToolJoint as ToolJoint
-
-TIE = 0.005  # the default of ``evolution.tie``, see `ranked`
-
-Status = Literal["ok", "rejected", "failed"]
-T = TypeVar("T")
+from core.values.tools import (
+    GRIPPER_MOUNTS as GRIPPER_MOUNTS,
+    RIGID_MOUNT as RIGID_MOUNT,
+    TOOL_FRICTION as TOOL_FRICTION,
+    Bearer as Bearer,
+    Component as Component,
+    ConvexPart as ConvexPart,
+    DesignError as DesignError,
+    Tool as Tool,
+    ToolJoint as ToolJoint,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +70,9 @@ class Candidate:
         plan = self.plan.of(task)
         if plan is self.plan:
             return self
-        return (
-            replace(self, problem=self.problem or plan)
-            if isinstance(plan, str)
-            else replace(self, plan=plan)
-        )
+        if isinstance(plan, str):
+            return replace(self, problem=self.problem or plan)
+        return replace(self, plan=plan)
 
 
 @dataclass(frozen=True)
@@ -89,9 +85,7 @@ class Budget:
     n_iteration: int  # generations after the first
     k_top: int  # candidates that may become elites
     reward_save: float  # an elite earns more than this
-    stop_reward: float | None = (
-        None  # the run ends when the highest reward reaches it; None: never
-    )
+    stop_reward: float | None = None  # the run ends when a reward reaches it
     n_final: int = 8  # layouts more, at most, in which finalists are tried
 
     @property

@@ -35,18 +35,15 @@ def fault(error: BaseException | None) -> str | None:
 
     Neither an OSError nor a lack of memory nor a missing module says anything about a design.
     """
-    described = error
-    while error is not None:
-        no_thread = isinstance(error, RuntimeError) and "can't start new thread" in str(
-            error
-        )
-        if no_thread or isinstance(error, Fault | OSError | MemoryError | ImportError):
-            named = isinstance(described, Fault | UserError) or described is not error
-            text = (
-                str(described) if named else f"{type(described).__name__}: {described}"
-            )
+    cause = error
+    while cause is not None:
+        no_thread = "can't start new thread" in str(cause)
+        if no_thread or isinstance(cause, Fault | OSError | MemoryError | ImportError):
+            text = str(error)
+            if cause is error and not isinstance(error, Fault | UserError):
+                text = f"{type(error).__name__}: {error}"
             return " ".join(text.split()).removesuffix(":")
-        error = error.__cause__
+        cause = cause.__cause__
     return None
 
 
@@ -77,12 +74,12 @@ def choices(
     kind: str, wrong: str, possible: Iterable[str], where: str = ""
 ) -> UsageError:
     """Build the error for the unknown name ``wrong``: it lists the possible names, and suggests the closest."""
-    names = sorted(possible)
-    close = difflib.get_close_matches(
-        wrong.lower(), [name.lower() for name in names], n=1, cutoff=0.6
+    known = sorted(possible)
+    names = {name.lower(): name for name in reversed(known)}
+    hint = "".join(
+        f" (did you mean {names[close]!r}?)"
+        for close in difflib.get_close_matches(wrong.lower(), names, n=1)
     )
-    meant = [name for name in names if close and name.lower() == close[0]]
-    hint = f" (did you mean {meant[0]!r}?)" if meant else ""
-    at = f" in {where}" if where else ""
-    listed = ", ".join(names) if names else "none"
-    return UsageError(f"no {kind} {wrong!r}{at}{hint}; possible: {listed}")
+    place = f" in {where}" if where else ""
+    listed = ", ".join(known) or "none"
+    return UsageError(f"no {kind} {wrong!r}{place}{hint}; possible: {listed}")

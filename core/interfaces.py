@@ -5,6 +5,8 @@ part's settings as keyword arguments. The names, types and defaults in the facto
 may set.
 """
 
+# ruff: noqa: I001 - names that are handed on (`X as X`) stand together
+
 from __future__ import annotations
 
 import math
@@ -17,30 +19,56 @@ from typing import Any, ClassVar, Protocol, TypeVar, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from core.design import Budget, Candidate, DesignError, Tool
+from core.design import Budget as Budget, Candidate, DesignError, Tool
 from core.errors import UsageError, UserError
-from core.scene import View
-from core.task import Task
-from core.trial import TIE, Condition, Evaluation, Score, Trial, rewards_by_engine
-from core.values.jobs import (
-    Feel,
-    Felt,
-    Guards,
-    JointTrajectory,
-    Outcome,
-    Perception,
-    Pushes,
-    Recording,
-    Rollout,
-    RolloutSettings,
-    World,
+from core.scene import View as View
+from core.task import Task as Task
+from core.trial import (
+    TIE,
+    Condition as Condition,
+    Evaluation as Evaluation,
+    Score as Score,
+    Trial as Trial,
+    rewards_by_engine,
 )
-from core.values.materials import PAPER, Material
-from core.values.messages import Estimate, Message, Picture, Reply, Spending, Text
-from core.values.numbers import Numbers, Variable
-from core.values.observations import Contact, Observation
-from core.values.plans import ActionPlan, Anchor, Guard, Seen, Tempo, Waypoints
-from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
+from core.values.jobs import (
+    Feel as Feel,
+    Felt as Felt,
+    Guards as Guards,
+    JointTrajectory as JointTrajectory,
+    Outcome as Outcome,
+    Perception as Perception,
+    Pushes as Pushes,
+    Recording as Recording,
+    Rollout as Rollout,
+    RolloutSettings as RolloutSettings,
+    World as World,
+)
+from core.values.materials import PAPER as PAPER, Material as Material
+from core.values.messages import (
+    Estimate as Estimate,
+    Message as Message,
+    Picture as Picture,
+    Reply as Reply,
+    Spending as Spending,
+    Text as Text,
+)
+from core.values.numbers import Numbers as Numbers, Variable
+from core.values.observations import Contact as Contact, Observation as Observation
+from core.values.plans import (
+    ActionPlan as ActionPlan,
+    Anchor as Anchor,
+    Guard as Guard,
+    Seen as Seen,
+    Tempo as Tempo,
+    Waypoints as Waypoints,
+)
+from core.values.robots import (
+    ISO_9409_1_50 as ISO_9409_1_50,
+    Flange as Flange,
+    Gripper as Gripper,
+    Robot as Robot,
+)
 
 Image = npt.NDArray[np.uint8]
 A = TypeVar("A")
@@ -418,38 +446,3 @@ class Executor(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-__all__ = [
-    "ActionRepresentation",
-    "Brief",
-    "Designer",
-    "EvolutionStrategy",
-    "Executor",
-    "Fitness",
-]
-__all__ += ["VLM", "GivenTools", "Request", "Simulator", "ToolRepresentation"]
-__all__ += [
-    "Budget",
-    "Condition",
-    "Evaluation",
-    "Score",
-    "Task",
-    "Trial",
-    "View",
-]  # of core.design, core.task and core.scene; what follows of core.values
-__all__ += ["Feel", "Felt", "JointTrajectory", "Outcome", "Perception", "Pushes"]
-__all__ += ["Guards", "Recording", "Rollout", "RolloutSettings", "World"]
-__all__ += [
-    "ActionPlan",
-    "Anchor",
-    "Contact",
-    "Guard",
-    "Numbers",
-    "Observation",
-    "Seen",
-    "Tempo",
-    "Waypoints",
-]
-__all__ += ["ISO_9409_1_50", "PAPER", "Flange", "Gripper", "Material", "Robot"]
-__all__ += ["Estimate", "Message", "Picture", "Reply", "Spending", "Text"]

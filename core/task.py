@@ -38,7 +38,8 @@ class Task(ABC):
         success_reward: from here on the task counts as solved.
         variations: by name, what `draw` draws at random, and from which range.
         tool_kinds: that a tool for it may have, where its configuration names none.
-        combine: of the rewards of its parts: mean or worst.
+        sources: what makes its `parts`, where there are several.
+        builder: of its searches; None: `core.search.builder.SearchBuilder`.
         language: of the source that a model is shown.
         robot: the arm that performs the task; the program makes a task for one.
 
@@ -58,7 +59,8 @@ class Task(ABC):
     variations: ClassVar[Mapping[str, Ranges]] = {}
     variation: str = NONE
     tool_kinds: Sequence[str] = ()
-    combine: str = "mean"
+    sources: Sequence[Any] = ()
+    builder: ClassVar[type | None] = None
     language: ClassVar[str] = "python"
     robot: Robot
 

@@ -16,7 +16,7 @@ import numpy as np
 from core.design import Candidate
 from core.scene import Scene
 from core.task import Task
-from core.values.efforts import Effort, holds
+from core.values.efforts import Effort
 from core.values.jobs import RolloutSettings
 from core.values.margins import Margin
 from core.values.observations import Observation
@@ -286,13 +286,6 @@ class Evaluation:
         return effort_of(self.candidate, self.trials)
 
     @property
-    def holds(self) -> bool:
-        """Whether its trials hold in each engine (`core.values.efforts.holds`)."""
-        return bool(self.trials) and holds(
-            min(float(np.mean(own)) for own in self.by_engine.values())
-        )
-
-    @property
     def by_engine(self) -> dict[str, list[float]]:
         """The rewards of its trials in each engine."""
         return rewards_by_engine(self.trials)
@@ -316,38 +309,20 @@ class Evaluation:
         )
 
 
-def tried_once(
-    candidate: Candidate,
-    status: Status = "ok",
-    reward: float = 0.0,
-    distance_m: float = float("nan"),
-    **fields: Any,
-) -> Evaluation:
-    """Make the evaluation of a candidate with a single trial, where it does not matter in which condition it was.
-
-    ``fields`` are further fields of the `Trial`.
-    """
-    where = fields.pop("where", Where("", "", 0))
-    trial = Trial(
-        where, candidate.id, status, float(reward), distance_m=distance_m, **fields
-    )
-    return Evaluation(candidate, (trial,), Score(trial.reward))
-
-
 def effort_of(candidate: Candidate, trials: Sequence[Trial]) -> Effort | None:
     """Compute what a design costs, over its trials; None: none came to its end, or there is no tool."""
     times = [trial.motion_s for trial in trials if trial.motion_s is not None]
     if not times or candidate.tool is None:
         return None
-    least = [
-        max(min(margin.margin for margin in trial.margins), 0.0)
-        for trial in trials
-        if trial.margins
-    ]
+    least = []
+    for trial in trials:
+        if trial.margins:
+            margin = min(margin.margin for margin in trial.margins)
+            least.append(max(margin, 0.0))
     return Effort(
-        float(np.mean(times)),
-        candidate.tool.mass,
-        float(np.mean(least)) if least else None,
+        motion_s=float(np.mean(times)),
+        mass_kg=candidate.tool.mass,
+        margin=float(np.mean(least)) if least else None,
     )
 
 
@@ -382,16 +357,15 @@ def ranked(
         figures: gives an item's reward and distance in metres; a distance of None or nan is the longest.
         tie: the largest difference from the highest reward that counts as none.
     """
-    groups: list[list[T]] = []
+    places = []
+    highest = np.inf
     for item in sorted(items, key=lambda item: figures(item)[0], reverse=True):
-        if not groups or figures(groups[-1][0])[0] - figures(item)[0] > tie:
-            groups.append([])
-        groups[-1].append(item)
-    return [
-        item
-        for group in groups
-        for item in sorted(group, key=lambda item: _or_longest(figures(item)[1]))
-    ]
+        reward, distance_m = figures(item)
+        if highest - reward > tie:
+            highest = reward  # what is within a tie of it counts as equal
+        places.append((-highest, _or_longest(distance_m), item))
+    places.sort(key=lambda place: place[:2])
+    return [item for _, _, item in places]
 
 
 def _or_longest(distance_m: float | None) -> float:
@@ -400,10 +374,9 @@ def _or_longest(distance_m: float | None) -> float:
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
     """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
-    tried = sorted(
-        (e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key
-    )
-    return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
+    tried = [evaluation for evaluation in evaluations if evaluation.status == "ok"]
+    tried.sort(key=lambda evaluation: evaluation.candidate.key)
+    return ranked(tried, lambda tried: (tried.reward, tried.distance_m), tie)
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:

@@ -1,50 +1,33 @@
 """Find plugins, check the settings of their parts, and make the parts. ``python -m core.plugins`` lists them."""
 
-from core.plugins.blame import PluginError, describe_failure
-from core.plugins.kinds import (
-    ACTION,
-    COMMAND,
-    EVOLUTION,
-    EXECUTOR,
-    FITNESS,
-    KINDS,
-    LISTENER,
-    MODEL,
-    ROBOT,
-    SIMULATOR,
-    TASK,
-    TOOL,
-    Kind,
-    event_hub,
-)
-from core.plugins.parts import PluginPart, RobotPart
-from core.plugins.registry import (
-    Failure,
-    Offer,
-    Plugins,
-    check_settings,
-    describe_part,
-    installed,
-)
+# ruff: noqa: I001 - names that are handed on (`X as X`) stand together
 
-__all__ = [
-    "ACTION",
-    "COMMAND",
-    "EVOLUTION",
-    "EXECUTOR",
-    "FITNESS",
-    "KINDS",
-    "LISTENER",
-    "MODEL",
-    "ROBOT",
-    "SIMULATOR",
-]
-__all__ += ["TASK", "TOOL", "Kind", "event_hub"]
-__all__ += ["Failure", "Offer", "PluginPart", "Plugins", "RobotPart"]
-__all__ += [
-    "PluginError",
-    "check_settings",
-    "describe_failure",
-    "describe_part",
-    "installed",
-]
+from core.plugins.blame import (
+    PluginError as PluginError,
+    describe_failure as describe_failure,
+)
+from core.plugins.kinds import (
+    ACTION as ACTION,
+    COMMAND as COMMAND,
+    EVOLUTION as EVOLUTION,
+    EXECUTOR as EXECUTOR,
+    FITNESS as FITNESS,
+    KINDS as KINDS,
+    LISTENER as LISTENER,
+    MODEL as MODEL,
+    ROBOT as ROBOT,
+    SIMULATOR as SIMULATOR,
+    TASK as TASK,
+    TOOL as TOOL,
+    Kind as Kind,
+    event_hub as event_hub,
+)
+from core.plugins.parts import PluginPart as PluginPart, RobotPart as RobotPart
+from core.plugins.registry import (
+    Failure as Failure,
+    Offer as Offer,
+    Plugins as Plugins,
+    check_settings as check_settings,
+    describe_part as describe_part,
+    installed as installed,
+)

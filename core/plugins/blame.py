@@ -13,7 +13,7 @@ import pluggy
 
 from core.errors import RAISED, UserError
 from core.hooks import Command, hookimpl
-from core.plugins.registry import Offer, Plugins, describe_part, installed, offer_of
+from core.plugins.registry import Offer, Plugins, describe_part, installed
 from core.support.cli import say
 
 
@@ -31,25 +31,23 @@ def describe_failure(
     """
     if isinstance(error, PluginError):
         return None
-    offers = [*(plugins or installed()).offers.values()]
-    modules = {
-        _module(offer): offer for offer in reversed(offers)
-    }  # the first one, of several in a module
+    modules: dict[str, Offer] = {}
+    for offer in (plugins or installed()).offers.values():
+        modules.setdefault(_module(offer), offer)  # the first, of several in a module
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
-        offer = offer_of(frame.f_locals.get("self")) or modules.get(
-            frame.f_globals.get("__name__", "")
-        )
-        if offer is not None:
-            return f"{offer.kind} {offer.name!r} of {offer.distribution} raised {type(error).__name__}: {error}"
+        made = Plugins.origin(frame.f_locals.get("self"))
+        blamed = made or modules.get(frame.f_globals.get("__name__", ""))
+        if blamed is not None:
+            owner = f"{blamed.kind} {blamed.name!r} of {blamed.distribution}"
+            return f"{owner} raised {type(error).__name__}: {error}"
     return None
 
 
 def _module(offer: Offer) -> str:
-    factory = (
-        offer.factory.main if isinstance(offer.factory, Command) else offer.factory
-    )
-    return factory.partition(":")[0] if isinstance(factory, str) else factory.__module__
+    factory = offer.factory
+    code = factory.main if isinstance(factory, Command) else factory
+    return code.partition(":")[0] if isinstance(code, str) else code.__module__
 
 
 @contextmanager
@@ -67,34 +65,36 @@ def refuse_exit() -> Iterator[None]:
         ) from end
 
 
-def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> Guard:
-    """Register ``listener`` with ``hub`` until it raises an exception.
-
-    The first one is reported on standard error in one line, which names the listener, the event and the error. From
-    then on the listener receives only ``run_ended``, so that it can let go of what it holds.
-    """
-    guard = Guard(hub, listener)
-    hub.register(guard, name)
-    return guard
+def add_listener(
+    hub: pluggy.PluginManager, listener: object, name: str
+) -> ListenerProxy:
+    """Register ``listener`` with ``hub`` until it raises an exception (`ListenerProxy`)."""
+    proxy = ListenerProxy(hub, listener)
+    hub.register(proxy, name)
+    return proxy
 
 
-class Guard:
+class ListenerProxy:
     """Stands for a listener at the hub: it implements the same events, and lets no exception through.
 
-    ``exited`` says which event it answered by ending the process, if it tried to.
+    The first exception is reported on standard error in one line, which names the listener, the event and the error.
+    From then on the listener receives only ``run_ended``, so that it can let go of what it holds.
+
+    Attributes:
+        exited: which event the listener answered by ending the process, if it tried to.
     """
 
     def __init__(self, hub: pluggy.PluginManager, listener: object) -> None:
         self.exited: str | None = None
         self._listener = listener
         self._failed = False
-        for attribute in dir(listener):
-            options = hub.parse_hookimpl_opts(listener, attribute)
+        for event in dir(listener):
+            options = hub.parse_hookimpl_opts(listener, event)
             if options is not None:
-                guarded = self._guarded(attribute, getattr(listener, attribute))
-                setattr(self, attribute, hookimpl(**options)(guarded))
+                passed_on = self._pass_on(event, getattr(listener, event))
+                setattr(self, event, hookimpl(**options)(passed_on))
 
-    def _guarded(
+    def _pass_on(
         self, event: str, function: Callable[..., None]
     ) -> Callable[..., None]:
         @wraps(function)
@@ -113,7 +113,7 @@ class Guard:
             return
         self._failed = True
         what = " ".join(f"{type(error).__name__}: {error}".split())
-        blamed = f"{describe_part(self._listener)}: {event} raised {what}"
+        line = f"{describe_part(self._listener)}: {event} raised {what}"
         if isinstance(error, SystemExit):
-            self.exited = blamed
-        say(f"{blamed}; it receives no more events", file=sys.stderr)
+            self.exited = line
+        say(f"{line}; it receives no more events", file=sys.stderr)

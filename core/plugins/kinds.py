@@ -124,8 +124,10 @@ KINDS: dict[str, Kind[Any]] = {
 }
 """All kinds by their config group."""
 
-HOOKS = {kind.hook: kind.name for kind in KINDS.values()}
-HOOKS |= {"levels": "level", "prompt_values": "prompt_value", "exports": "export"}
+HOOKS = {
+    **{kind.hook: kind.name for kind in KINDS.values()},
+    **{"levels": "level", "prompt_values": "prompt_value", "exports": "export"},
+}
 """What each hook of `core.hooks` offers."""
 
 

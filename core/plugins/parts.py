@@ -19,7 +19,7 @@ T_co = TypeVar("T_co", covariant=True, default=Any)
 _Number = pydantic.FiniteFloat
 _BASE = pydantic.TypeAdapter(
     tuple[_Number, _Number, _Number, _Number], config={"strict": True}
-)
+)  # x, y, z and yaw
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,13 @@ class PluginPart(Generic[T_co]):
         return hash((self.kind, self.name))
 
     def create(self, **given: Any) -> T_co:
-        made_for = {
-            "robot": self.robot and _robot(self.robot),
-            "material": self.material,
-        }
+        """Make the part; what is ``given`` goes to its factory beside the settings."""
+        robot = self.robot and _robot(self.robot)
         part: T_co = installed().create(
-            self.kind, self.name, dict(self.settings), **(made_for | given)
+            self.kind,
+            self.name,
+            dict(self.settings),
+            **{"robot": robot, "material": self.material, **given},
         )
         return part
 
@@ -81,7 +82,9 @@ class RobotPart(PluginPart[Robot]):
             raise UsageError(
                 f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}"
             ) from error
-        return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw)) if any(self.base) else Pose()
+        if not any(self.base):
+            return Pose()
+        return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw))
 
 
 @lru_cache(maxsize=256)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.metadata
 import importlib.util
 import inspect
 import pkgutil
 import typing
-import weakref
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar, overload
+from typing import Any, ClassVar, TypeVar, overload
+from weakref import WeakKeyDictionary
 
 import pluggy
 import pydantic
@@ -53,13 +53,19 @@ class Failure:
 class Plugins:
     """The installed plugins; makes their parts.
 
-    A plugin that fails is kept in ``failures`` with the reason, and the others are not affected.
+    A plugin is a module or an object that an entry point names. Its hooks (`core.hooks`) are called once, when it is
+    found. One that fails is kept in ``failures`` with the reason, and the others are not affected::
+
+        plugins = installed()
+        task = plugins.create("task", "BringCube", {"variation": "wide"})
 
     Attributes:
         offers: what is offered, by kind and name. The first offer of a name is kept.
         configs: packages of Hydra configs, by distribution.
         failures: what could not be loaded.
     """
+
+    _origins: ClassVar[WeakKeyDictionary[Any, Offer]] = WeakKeyDictionary()
 
     def __init__(self) -> None:
         self.offers: dict[tuple[str, str], Offer] = {}
@@ -68,10 +74,8 @@ class Plugins:
 
         entries = importlib.metadata.entry_points(group=PROJECT)
         found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
-        found.sort(
-            key=lambda pair: pair[1] != PROJECT
-        )  # no other package replaces a built-in part
-        for entry, distribution in found:
+        # This project's own come first: no other package replaces a built-in part.
+        for entry, distribution in sorted(found, key=lambda pair: pair[1] != PROJECT):
             try:
                 plugin = entry.load()
             except RAISED as error:  # a third-party import may raise anything
@@ -82,6 +86,10 @@ class Plugins:
 
     def register(self, plugin: Any, name: str, distribution: str) -> None:
         """Add the offers of ``plugin``, a module or an object, as if an entry point ``name`` had named it."""
+
+        def fail(reason: str) -> None:
+            self.failures.append(Failure(name, distribution, reason))
+
         manager = pluggy.PluginManager(PROJECT)
         manager.add_hookspecs(Parts)
         manager.add_hookspecs(Configs)
@@ -89,43 +97,35 @@ class Plugins:
             manager.register(plugin, name)
             manager.check_pending()
         except pluggy.PluginValidationError as error:
-            self.failures.append(
-                Failure(name, distribution, " ".join(str(error).split()))
-            )
+            fail(" ".join(str(error).split()))
             return
 
-        hooks = manager.get_hookcallers(plugin)
+        hooks = manager.get_hookcallers(plugin) or []
         if not hooks:
-            reason = f"{plugin!r} implements no hook; possible: {', '.join(HOOKS)}"
-            self.failures.append(Failure(name, distribution, reason))
-        for hook in hooks or ():
+            fail(f"{plugin!r} implements no hook; possible: {', '.join(HOOKS)}")
+        for hook in hooks:
             try:
-                for given in hook():
-                    self._add(hook.name, given, name, distribution)
+                for offered in hook():
+                    if hook.name == "config_path":
+                        self._add_configs(offered, distribution)
+                        continue
+                    for part, factory in dict(offered).items():
+                        kind = HOOKS[hook.name]
+                        offer = Offer(kind, part, name, distribution, factory)
+                        first = self.offers.setdefault((kind, part), offer)
+                        if first is not offer:
+                            owner = f"{first.entry_point} of {first.distribution}"
+                            fail(f"{kind} {part!r} is taken by {owner}")
             except RAISED as error:  # a third-party hook may raise anything
-                reason = f"hook {hook.name!r} failed: {type(error).__name__}: {error}"
-                self.failures.append(Failure(name, distribution, reason))
+                fail(f"hook {hook.name!r} failed: {type(error).__name__}: {error}")
 
-    def _add(self, hook: str, given: Any, entry_point: str, distribution: str) -> None:
-        """Add what a hook returned."""
-        if hook == "config_path":
-            if (
-                not given.startswith("pkg://")
-                or importlib.util.find_spec(given.removeprefix("pkg://")) is None
-            ):
-                raise ValueError(
-                    f'it gave {given!r}; expected a package that holds YAML files, "pkg://my_package.conf"'
-                )
-            self.configs.setdefault(distribution, []).append(given)
-            return
-
-        kind = HOOKS[hook]
-        for part, factory in dict(given).items():
-            offer = Offer(kind, part, entry_point, distribution, factory)
-            kept = self.offers.setdefault((kind, part), offer)
-            if kept is not offer:
-                reason = f"{kind} {part!r} is taken by {kept.entry_point} of {kept.distribution}"
-                self.failures.append(Failure(entry_point, distribution, reason))
+    def _add_configs(self, path: str, distribution: str) -> None:
+        package = path.removeprefix("pkg://")
+        if package == path or importlib.util.find_spec(package) is None:
+            raise ValueError(
+                f'it gave {path!r}; expected a package that holds YAML files, "pkg://my_package.conf"'
+            )
+        self.configs.setdefault(distribution, []).append(path)
 
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
@@ -153,6 +153,13 @@ class Plugins:
         if isinstance(offer.factory, Command):
             return lambda: offer.factory
         return _imported(offer, offer.factory)
+
+    @classmethod
+    def origin(cls, part: object) -> Offer | None:
+        """Return the offer that a part was made from; None: it was not made here."""
+        with suppress(TypeError):  # it can't be a key
+            return cls._origins.get(part)
+        return None
 
     @property
     def failed(self) -> str:
@@ -216,10 +223,8 @@ class Plugins:
             ) from error
         KINDS[group].check(part, str(offer))
 
-        with contextlib.suppress(
-            TypeError
-        ):  # a part that can't be a key is described by its class
-            _made[part] = offer
+        with suppress(TypeError):  # one that can't be a key is described by its class
+            self._origins[part] = offer
         if isinstance(part, Task | ToolRepresentation):
             part.robot = robot or self.default_robot
         if isinstance(part, ToolRepresentation):
@@ -247,7 +252,7 @@ def check_settings(
     where: str,
     given: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Convert ``settings`` to the types that the factory's signature names.
+    """Convert ``settings`` to the types that the factory's signature names; the program gives others itself.
 
     Raises:
         UserError: a setting that is unknown, missing, or of the wrong type.
@@ -259,17 +264,15 @@ def check_settings(
         if name not in given
         and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
     ]
-    hints = typing.get_type_hints(
-        factory.__init__ if inspect.isclass(factory) else factory
-    )
+    function = factory.__init__ if inspect.isclass(factory) else factory
+    hints = typing.get_type_hints(function)
     checked: dict[str, Any] = {}
     for name, value in settings.items():
         if name not in possible:
             raise choices("setting", name, possible, where)
+        wanted = pydantic.TypeAdapter(hints.get(name, Any))
         try:
-            checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(
-                value
-            )
+            checked[name] = wanted.validate_python(value)
         except pydantic.ValidationError as error:
             first = error.errors()[0]
             reason = ": ".join([*map(str, first["loc"]), first["msg"]])
@@ -314,19 +317,11 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     return typing.cast(Callable[..., Any], found)
 
 
-_made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()
-
-
-def offer_of(part: object) -> Offer | None:
-    """Return the offer that a part was made from; None: it was not made here."""
-    with contextlib.suppress(TypeError):  # it can't be a key
-        return _made.get(part)
-    return None
-
-
 def describe_part(part: object) -> str:
     """Name a part that was made here by its kind, name, distribution and hook; others by their class."""
-    return str(offer_of(part) or f"{type(part).__module__}.{type(part).__qualname__}")
+    return str(
+        Plugins.origin(part) or f"{type(part).__module__}.{type(part).__qualname__}"
+    )
 
 
 @lru_cache(maxsize=1)

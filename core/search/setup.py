@@ -96,9 +96,9 @@ def _build_strategy(
             "rollouts": rollouts,
             "tie": settings.get("tie", TIE),
         }
-    strategy: EvolutionStrategy = part(EVOLUTION, OmegaConf.create(settings)).create(
-        designer=designer, budget=designer.assignment.budget
-    )
+    strategy: EvolutionStrategy = part(
+        EVOLUTION, OmegaConf.create(dict(settings))
+    ).create(designer=designer, budget=designer.assignment.budget)
     return strategy
 
 

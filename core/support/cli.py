@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
-from typing import ClassVar, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from core.errors import UsageError, UserError
 from core.support.scratch import remove_scratch
@@ -27,44 +27,39 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     Keys are left out of all that it prints.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(
-            errors="backslashreplace"
-        )  # for an encoding that has not every letter
+        # For an encoding that has not every letter.
+        sys.stdout.reconfigure(errors="backslashreplace")
     sys.stdout = Scrubbed(sys.stdout)
     sys.stderr = Scrubbed(sys.stderr)
+    interrupt = _Interrupt()
     for number in (signal.SIGINT, signal.SIGTERM):
-        if (
-            signal.getsignal(number) is not signal.SIG_IGN
-        ):  # ignored where a shell runs it in the background
-            signal.signal(number, _Interrupt())
+        # Ignored where a shell runs it in the background.
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, interrupt)
     try:
         status = function(sys.argv[1:])
         sys.stdout.flush()
-    except BrokenPipeError:
-        _leave(
-            "", 1
-        )  # who reads its output is gone, such as head, which reads a few lines
+    except BrokenPipeError:  # who reads the output is gone, such as head
+        _leave("", 1)
     except OSError as error:
         if error.filename is not None or error.errno != errno.ENOSPC:
             raise
         _leave(f"error: the output can't be written: {error.strerror}", 1)
+    except UsageError as error:
+        _leave(f"error: {error}", 2)
     except UserError as error:
-        _leave(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
-    except KeyboardInterrupt as interrupt:
-        _leave("; ".join(["interrupted", *map(str, interrupt.args)]), 130)
+        _leave(f"error: {error}", 1)
+    except KeyboardInterrupt as error:
+        _leave("; ".join(["interrupted", *map(str, error.args)]), 130)
     sys.exit(status or 0)
 
 
 def arguments(usage: str, given: Sequence[str]) -> list[str]:
     """Return the command line's overrides; with ``--help`` print the usage and end the process."""
     given = _help_or_words(usage, given)
-    unknown = [
-        argument
-        for argument in given
-        if argument.startswith("-") or "=" not in argument
-    ]
-    if unknown:
-        raise UsageError(f"can't read {unknown[0]!r}; {usage}")
+    for word in given:
+        if word.startswith("-") or "=" not in word:
+            raise UsageError(f"can't read {word!r}; {usage}")
     return given
 
 
@@ -80,13 +75,13 @@ def folders_and_overrides(
     for word in _help_or_words(usage, given):
         if word.startswith("-"):
             raise UsageError(f"can't read {word!r}; {usage}")
-        key, equals, value = word.partition("=")
-        if not equals or Path(word).exists():
+        key, _, value = word.partition("=")
+        if "=" not in word or Path(word).exists():
             folders.append(Path(word))
-        elif key not in ("run", "runs"):
-            overrides.append(word)
-        else:
+        elif key in ("run", "runs"):
             folders.append(Path(value))
+        else:
+            overrides.append(word)
     return folders, overrides
 
 
@@ -138,19 +133,14 @@ def print_table(
     import rich.text
 
     file = sys.stdout if file is None else file
-    grid = [[clean(cell, 2000) for cell in row] for row in rows]
     table = rich.table.Table(box=None, header_style="bold", pad_edge=False)
-    for k, name in enumerate(columns):
-        number = name in numbers
-        width = max((len(row[k]) for row in grid), default=0) if number else None
-        table.add_column(
-            name,
-            justify="right" if number else "left",
-            overflow="fold",
-            min_width=width,
-        )
-    for row in grid:
-        table.add_row(*map(rich.text.Text, row))
+    for name in columns:
+        if name in numbers:
+            table.add_column(name, justify="right", no_wrap=True)
+        else:
+            table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*(rich.text.Text(clean(cell, 2000)) for cell in row))
     console = rich.console.Console(file=file, width=None if file.isatty() else 100_000)
     with console.capture() as printed:
         console.print(table, crop=False)
@@ -163,15 +153,16 @@ class _Interrupt:
     Some senders signal the process, then its group: signals within a second count as one.
     """
 
-    first: ClassVar[float] = math.inf
+    def __init__(self) -> None:
+        self.first = math.inf
 
     def __call__(self, *_: object) -> None:
         now = time.monotonic()
-        if now > _Interrupt.first + 1.0:
+        if now > self.first + 1.0:
             remove_scratch()
             os._exit(130)
-        if now < _Interrupt.first:
-            _Interrupt.first = now
+        if now < self.first:
+            self.first = now
             raise KeyboardInterrupt
 
 

@@ -18,7 +18,7 @@ class FileMark(NamedTuple):
     number: int
     size: int
     modified_ns: int
-    changed_ns: int  # unlike the date of modification it can't be chosen
+    changed_ns: int  # unlike the time of modification it can't be chosen
 
 
 def file_mark(file: Path) -> FileMark | None:
@@ -27,13 +27,9 @@ def file_mark(file: Path) -> FileMark | None:
         status = file.lstat()
     except OSError:
         return None
-    return FileMark(
-        status.st_dev,
-        status.st_ino,
-        status.st_size,
-        status.st_mtime_ns,
-        status.st_ctime_ns,
-    )
+    place = (status.st_dev, status.st_ino)
+    times = (status.st_mtime_ns, status.st_ctime_ns)
+    return FileMark(*place, status.st_size, *times)
 
 
 def read_text(file: Path, what: str) -> str:
@@ -63,9 +59,9 @@ def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
     Raises:
         OSError: it can't be written.
     """
-    part = file.with_name(
-        f".{file.name}.{secrets.token_hex(8)}.part" if shared else f"{file.name}.part"
-    )
+    part = file.with_name(f"{file.name}.part")
+    if shared:
+        part = file.with_name(f".{file.name}.{secrets.token_hex(8)}.part")
     try:
         part.unlink(missing_ok=True)
         with part.open("xb") as stream:
@@ -83,20 +79,19 @@ def read_untrusted(file: Path, most: int) -> bytes:
         UserError: it is no such file, or can't be read; says why in one line.
     """
     try:
-        handle = os.open(
-            file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
-        )  # opening a pipe would wait
+        # Opening a pipe would wait otherwise.
+        handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(handle, "rb") as stream:
-            status = os.fstat(handle)
-            if not stat.S_ISREG(status.st_mode):
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
                 raise UserError(f"{file} is no regular file")
-            data = stream.read(most + 1) if status.st_size <= most else b""
+            data = stream.read(most + 1)
+            size = os.fstat(handle).st_size
     except OSError as error:
         raise UserError(f"{file} can't be read: {error.strerror}") from error
     except ValueError as error:  # a zero byte in its name
         raise UserError(f"{str(file)!r} can't be a file's name: {error}") from error
-    if max(len(data), status.st_size) > most:
+    if len(data) > most:
         raise UserError(
-            f"{file} has {status.st_size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
+            f"{file} has {size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
         )
     return data

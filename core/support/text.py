@@ -6,6 +6,7 @@ import ast
 import inspect
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -16,39 +17,41 @@ def clean(text: str, longest: int, *, lines: bool = False) -> str:
 
     It becomes one line, or keeps its own ``lines``.
     """
-    visible = "".join(
-        character
-        for character in text
-        if character.isprintable() or character.isspace()
-    )
-    rows = [
-        " ".join(row.split()) for row in (visible.splitlines() if lines else [visible])
-    ]
-    kept = "\n".join(filter(None, rows))
-    return kept if len(kept) <= longest else kept[: longest - 3] + "..."
+    kept = "".join(c for c in text if c.isprintable() or c.isspace())
+    rows = kept.splitlines() if lines else [kept]
+    words = [" ".join(row.split()) for row in rows]
+    return _cut("\n".join(filter(None, words)), longest)
+
+
+def _cut(text: str, longest: int) -> str:
+    return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def visible(text: str) -> str:
     """Escape what is not printable: control characters, line breaks, marks that turn the direction, surrogates."""
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii")
-        for c in text
-    )
+    return "".join(c if c.isprintable() else _escape(c) for c in text)
+
+
+def _escape(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
 
 
 def kind(value: object) -> str:
     """Describe the type of a JSON value, for a reason."""
-    names: dict[type, str] = {
-        dict: "an object",
-        list: "a list",
-        bool: "a boolean",
-        type(None): "null",
-    }
     if isinstance(value, str):
         return f"the text {shorten(value)}"
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return "a number"
-    return names.get(type(value), f"a {type(value).__name__}")
+    name = type(value).__name__
+    return _JSON_TYPES.get(name, f"a {name}")
+
+
+_JSON_TYPES = {
+    "dict": "an object",
+    "list": "a list",
+    "bool": "a boolean",
+    "NoneType": "null",
+    "int": "a number",
+    "float": "a number",
+}
 
 
 def short_number(value: float, digits: int) -> str:
@@ -73,17 +76,16 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def shorten(text: str, length: int = 40) -> str:
     """Quote ``text``, cut to ``length`` characters."""
-    return repr(text if len(text) <= length else text[: length - 3] + "...")
+    return repr(_cut(text, length))
 
 
 def number(value: float | None, digits: int) -> str:
-    """``value`` with ``digits`` after the point; a value just below 1 stays below it."""
+    """Write ``value`` with ``digits`` after the point; a value just below 1 stays below it."""
     if value is None or not math.isfinite(value):
         return "–"
-    text = f"{value:.{digits}f}"
-    if digits and value < 1 and float(text) >= 1:
-        return f"{math.floor(value * 10**digits) / 10**digits:.{digits}f}"
-    return text
+    if digits and value < 1:
+        value = min(value, 1 - 10.0**-digits)
+    return f"{value:.{digits}f}"
 
 
 def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
@@ -91,18 +93,17 @@ def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
 
     Reasons that differ in numbers alone count as one. Its line has the number of candidates and the first one's reason.
     """
-    groups: dict[str, list[tuple[str, str]]] = {}
+    counts: Counter[str] = Counter()
+    first: dict[str, str] = {}
     for name, reason in candidates:
         if reason:
-            groups.setdefault(re.sub(r"[\d.]*\d", "0", clean(reason, 300)), []).append(
-                (name, clean(reason, 300))
-            )
-    ordered = sorted(groups.values(), key=lambda of: -len(of))
+            line = clean(reason, 300)
+            alike = re.sub(r"[\d.]*\d", "0", line)
+            counts[alike] += 1
+            first.setdefault(alike, f"{name}: {line}")
     return [
-        f"{len(of)} times, first {of[0][0]}: {of[0][1]}"
-        if len(of) > 1
-        else ": ".join(of[0])
-        for of in ordered
+        f"{count} times, first {first[alike]}" if count > 1 else first[alike]
+        for alike, count in counts.most_common()
     ]
 
 
@@ -113,25 +114,23 @@ def hydra_word(value: object) -> str:
     if isinstance(value, list | tuple):
         return f"[{','.join(map(hydra_word, value))}]"
     if isinstance(value, Mapping):
-        return f"{{{','.join(f'{hydra_word(key)}:{hydra_word(item)}' for key, item in value.items())}}}"
-    if isinstance(value, bool):
-        return str(value).lower()
-    text = str(value)
-    return (
-        text
-        if re.fullmatch(r"[\w./+-]+", text)
-        else "'" + text.replace("'", "\\'") + "'"
-    )
+        items = [f"{hydra_word(key)}:{hydra_word(value[key])}" for key in value]
+        return f"{{{','.join(items)}}}"
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    if re.fullmatch(r"[\w./+-]+", text):
+        return text
+    quoted = text.replace("'", "\\'")
+    return f"'{quoted}'"
 
 
 @lru_cache
 def function_source(function: Callable[..., Any]) -> str:
     """Take a function's source without its docstring."""
-    lines, (node,) = (
-        inspect.getsource(function).splitlines(),
-        ast.parse(inspect.getsource(function)).body,
-    )
-    assert isinstance(node, ast.FunctionDef)
-    if ast.get_docstring(node) is not None:
-        del lines[node.body[0].lineno - 1 : node.body[0].end_lineno]
+    source = inspect.getsource(function)
+    lines = source.splitlines()
+    (definition,) = ast.parse(source).body
+    assert isinstance(definition, ast.FunctionDef)
+    if ast.get_docstring(definition) is not None:
+        docstring = definition.body[0]
+        del lines[docstring.lineno - 1 : docstring.end_lineno]
     return "\n".join(lines)

@@ -22,8 +22,9 @@ from core.interfaces import (
 from core.plugins import installed
 from core.search.agent_groups import Team
 from core.search.assignment import Assignment
-from core.trial import Evaluation, tried_once
+from core.trial import Evaluation
 from plugins.conformance.checking import LengthOnly, expect, rigid, some_task
+from plugins.conformance.evaluations import tried_once
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
 BUDGET = Budget(

@@ -25,7 +25,7 @@ from core.errors import RAISED
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub, installed
-from core.trial import Evaluation, Score, Trial, Where, tried_once
+from core.trial import Evaluation, Score, Trial, Where
 from plugins.conformance.checking import (
     LengthOnly,
     brief,
@@ -34,6 +34,7 @@ from plugins.conformance.checking import (
     rigid,
     some_simulator,
 )
+from plugins.conformance.evaluations import tried_once
 
 Make = Callable[[], Any]
 PLAIN = "a stick"

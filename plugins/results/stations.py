@@ -108,7 +108,7 @@ def read_on_each(
 
 
 def _read_on(
-    cfg: DictConfig, task: PluginPart[Task], aliases: Sequence[str]
+    cfg: DictConfig, task: PluginPart[Task], aliases: tuple[tuple[str, str], ...]
 ) -> list[Candidate]:
     """Read the designs for the robot of a task; ``aliases`` are names of mounts.
 

@@ -14,7 +14,7 @@ from core.interfaces import Recording
 from core.plugins import installed
 from core.robot.trajectory import at_home
 from core.scene import State
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from tests.benchmarks import absurd, cheats
 from tests.solutions import anchored
 

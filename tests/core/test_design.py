@@ -14,7 +14,8 @@ from core.design import (
     Tool,
 )
 from core.geometry import Box, Pose
-from core.trial import best_first, ranked, tried_once
+from core.trial import best_first, ranked
+from plugins.conformance.evaluations import tried_once
 
 LEFT, RIGHT = GRIPPER_MOUNTS
 

@@ -5,7 +5,8 @@ import pytest
 
 from core.design import Candidate, Tool
 from core.events import Generation, Result
-from core.trial import Trial, Where, tried_once
+from core.trial import Trial, Where
+from plugins.conformance.evaluations import tried_once
 
 
 def evaluation(number, reward, status="ok", distance_m=1.0):

@@ -11,9 +11,10 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Condition, Evaluation, Observation, Score, Trial
 from core.plugins import PluginPart
-from core.trial import Where, best_tools, count_rollouts, effort_of, tried_once
+from core.trial import Where, best_tools, count_rollouts, effort_of
 from core.values.margins import Margin
 from core.values.plans import Waypoints
+from plugins.conformance.evaluations import tried_once
 from plugins.fitness.robustness import Perturbation, PerturbationRange
 from plugins.several.plans import TaskPlans
 
@@ -78,12 +79,7 @@ def test_without_trials_it_is_rejected_for_the_candidates_problem():
         (),
         None,
     )
-    assert (refused.least_margin, refused.tasks, refused.rollouts, refused.holds) == (
-        None,
-        (),
-        0,
-        False,
-    )
+    assert (refused.least_margin, refused.tasks, refused.rollouts) == (None, (), 0)
     assert math.isnan(refused.distance_m)
 
 
@@ -109,11 +105,9 @@ def test_several_trials_are_combined():
     assert (one.combined, two.combined) == (False, True)
 
 
-def test_it_holds_where_it_holds_in_each_engine():
+def test_rewards_are_told_apart_by_engine():
     good = [trial(0, 1.0, "mujoco"), trial(0, 0.95, "sapien")]
     evaluation = tried(*good, trial(1, 0.9, "sapien"))
-    assert tried(*good).holds
-    assert not evaluation.holds
     assert evaluation.by_engine == {"mujoco": [1.0], "sapien": [0.95, 0.9]}
 
 

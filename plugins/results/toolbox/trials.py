@@ -19,9 +19,9 @@ from core.plugins import TASK, installed
 from core.search.orchestration import run as search
 from core.store.database import writing
 from core.store.reader import StoredRun
-from plugins.results.chosen import stored_evaluations
 from core.store.recorder import RunStore
 from core.values.plans import digest
+from plugins.results.chosen import stored_evaluations
 from plugins.results.toolbox.tools import (
     HeldTool,
     TaskConfig,

@@ -16,8 +16,8 @@ from core.config.compose import check_seed, node, task_part, task_parts, tool_pa
 from core.errors import UsageError, UserError
 from core.interfaces import Material, RolloutSettings
 from core.store.database import writing
-from plugins.results.chosen import chosen_evaluations, config_for
 from core.support.cli import folders_and_overrides, print_table, say
+from plugins.results.chosen import chosen_evaluations, config_for
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.files import new_folder, write_export
 from plugins.results.workshop.playback import make_export

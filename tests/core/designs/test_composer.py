@@ -41,9 +41,10 @@ from core.interfaces import (
 )
 from core.plugins import installed
 from core.scene import Body, Scene, State, floor, table
-from core.trial import Evaluation, Score, Trial, Where, tried_once
+from core.trial import Evaluation, Score, Trial, Where
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 from tests.panda import PANDA, on_panda
 
 pytestmark = pytest.mark.slow

@@ -18,8 +18,8 @@ from core.search.agent_groups import Team
 from core.search.assignment import Assignment
 from core.search.builder import DesignerParts, SearchBuilder
 from core.search.critic import MAX_CRITIQUE, Critic
-from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 from plugins.fitness.nominal import Nominal
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube

@@ -17,8 +17,8 @@ from core.plugins import event_hub, installed
 from core.search.agent_groups import Team
 from core.search.assignment import Assignment
 from core.search.designer import ModelDesigner
-from core.trial import tried_once
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.evaluations import tried_once
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 

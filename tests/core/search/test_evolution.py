@@ -12,7 +12,8 @@ from core.hooks import hookimpl
 from core.interfaces import CHUNK, Budget, EvolutionStrategy
 from core.plugins import event_hub, installed
 from core.search.evolution import evolve
-from core.trial import TIE, tried_once
+from core.trial import TIE
+from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
 from tests.playing import scripted
 

@@ -17,7 +17,7 @@ from core.search.finalists import FIRST, choose, finalists
 from core.search.orchestration import resume, run
 from core.search.trials import Trials
 from core.store.reader import StoredRun
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
 from tests.playing import Named
 

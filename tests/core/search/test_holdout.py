@@ -6,7 +6,7 @@ from core.errors import Fault, UserError
 from core.interfaces import Condition, Fitness, Trial, Waypoints
 from core.search.finalists import try_unseen
 from core.search.trials import Trials
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
 from tests.playing import Named
 

@@ -1,6 +1,5 @@
 """Signals, closed output, and what lists import."""
 
-import math
 import os
 import re
 import signal
@@ -20,7 +19,6 @@ from tests.rare import rare
 def signals(monkeypatch):
     """The time, and the status that the process ended with; None: it did not end."""
     happened = {"time": 100.0, "left": None}
-    monkeypatch.setattr(cli._Interrupt, "first", math.inf)
     monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
     monkeypatch.setattr(cli.os, "_exit", lambda code: happened.update(left=code))
     monkeypatch.setattr(
@@ -34,11 +32,12 @@ def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(
     signals, after_s, left
 ):
     """Unless it is the same one, to the process and its group, as timeout sends it: what tidies up goes on."""
+    interrupt = cli._Interrupt()
     with pytest.raises(KeyboardInterrupt):
-        cli._Interrupt()(signal.SIGTERM, None)
+        interrupt(signal.SIGTERM, None)
     assert signals["left"] is None
     signals["time"] += after_s
-    cli._Interrupt()(signal.SIGINT, None)
+    interrupt(signal.SIGINT, None)
     assert signals["left"] == left
 
 

@@ -3,7 +3,7 @@
 from core.design import Candidate
 from core.events import Generation
 from core.plugins import event_hub, installed
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from tests.core.run_folders import hook
 
 

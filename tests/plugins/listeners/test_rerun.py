@@ -20,8 +20,8 @@ from core.errors import UsageError
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, RolloutSettings
 from core.plugins import event_hub, installed
-from core.trial import tried_once
 from plugins.actions.anchored import AnchoredActions
+from plugins.conformance.evaluations import tried_once
 from plugins.listeners.rerun.layout import MAX_TEXT
 from plugins.listeners.rerun.writer import replay
 from tests import solutions

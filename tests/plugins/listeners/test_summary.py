@@ -16,7 +16,8 @@ from core.plugins import event_hub, installed
 from core.scene import Margin
 from core.search.orchestration import run
 from core.support.text import hydra_word
-from core.trial import Evaluation, Trial, Where, tried_once
+from core.trial import Evaluation, Trial, Where
+from plugins.conformance.evaluations import tried_once
 from plugins.new.packages import write_scene
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm

@@ -15,7 +15,8 @@ from core.errors import UsageError
 from core.evaluate import evaluate
 from core.geometry import Box, Pose
 from core.plugins import installed
-from core.trial import Evaluation, Trial, Where, tried_once
+from core.trial import Evaluation, Trial, Where
+from plugins.conformance.evaluations import tried_once
 from plugins.fitness.several import score_by_worst_engine
 from plugins.strategies.map_elites.archive import (
     Archive,

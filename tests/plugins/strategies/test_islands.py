@@ -10,7 +10,7 @@ from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
 from core.search.orchestration import resume, run
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from tests import toys
 from tests.test_resume import assert_same_run, rows, toy  # noqa: F401 - a fixture
 

@@ -11,7 +11,8 @@ from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
 from core.search.orchestration import resume, run
-from core.trial import best_first, tried_once
+from core.trial import best_first
+from plugins.conformance.evaluations import tried_once
 from tests import toys
 from tests.core.run_folders import hook
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture

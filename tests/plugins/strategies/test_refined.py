@@ -12,7 +12,7 @@ from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
 from core.search.experiment import Experiment
 from core.search.orchestration import resume
-from core.trial import tried_once
+from plugins.conformance.evaluations import tried_once
 from plugins.strategies.refined.strategy import Refinement
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)

@@ -7,7 +7,8 @@ from core.design import Candidate, Tool
 from core.errors import UserError
 from core.interfaces import Budget, Score
 from core.plugins import installed
-from core.trial import Evaluation, Trial, Where, tried_once
+from core.trial import Evaluation, Trial, Where
+from plugins.conformance.evaluations import tried_once
 from plugins.strategies.vlmgineer import select
 
 
