@@ -1,0 +1,19 @@
+# The four commands of a contributor. `make setup` comes first.
+PYTHON = .venv/bin/python
+
+.PHONY: setup check test site
+
+setup:
+	python3.11 -m venv .venv
+	.venv/bin/pip install -q -e '.[dev]'
+
+check:
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+test:
+	$(PYTHON) -m pytest -n auto
+
+site:
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build -q
