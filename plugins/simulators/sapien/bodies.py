@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +35,7 @@ _LEAST_ROLLING = 0.01
 _RESTS = 0.05
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
-_ALIKE = (
-    0.98,
-    1.02,
-)  # a brake is updated if the force changed by more than these factors
+_ALIKE = (0.98, 1.02)  # a brake is updated if the force changed by more than these
 _UP = np.array([0.0, 0.0, GRAVITY], dtype=np.float32)
 UNKNOWN_PACK = "this version of SAPIEN packs states in another way than 3.0.3: pip install sapien==3.0.3"
 
@@ -56,15 +53,12 @@ class Weighed:
     @cached_property
     def radii(self) -> dict[str, float]:
         """The radius of each body that lies on cylinders, metres; of several the largest."""
-        shapes = {
-            body.name: [shape for shape in rollers(body) if isinstance(shape, Cylinder)]
-            for body in self.scene.free
-        }
-        return {
-            name: max(shape.radius for shape in lying)
-            for name, lying in shapes.items()
-            if lying
-        }
+        found = {}
+        for body in self.scene.free:
+            lying = [shape for shape in rollers(body) if isinstance(shape, Cylinder)]
+            if lying:
+                found[body.name] = max(shape.radius for shape in lying)
+        return found
 
     @cached_property
     def moving(self) -> set[Surface]:
@@ -102,14 +96,12 @@ class Bodies:
     ) -> None:
         self._names = tuple(body.name for body in weighed.scene.free)
         self._system = scene.physx_system
-        centers = np.array(
-            [weighed.inertias[name].frame.position for name in self._names]
-        ).reshape(-1, 3)
-        self._shifted = np.flatnonzero(
-            centers.any(axis=1)
-        )  # bodies whose frame is not at their centre of mass
+        positions = [weighed.inertias[name].frame.position for name in self._names]
+        centers = np.array(positions).reshape(-1, 3)
+        # Bodies whose frame is not at their centre of mass.
+        self._shifted = np.flatnonzero(centers.any(axis=1))
         self._centers = centers[self._shifted]
-        brakes: list[tuple[int, Any, float, float]] = []
+        brakes: list[_Brake] = []
         self._brake_every = max(1, round(_BRAKE_EVERY / time_step))
         self._steps = 0
         self.components: dict[str, Any] = {}  # of the free bodies
@@ -118,52 +110,54 @@ class Bodies:
         for body in weighed.scene.bodies:
             if not body.collisions:
                 continue
-            component = (
-                physx.PhysxRigidStaticComponent()
-                if body.fixed
-                else physx.PhysxRigidDynamicComponent()
-            )
+            if body.fixed:
+                component = physx.PhysxRigidStaticComponent()
+            else:
+                component = physx.PhysxRigidDynamicComponent()
+                weigh(component, weighed.inertias[body.name])
+                self.components[body.name] = component
             entity = sapien.Entity()
             entity.name = body.name
             entity.add_component(component)
-            if not body.fixed:
-                weigh(component, weighed.inertias[body.name])
-                self.components[body.name] = component
+
             mechanism, bits = joined.get(body.name, (0, 0))
             for part in body.collisions:
                 make = partial(collision, part.shape, folder=folder)
-                for shape in surfaces.copies(
+                copies = surfaces.copies(
                     Surface.of(body),
                     make,
                     fixed=body.fixed,
                     apart=bits,
                     mechanism=mechanism,
-                ):
+                )
+                for shape in copies:
                     place(shape, part.shape, part.pose)
                     component.attach(shape)
             entity.pose = to_sapien(body.pose)
+
             radius = weighed.radii.get(body.name, 0.0)
             arm = max(body.rolling_friction, _LEAST_ROLLING * radius)
             if not body.fixed and arm > 0:
                 drive = physx.PhysxDriveComponent(component)
                 impulse = arm * body.mass * time_step
                 held = max(1.0, _LEAST_RESTING * radius / arm)
-                _brake(drive, impulse, held * GRAVITY)
+                _limit(drive, impulse, held * GRAVITY)
                 entity.add_component(drive)
-                brakes.append((self._names.index(body.name), drive, impulse, held))
+                number = self._names.index(body.name)
+                brakes.append(_Brake(number, drive, impulse, held))
             scene.add_entity(entity)
+
         self._brakes = _Brakes(brakes, self._brake_every * time_step)
         placed = weighed.scene.state()
         packed = self._numbers([self.note()])[0, :, :7]
-        if not np.allclose(
-            packed, np.hstack([placed.quaternions, placed.positions]), atol=1e-5
-        ):
+        expected = np.hstack([placed.quaternions, placed.positions])
+        if not np.allclose(packed, expected, atol=1e-5):
             raise RuntimeError(UNKNOWN_PACK)
 
     def stepped(self) -> None:
         """Update the brakes; call it after each time step."""
         self._steps += 1
-        if self._brakes.each and self._steps % self._brake_every == 0:
+        if self._brakes.brakes and self._steps % self._brake_every == 0:
             self._brakes.adjust(self._numbers([self.note()])[0, :, 7:10])
 
     def launch(self) -> None:
@@ -189,9 +183,8 @@ class Bodies:
         """Decode T snapshots of the free bodies."""
         numbers = self._numbers(notes).astype(np.float64)
         quaternions, positions, linear, angular = np.split(numbers, [4, 7, 10], axis=2)
-        quaternions /= np.sqrt(
-            (quaternions * quaternions).sum(axis=2, keepdims=True)
-        )  # single precision until here
+        squares = (quaternions * quaternions).sum(axis=2, keepdims=True)
+        quaternions /= np.sqrt(squares)  # single precision until here
         if len(self._shifted):  # PhysX reports the velocity of the centre of mass
             arms = rotate(quaternions[:, self._shifted], self._centers)
             linear[:, self._shifted] -= np.cross(angular[:, self._shifted], arms)
@@ -211,48 +204,63 @@ def _floats(notes: Sequence[bytes]) -> npt.NDArray[np.float32]:
     return np.frombuffer(b"".join(notes), dtype=np.float32).reshape(len(notes), -1)
 
 
-def _brake(drive: Any, impulse: float, acceleration: float) -> None:
+def _limit(drive: Any, impulse: float, acceleration: float) -> None:
     """Limit a brake's torque, for a normal force of the body's mass times ``acceleration``."""
     drive.set_drive_property_slerp(0.0, _BRAKE, impulse * acceleration, "acceleration")
 
 
-class _Brakes:
-    """Rolling friction, which PhysX lacks: drives that stop the rotation of free bodies.
+class _Brake(NamedTuple):
+    """A drive that stops the rotation of a free body.
 
-    A brake's torque is at most the arm of rolling friction times the normal force, which is taken to be what makes the
-    body deviate from free fall. Given are each body's number, its drive, the drive's impulse per step and m/s^2, how
-    many times as much it is where the body rests, and the seconds between two adjustments.
+    Attributes:
+        number: the body's.
+        drive: SAPIEN's.
+        impulse: the drive's, per step and m/s^2.
+        held: how many times as much it is where the body rests.
     """
 
-    def __init__(
-        self, each: list[tuple[int, Any, float, float]], seconds: float
-    ) -> None:
-        self.each = each
-        self._numbers = [number for number, *_ in each]
-        self._held = np.array([held * held for *_, held in each], dtype=np.float32)
+    number: int
+    drive: Any
+    impulse: float
+    held: float
+
+
+class _Brakes:
+    """Rolling friction, which PhysX lacks.
+
+    A brake's torque is at most the arm of rolling friction times the normal force, which is taken to be what makes the
+    body deviate from free fall. Two adjustments are ``seconds`` apart.
+    """
+
+    def __init__(self, brakes: list[_Brake], seconds: float) -> None:
+        self.brakes = brakes
+        self._numbers = [brake.number for brake in brakes]
+        held = [brake.held * brake.held for brake in brakes]
+        self._held = np.array(held, dtype=np.float32)
         self._seconds = seconds
-        self._velocities: npt.NDArray[np.float32] = np.zeros(
-            (len(each), 3), dtype=np.float32
-        )
+        still = np.zeros((len(brakes), 3), dtype=np.float32)
+        self._velocities: npt.NDArray[np.float32] = still
         # Squares of the accelerations between which a brake may stay as it is.
-        self._low, self._high = (
-            (share * GRAVITY) ** 2 * self._held for share in _ALIKE
-        )
+        self._low = (_ALIKE[0] * GRAVITY) ** 2 * self._held
+        self._high = (_ALIKE[1] * GRAVITY) ** 2 * self._held
 
     def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
         """Update the brakes from the velocities (B, 3) of all free bodies."""
-        own = velocities.take(self._numbers, axis=0)
-        contact = (own - self._velocities) / self._seconds + _UP
-        self._velocities = own
+        braked = velocities.take(self._numbers, axis=0)
+        contact = (braked - self._velocities) / self._seconds + _UP
+        self._velocities = braked
         squares = np.einsum("bi,bi->b", contact, contact)
-        squares *= np.where(np.einsum("bi,bi->b", own, own) < _RESTS**2, self._held, 1)
+        resting = np.einsum("bi,bi->b", braked, braked) < _RESTS**2
+        squares *= np.where(resting, self._held, 1)
+
         changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
-        if len(changed):
-            changed_to = np.sqrt(squares[changed])
-            for brake, acceleration in zip(
-                changed.tolist(), changed_to.tolist(), strict=True
-            ):
-                _, drive, impulse, _ = self.each[brake]
-                _brake(drive, impulse, acceleration)
-            self._low[changed] = (_ALIKE[0] * changed_to) ** 2
-            self._high[changed] = (_ALIKE[1] * changed_to) ** 2
+        if not len(changed):
+            return
+        changed_to = np.sqrt(squares[changed])
+        for number, acceleration in zip(
+            changed.tolist(), changed_to.tolist(), strict=True
+        ):
+            brake = self.brakes[number]
+            _limit(brake.drive, brake.impulse, acceleration)
+        self._low[changed] = (_ALIKE[0] * changed_to) ** 2
+        self._high[changed] = (_ALIKE[1] * changed_to) ** 2

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError
 from core.geometry import Array, Pose
-from core.scene import Drive, Joint, Scene
+from core.scene import Drive, Joint, Latch, Scene
 from plugins.simulators.forces import latch_force
 from plugins.simulators.inertia import Inertia
 from plugins.simulators.sapien.engine import physx, sapien
@@ -24,9 +24,7 @@ from plugins.simulators.sapien.shapes import to_sapien
 # So many times the solver's iterations, as for the arm with a hand: a touch doesn't change how often forces act.
 _ITERATIONS = 4
 _STICKS = 1e5  # dry friction is a damper that gives up at 1 / _STICKS m/s or rad/s
-_GIVES_WAY = (
-    0.001  # m or rad off its target: there a motor does all it can, as the arm's
-)
+_GIVES_WAY = 0.001  # m or rad off its target: there a motor does all it can
 _LEAST = 1e-9  # N s/m or N m s/rad, of a damper that only carries a force
 _MOST = 0.9  # of what a damper is made stronger by
 _PAIRS = 32  # bits
@@ -57,7 +55,8 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
             )
         for bit, pair in enumerate(joined):
             for name in pair:
-                found[name] = number, found.get(name, (number, 0))[1] | 1 << bit
+                _, bits = found.get(name, (number, 0))
+                found[name] = (number, bits | 1 << bit)
     return found
 
 
@@ -96,9 +95,9 @@ class Joints:
             inside = poses[joint.body]
             if parent is not None and joint.parent is not None:
                 inside = poses[joint.parent].inverse() @ inside
-            self._acting += _Hung(
-                joint, child, parent, inside, inertias[joint.body], time_step
-            ).hold(tracking_rate)
+            inertia = inertias[joint.body]
+            hung = _Hung(joint, child, parent, inside, inertia, time_step)
+            self._acting += hung.hold(tracking_rate)
 
     def begin(self) -> None:
         """Begin the time of drives."""
@@ -128,55 +127,53 @@ class _Hung:
         self.parent = parent
         self.time_step = time_step
         # A joint's frame has the joint's axis as x, and hinges turn from the middle of their range.
-        self.middle = (
-            (joint.lower + joint.upper) / 2
-            if joint.kind == "hinge" and joint.limited
-            else 0.0
-        )
+        self.middle = 0.0
+        if joint.kind == "hinge" and joint.limited:
+            self.middle = (joint.lower + joint.upper) / 2
+
         origin = np.asarray(joint.origin)
         axis = np.asarray(joint.axis)
-        reach = 0.0
-        self.slack = (
-            0.0
-            if joint.kind == "slider"
-            else _slack(inertia, origin, axis if joint.kind == "hinge" else None)
-        )
+        self.slack = 0.0
+        if joint.kind != "slider":
+            self.slack = _slack(
+                inertia, origin, axis if joint.kind == "hinge" else None
+            )
+
+        self._reach = 0.0
         turned = Rotation.identity()
         if joint.kind != "ball":
             turned, _ = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])
             origin = origin + axis * ((inertia.frame.position - origin) @ axis)
-            reach = math.sqrt(
-                float(inertia.moments.max()) / inertia.mass
-            )  # then the two points move independently
-        self._reach = reach
+            # So far apart, the two points move independently.
+            self._reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)
         self._in_child = Pose.from_rotation(origin, turned)
-        moved = self.middle - joint.start
-        back = ((moved, 0.0, 0.0), (0.0, 0.0, 0.0))
-        self._in_parent = (
-            inside
-            @ self._in_child
-            @ Pose.xyz_rpy(*(back if joint.kind == "slider" else back[::-1]))
-        )
+
+        moved = (self.middle - joint.start, 0.0, 0.0)
+        back = Pose.xyz_rpy(_STILL, moved)
+        if joint.kind == "slider":
+            back = Pose.xyz_rpy(moved, _STILL)
+        self._in_parent = inside @ self._in_child @ back
 
     def hold(self, tracking_rate: float) -> Iterator[_Acting]:
         """Make the joint, and return what acts in it."""
         joint = self.joint
         main = self._connect(0.0)
-        for lock in (
-            main.set_limit_y,
-            main.set_limit_z,
-            *([] if joint.kind == "slider" else [main.set_limit_x]),
-        ):
-            lock(0.0, 0.0)
+        main.set_limit_y(0.0, 0.0)
+        main.set_limit_z(0.0, 0.0)
         if joint.kind != "ball":
             other = self._connect(self._reach)
             other.set_limit_y(0.0, 0.0)
             other.set_limit_z(0.0, 0.0)
+
+        limit = main.set_limit_twist
         if joint.kind == "slider":
             main.set_limit_twist(0.0, 0.0)
+            limit = main.set_limit_x
+        else:
+            main.set_limit_x(0.0, 0.0)
         if joint.limited:
-            limit = main.set_limit_x if joint.kind == "slider" else main.set_limit_twist
             limit(joint.lower - self.middle, joint.upper - self.middle)
+
         motor = _Motor(main, self)
         motor.resist(0.0, joint.damping)
         if joint.kind == "ball" and joint.stiffness:
@@ -187,25 +184,20 @@ class _Hung:
             motor.resist(joint.stiffness, joint.damping)
             motor.aim(joint.rest)
         if joint.friction:
-            _Motor(self._connect(0.0), self).resist(
-                0.0, joint.friction * _STICKS, joint.friction
-            )
+            brake = _Motor(self._connect(0.0), self)
+            brake.resist(0.0, joint.friction * _STICKS, joint.friction)
         if joint.drive is not None:
-            yield _Servo(
-                _Motor(self._connect(0.0), self),
-                joint.drive,
-                tracking_rate,
-                self.time_step,
-            )
+            servo = _Motor(self._connect(0.0), self)
+            yield _Servo(servo, joint.drive, tracking_rate, self.time_step)
 
     def _connect(self, along: float) -> Any:
         """Make a D6 joint in which everything moves, its frame so far along the axis."""
         component = physx.PhysxDriveComponent(self.child)
         if self.parent is not None:
             component.parent = self.parent
-        at = Pose(np.array([along, 0.0, 0.0]))
-        component.pose_in_parent = to_sapien(self._in_parent @ at)
-        component.pose_in_child = to_sapien(self._in_child @ at)
+        shift = Pose(np.array([along, 0.0, 0.0]))
+        component.pose_in_parent = to_sapien(self._in_parent @ shift)
+        component.pose_in_child = to_sapien(self._in_child @ shift)
         self.child.entity.add_component(component)
         return component
 
@@ -213,13 +205,12 @@ class _Hung:
 def _slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
     """Compute how much easier a body turns about its centre of mass than about a joint, 1/(kg m^2)."""
     arm = inertia.frame.position - origin
-    own = float(inertia.moments.max())
+    moment = float(inertia.moments.max())
     if axis is not None:
         arm = arm - axis * (arm @ axis)
-        own = float(
-            inertia.moments @ inertia.frame.rotation.apply(axis, inverse=True) ** 2
-        )
-    return 1 / own - 1 / (own + inertia.mass * float(arm @ arm))
+        along = inertia.frame.rotation.apply(axis, inverse=True)
+        moment = float(inertia.moments @ along**2)
+    return 1 / moment - 1 / (moment + inertia.mass * float(arm @ arm))
 
 
 class _Motor:
@@ -244,20 +235,21 @@ class _Motor:
 
     def resist(self, stiffness: float, damping: float, limit: float = math.inf) -> None:
         self._damping = max(damping * self._share - stiffness * self._each, _LEAST)
-        scale = (
-            4.0 if self._kind == "ball" and stiffness > 0 else 1.0
-        )  # then PhysX works with half angles
+        scale = 1.0
+        if self._kind == "ball" and stiffness > 0:
+            scale = 4.0  # then PhysX works with half angles
         scale /= 1 - min(self._slack * (self._damping + stiffness * self._each), _MOST)
         self._set(scale * stiffness, scale * self._damping, limit * self._time_step)
 
     def push(self, force: float | Array) -> None:
         speed = force * self._share / self._damping
-        if self._kind == "slider":
-            self.component.set_drive_velocity_target([speed, 0.0, 0.0], _STILL)
-        else:
-            self.component.set_drive_velocity_target(
-                _STILL, [-speed, 0.0, 0.0] if self._kind == "hinge" else speed
-            )
+        match self._kind:
+            case "slider":
+                self.component.set_drive_velocity_target([speed, 0.0, 0.0], _STILL)
+            case "hinge":
+                self.component.set_drive_velocity_target(_STILL, [-speed, 0.0, 0.0])
+            case _:
+                self.component.set_drive_velocity_target(_STILL, speed)
 
     def aim(self, position: float) -> None:
         """Put the end of the spring of a hinge or slider somewhere."""
@@ -290,28 +282,27 @@ class _Pull:
         joint = self._joint
         position = self._motor.position()
         moved = position - self._turned
-        self._turned += (
-            math.remainder(moved, 2 * math.pi) if joint.kind == "hinge" else moved
-        )
-        slope = joint.stiffness + max(
-            0.0, sum(_slope(position - x.at, x.force, x.width) for x in joint.latches)
-        )
+        if joint.kind == "hinge":
+            moved = math.remainder(moved, 2 * math.pi)
+        self._turned += moved
+
+        latches = sum(_slope(latch, position) for latch in joint.latches)
+        slope = joint.stiffness + max(0.0, latches)
         if slope != self._slope:
             self._motor.resist(slope, joint.damping)
             self._slope = slope
         self._motor.aim(position)
-        force = joint.stiffness * (joint.rest - self._turned) + latch_force(
-            joint, position
-        )
-        self._motor.push(force)
+        spring = joint.stiffness * (joint.rest - self._turned)
+        self._motor.push(spring + latch_force(joint, position))
 
 
-def _slope(away: float, force: float, width: float) -> float:
-    return (
-        force * math.pi / width * math.cos(math.pi * away / width)
-        if abs(away) < width
-        else 0.0
-    )
+def _slope(latch: Latch, position: float) -> float:
+    """How a latch's force changes with the position, N/m or N m/rad."""
+    away = position - latch.at
+    if abs(away) >= latch.width:
+        return 0.0
+    steepest = latch.force * math.pi / latch.width
+    return steepest * math.cos(math.pi * away / latch.width)
 
 
 class _BallPull:
@@ -326,9 +317,8 @@ class _BallPull:
         turned = self._motor.component.relative_pose
         self._motor.component.set_drive_target(turned)
         w, x, y, z = turned.q
-        self._motor.push(
-            -self._stiffness * Rotation.from_quat([x, y, z, w]).as_rotvec()
-        )
+        turn = Rotation.from_quat([x, y, z, w]).as_rotvec()
+        self._motor.push(-self._stiffness * turn)
 
 
 class _Servo:

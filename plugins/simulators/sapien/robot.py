@@ -43,11 +43,12 @@ _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 
 
 def surfaces_of(arm: Robot, tool: Tool) -> set[Surface]:
-    return {
-        Surface(friction_of(arm, tool, shape.part))
-        for link in robot_links(arm, tool)
-        for shape in link.collisions
-    }
+    """The surfaces of the arm's links and of the tool."""
+    found = set()
+    for link in robot_links(arm, tool):
+        for shape in link.collisions:
+            found.add(Surface(friction_of(arm, tool, shape.part)))
+    return found
 
 
 class ArticulatedArm:
@@ -75,36 +76,30 @@ class ArticulatedArm:
         # the solver's n iterations a joint is driven as if that were the end of the step, and its speed is added: on
         # average (n - 1) / 2n of a step too far.
         iterations = components[0].articulation.solver_position_iterations
-        self._ahead = 1 / tracking_rate - time_step * (iterations - 1) / (
-            2 * iterations
-        )
+        too_far = time_step * (iterations - 1) / (2 * iterations)
+        self._ahead = 1 / tracking_rate - too_far
         for link, component in zip(links, components, strict=True):
             entity = sapien.Entity()
             entity.name = link.name
             entity.add_component(component)
             scene.add_entity(entity)
         self._articulation = components[0].articulation
-        active = {
-            joint.name: number
-            for number, joint in enumerate(self._articulation.active_joints)
-        }
+        active_joints = self._articulation.active_joints
+        active = {joint.name: number for number, joint in enumerate(active_joints)}
         self._numbers = [active[name] for name in joints]
         self._loose = [active[joint_name(name)] for name in loose]
         hung = zip(self._loose, loose.values(), strict=True)
         self._hung = [
-            (number, self._articulation.active_joints[number], moving)
-            for number, moving in hung
+            (number, active_joints[number], moving) for number, moving in hung
         ]
-        driven = [self._articulation.active_joints[number] for number in self._numbers]
+        driven = [active_joints[number] for number in self._numbers]
         self._setters = [joint.set_drive_target for joint in driven]
         self._orders = [math.nan] * len(joints)
         self._pull: list[tuple[int, ToolJoint]] = []  # once the motion begins
         self._forces = np.zeros(len(active), dtype=np.float32)
         start = np.zeros(len(active))
-        start[self._numbers] = [
-            *trajectory.arm[0],
-            *([trajectory.fingers[0]] * (len(joints) - self._arm)),
-        ]
+        start[self._numbers] = trajectory.fingers[0]
+        start[self._numbers[: self._arm]] = trajectory.arm[0]
         self._articulation.qpos = start
 
     def launch(self) -> None:
@@ -112,17 +107,15 @@ class ArticulatedArm:
 
         With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
         """
-        for _, joint, moving in self._hung:
+        for number, joint, moving in self._hung:
             if moving.friction > 0:
                 joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")
+                self._pull.append((number, moving))
             else:
                 joint.set_drive_properties(
                     moving.stiffness, moving.damping, math.inf, "force"
                 )
                 joint.set_drive_target(moving.rest)
-        self._pull = [
-            (number, moving) for number, _, moving in self._hung if moving.friction > 0
-        ]
 
     def orders(
         self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
@@ -130,9 +123,8 @@ class ArticulatedArm:
         """What `drive` takes for each of S steps: from targets (S, J), finger openings (S,), and their speeds."""
         asked = arm + self._ahead * speeds
         if self._gripper:
-            asked = np.column_stack(
-                [asked, *[fingers + self._ahead * finger_speeds] * self._fingers]
-            )
+            opening = fingers + self._ahead * finger_speeds
+            asked = np.column_stack([asked, *[opening] * self._fingers])
         return cast("list[list[float]]", asked.tolist())
 
     def drive(self, orders: list[float]) -> None:
@@ -141,10 +133,8 @@ class ArticulatedArm:
             values = self._articulation.qpos
             speeds = self._articulation.qvel
             for i, joint in self._pull:
-                self._forces[i] = (
-                    joint.stiffness * (joint.rest - values[i])
-                    - joint.damping * speeds[i]
-                )
+                spring = joint.stiffness * (joint.rest - values[i])
+                self._forces[i] = spring - joint.damping * speeds[i]
             self._articulation.qf = self._forces
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake
@@ -165,11 +155,9 @@ class ArticulatedArm:
         everything = np.asarray(values, dtype=np.float64)
         values = everything[..., self._numbers]
         loose = everything[..., self._loose]
-        fingers = (
-            values[..., self._arm :]
-            if self._gripper
-            else np.zeros((*values.shape[:-1], self._fingers))
-        )
+        fingers = np.zeros((*values.shape[:-1], self._fingers))
+        if self._gripper:
+            fingers = values[..., self._arm :]
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 
 
@@ -185,9 +173,8 @@ def _components(
     loose = {bearer.name for bearer in tool.bearers}
     components: list[Any] = []
     for link in links:
-        component = physx.PhysxArticulationLinkComponent(
-            None if link.parent is None else components[link.parent]
-        )
+        parent = None if link.parent is None else components[link.parent]
+        component = physx.PhysxArticulationLinkComponent(parent)
         components.append(component)
         weigh(component, link.inertia)
         for shape in link.collisions:
@@ -199,12 +186,10 @@ def _components(
         else:
             _drive(component.joint, link.joint, arm, tracking_rate)
     if tool.gripper:
-        bears = zip(links, components, strict=True)
-        fingers = [
-            part
-            for link, part in bears
-            if link.joint and link.joint.joint.name in arm.finger_joints
-        ]
+        fingers = []
+        for link, component in zip(links, components, strict=True):
+            if link.joint and link.joint.joint.name in arm.finger_joints:
+                fingers.append(component)
         difference = [0.0, 1.0, -1.0]  # of the two joints, that is
         articulation = components[0].articulation
         articulation.create_fixed_tendon(
@@ -224,19 +209,16 @@ def _attach(
 ) -> None:
     def make(material: Any) -> Any:
         shape = part.shape
-        collider = (
-            hull(shape, material)
-            if isinstance(shape, Path)
-            else collision(shape, material, folder)
-        )
+        if isinstance(shape, Path):
+            collider = hull(shape, material)
+        else:
+            collider = collision(shape, material, folder)
         place(collider, shape, part.pose)
         return collider
 
-    for shape in surfaces.copies(
-        Surface(friction_of(arm, tool, part.part)),
-        make,
-        apart=_apart(part.part, arm, tool),
-    ):
+    surface = Surface(friction_of(arm, tool, part.part))
+    bits = _apart(part.part, arm, tool)
+    for shape in surfaces.copies(surface, make, apart=bits):
         component.attach(shape)
 
 

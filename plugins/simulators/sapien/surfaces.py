@@ -64,32 +64,31 @@ class Surfaces:
 
         Shapes of one mechanism that have a bit of ``apart`` in common don't touch each other; the robot's is 0.
         """
-        own = self._kinds[surface]
+        kind = self._kinds[surface]
         for other in self._moving if fixed else self._all:
             shape = make(self._material(surface, other))
-            low, high = sorted((own, other))
+            low, high = sorted((kind, other))
             pair = 1 + low * len(self._all) + high
             # Two shapes touch if the first word of one has a bit in common with the second word of the other.
-            is_, meets = (1, 1) if own == other else (1, 2) if own == low else (2, 1)
-            shape.set_collision_groups(
-                [is_, meets, apart, pair << _HIGH_BITS | mechanism]
-            )
+            is_ = 1 if kind == low else 2
+            meets = 1 if kind == high else 2
+            words = [is_, meets, apart, pair << _HIGH_BITS | mechanism]
+            shape.set_collision_groups(words)
             yield shape
 
     def _material(self, surface: Surface, other: int) -> Any:
         """Make the material of ``surface`` for contacts with a surface of kind ``other``."""
         key = (surface, other)
         if key not in self._materials:
-            one = self._typical[self._kinds[surface]]
-            two = self._typical[other]
-            friction = math.sqrt(one.friction * two.friction)
-            if (
-                friction > 0
-            ):  # this surface's deviation from the typical one of its kind
-                friction *= 2 * math.sqrt(surface.friction / one.friction) - 1
-            self._materials[key] = physx.PhysxMaterial(
-                friction, friction, one.restitution * two.restitution
-            )
+            mine = self._typical[self._kinds[surface]]
+            theirs = self._typical[other]
+            friction = math.sqrt(mine.friction * theirs.friction)
+            # This surface's deviation from the typical one of its kind.
+            if friction > 0:
+                friction *= 2 * math.sqrt(surface.friction / mine.friction) - 1
+            restitution = mine.restitution * theirs.restitution
+            material = physx.PhysxMaterial(friction, friction, restitution)
+            self._materials[key] = material
         return self._materials[key]
 
 
@@ -100,10 +99,8 @@ def _kinds(surfaces: set[Surface]) -> dict[Surface, int]:
     first = Surface(-1.0)
     kind = -1
     for surface in sorted(surfaces, key=lambda s: (s.restitution, s.friction)):
-        if (
-            surface.restitution != first.restitution
-            or surface.friction > ratio * first.friction
-        ):
+        rougher = surface.friction > ratio * first.friction
+        if rougher or surface.restitution != first.restitution:
             first = surface
             kind = kind + 1
         kinds[surface] = kind

@@ -112,7 +112,7 @@ def note(
     world, number = wp.tid()
     positions = qpos.shape[1]
     value = float(0.0)  # noqa: UP018
-    if number < positions:  # noqa: SIM108  # both sides of an expression would be read
+    if number < positions:  # both sides of an expression would be read
         value = qpos[world, number]
     else:
         value = qvel[world, number - positions]
