@@ -42,7 +42,10 @@ class Critic:
         telling = most_telling(brief.elites, last_generation(brief.tried))
         new = [e for e in telling if e.candidate.id not in self._shown]
         chosen = new[: self.prompts.settings.critic]
-        return [self._request(brief, *numbered) for numbered in enumerate(chosen)]
+        return [
+            self._request(brief, number, evaluation)
+            for number, evaluation in enumerate(chosen)
+        ]
 
     def _request(self, brief: Brief, number: int, shown: Evaluation) -> Request:
         self._shown.add(shown.candidate.id)

@@ -69,7 +69,7 @@ class Layouts(Fitness):
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
         task = condition.task.shared()
-        if _alike(task, condition.layout):
+        if _are_alike(task, condition.layout):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(
@@ -77,11 +77,9 @@ class Layouts(Fitness):
             )
         self._condition = condition
         self._unseen = unseen
-        self._sims: Mapping[str, Part[Simulator]] = (
-            engines(sims, condition.sim)
-            if sims
-            else {condition.sim.name: condition.sim}
-        )
+        self._sims: Mapping[str, Part[Simulator]] = {condition.sim.name: condition.sim}
+        if sims:
+            self._sims = engines(sims, condition.sim)
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(condition.layout, condition.layout + layouts)
         self._combine, self._counts = COMBINE[combine]
@@ -135,26 +133,26 @@ def _weigh(trial: Trial) -> float:
     return trial.reward * (1 - MARGIN_SHARE * (1 - max(least, 0.0)))
 
 
-def _alike(task: Task, seed: int) -> bool:
+def _are_alike(task: Task, seed: int) -> bool:
     """Report whether two seeds give the same layout."""
     if task.variation != NONE:
         return False
-    one, other = (task.scene(of).bodies for of in (seed, seed + 1))
-    return len(one) == len(other) and all(
-        a.pose == b.pose and a.mass == b.mass for a, b in zip(one, other, strict=True)
-    )
+    first = [(body.pose, body.mass) for body in task.scene(seed).bodies]
+    second = [(body.pose, body.mass) for body in task.scene(seed + 1).bodies]
+    return first == second
 
 
 def describe_ranges(ranges: Ranges) -> str:
     """List the ranges in words, for a model: metres, radians, kilograms."""
-    groups: dict[
-        tuple[str, str], list[str]
-    ] = {}  # card_1.x, card_2.x, ... in one, if they share a range
+    # Numbers such as card_1.x, card_2.x, ... are one group, if they share a range.
+    groups: dict[tuple[str, str], list[str]] = {}
     for name, (low, high) in ranges.items():
-        groups.setdefault(
-            (re.sub(r"\d+", "", name), f"from {low:.4g} to {high:.4g}"), []
-        ).append(name)
-    return ", ".join(
-        f"{names[0]}{f' to {names[-1]}' if len(names) > 1 else ''} {span}"
-        for (_, span), names in groups.items()
-    )
+        span = f"from {low:.4g} to {high:.4g}"
+        plain = re.sub(r"\d+", "", name)
+        groups.setdefault((plain, span), []).append(name)
+
+    described: list[str] = []
+    for (_, span), names in groups.items():
+        others = f" to {names[-1]}" if len(names) > 1 else ""
+        described.append(f"{names[0]}{others} {span}")
+    return ", ".join(described)

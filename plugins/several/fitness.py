@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from core.design import Candidate
-from core.interfaces import Condition, Evaluation, Fitness, Score, Trial
+from core.interfaces import ActionPlan, Condition, Evaluation, Fitness, Score, Trial
 from core.values.plans import digest
 from plugins.several.plans import TaskPlans
 
@@ -86,43 +86,48 @@ class Together(Fitness):
 
     def recombine(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
         """Yield for each tool of the last generation the best of all its plans for the tasks, if that is new."""
-        by_tool: dict[str, list[Evaluation]] = {}
-        for evaluation in sorted(tried, key=lambda e: e.candidate.key):
-            tool = evaluation.candidate.tool
-            if evaluation.status == "ok" and tool is not None:
-                by_tool.setdefault(digest(tool.content), []).append(evaluation)
-
-        last = max((e.candidate.generation for e in tried), default=0)
-        for known in by_tool.values():
-            keys = [e.candidate.key for e in known if e.candidate.generation == last]
-            if not keys:
+        ordered = sorted(tried, key=lambda evaluation: evaluation.candidate.key)
+        last = max((e.candidate.generation for e in ordered), default=0)
+        for known in _group_by_tool(ordered).values():
+            recent = [e.candidate for e in known if e.candidate.generation == last]
+            plans = self._best_plans(known)
+            if not recent or any(
+                e.candidate.plan.content == plans.content for e in known
+            ):
                 continue
-            strategy = keys[0][:3]
-            actions = [
-                e.candidate.action for e in tried if e.candidate.key[:3] == strategy
-            ]
-            joined = self._join(known)
-            if joined is not None:
-                generation, agent, number = strategy
-                yield replace(
-                    joined,
-                    generation=generation,
-                    agent=agent,
-                    strategy=number,
-                    action=1 + max(actions),
-                )
 
-    def _join(self, known: Sequence[Evaluation]) -> Candidate | None:
-        """Join the best plan for each task of candidates with one tool; None: one of them has these plans."""
-        plans = []
+            strategy = recent[0].key[:3]
+            siblings = [e.candidate for e in tried if e.candidate.key[:3] == strategy]
+            best = max(known, key=lambda evaluation: evaluation.reward)
+            yield replace(
+                best.candidate,
+                generation=recent[0].generation,
+                agent=recent[0].agent,
+                strategy=recent[0].strategy,
+                action=1 + max(sibling.action for sibling in siblings),
+                plan=plans,
+            )
+
+    def _best_plans(self, known: Sequence[Evaluation]) -> TaskPlans:
+        """Join the best plan for each task of candidates with one tool."""
+        plans: list[tuple[str, ActionPlan | str]] = []
         for task in self.by_task:
-            best = max(known, key=lambda e: e.figures.get(task, 0.0))
+            rewards = [evaluation.figures.get(task, 0.0) for evaluation in known]
+            best = known[rewards.index(max(rewards))]
             plans.append((task, best.candidate.plan.of(task)))
-        joined = TaskPlans(tuple(plans))
-        if any(e.candidate.plan.content == joined.content for e in known):
-            return None
-        best = max(known, key=lambda e: e.reward)
-        return replace(best.candidate, plan=joined)
+        return TaskPlans(tuple(plans))
+
+
+def _group_by_tool(
+    evaluations: Iterable[Evaluation],
+) -> dict[str, list[Evaluation]]:
+    """Group the candidates that were tried by what their tools are."""
+    groups: dict[str, list[Evaluation]] = {}
+    for evaluation in evaluations:
+        tool = evaluation.candidate.tool
+        if evaluation.status == "ok" and tool is not None:
+            groups.setdefault(digest(tool.content), []).append(evaluation)
+    return groups
 
 
 def _describe(task: str, trial: Trial, score: Score) -> Iterator[str]:

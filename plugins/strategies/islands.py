@@ -64,7 +64,8 @@ class Islands(EvolutionStrategy):
             raise UsageError(
                 "evolution.styles is empty; give at least one text, which may be empty"
             )
-        self._migrate, self._patience = migrate, patience
+        self._migrate = migrate
+        self._patience = patience
         steps = max(islands - 1, 1)
         self._warmth = [
             warmth * (2 * k / steps - 1) if islands > 1 else 0.0 for k in range(islands)
@@ -113,11 +114,12 @@ class Islands(EvolutionStrategy):
             (e.reward for e in self._pools[k] if e.status == "ok"), default=0.0
         )
         improved = highest > self._best[k] + self.tie
-        self._best[k], self._idle[k] = (
-            max(highest, self._best[k]),
-            0 if improved else self._idle[k] + 1,
-        )
+        self._best[k] = max(highest, self._best[k])
+        self._idle[k] = 0 if improved else self._idle[k] + 1
         if self._idle[k] < self._patience:
             return False
-        self._pools[k], self._best[k], self._idle[k] = [], 0.0, 0
+
+        self._pools[k] = []
+        self._best[k] = 0.0
+        self._idle[k] = 0
         return True
