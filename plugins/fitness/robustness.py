@@ -75,58 +75,56 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
     drawn again, and smaller. Fixed bodies and marks stay, since rewards name places in the world, and so do bodies that
     hang from them or from the world; those that hang from a free one move with it.
     """
-    scales = (
-        np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
-    )
-    poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
-    bodies = tuple(
-        replace(
+    rng = np.random.default_rng([draw, 0])
+    scales = rng.uniform(-1, 1, (len(scene.bodies), 2)).tolist()
+    poses = _draw_poses(scene, ranges, np.random.default_rng([draw, 1]))
+
+    bodies: list[Body] = []
+    for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True):
+        friction = 1 + ranges.friction * rougher
+        changed = replace(
             body,
             pose=poses.get(body.name, body.pose),
             mass=body.mass * (1 + ranges.mass * heavier),
-            friction=body.friction * (1 + ranges.friction * rougher),
-            rolling_friction=body.rolling_friction * (1 + ranges.friction * rougher),
+            friction=body.friction * friction,
+            rolling_friction=body.rolling_friction * friction,
         )
-        for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True)
-    )
-    return replace(scene, bodies=bodies)
+        bodies.append(changed)
+    return replace(scene, bodies=tuple(bodies))
 
 
-def _moved(
+def _draw_poses(
     scene: Scene, ranges: PerturbationRange, rng: np.random.Generator
 ) -> dict[str, Pose]:
     """Draw new poses of free bodies, by name."""
     poses: dict[str, Pose] = {}
     if ranges.position == ranges.yaw == 0:
         return poses
+
     solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
     anchored = {body.name for body in scene.bodies if body.fixed} | {None}
     for placed in scene.ordered_joints:
         if placed.joint.parent in anchored:
             anchored.add(placed.joint.body)
+
     loose = [
         body for body in scene.free if body.name not in anchored and body.collisions
     ]
     for group in together(loose, solids, scene.joined):
         members = {body.name for body in group}
-        others = Obstacles(
-            solid
-            for name, own in solids.items()
-            if name not in members
-            for solid in own
-        )
-        move = _move(
-            group,
-            [solid for body in group for solid in solids[body.name]],
-            others,
-            ranges,
-            rng,
-        )
+        moving: list[Solid] = []
+        standing: list[Solid] = []
+        for name, parts in solids.items():
+            if name not in members:
+                standing += parts
+        for body in group:
+            moving += solids[body.name]
+        move = _draw_move(group, moving, Obstacles(standing), ranges, rng)
+
         for body in group:
             poses[body.name] = move @ body.pose
-            solids[body.name] = tuple(
-                replace(s, pose=move @ s.pose) for s in solids[body.name]
-            )
+            parts = solids[body.name]
+            solids[body.name] = tuple(_move(solid, move) for solid in parts)
     return poses
 
 
@@ -155,7 +153,11 @@ def together(
     ]
 
 
-def _move(
+def _move(solid: Solid, move: Pose) -> Solid:
+    return replace(solid, pose=move @ solid.pose)
+
+
+def _draw_move(
     group: Sequence[Body],
     solids: Sequence[Solid],
     others: Obstacles,
@@ -163,23 +165,17 @@ def _move(
     rng: np.random.Generator,
 ) -> Pose:
     """Draw a move of a group as a whole, in the world, about the mean of its positions; no move if nothing fits."""
-    middle = np.mean([body.pose.position for body in group], axis=0) * np.array(
-        [1.0, 1.0, 0.0]
-    )
+    middle = np.mean([body.pose.position for body in group], axis=0)
+    middle = middle * np.array([1.0, 1.0, 0.0])
+    most = (ranges.position, ranges.position, ranges.yaw)
     before = _gaps(solids, others)
     for halvings in range(_HALVINGS):
         for _ in range(_TRIES):
-            x, y, yaw = (
-                rng.uniform(-1, 1, 3)
-                * (ranges.position, ranges.position, ranges.yaw)
-                * 0.5**halvings
-            )
-            move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(
-                -middle
-            )
-            if _fits(
-                before, _gaps([replace(s, pose=move @ s.pose) for s in solids], others)
-            ):
+            x, y, yaw = rng.uniform(-1, 1, 3) * most * 0.5**halvings
+            turned = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw))
+            move = turned @ Pose(-middle)
+            after = _gaps([_move(solid, move) for solid in solids], others)
+            if _fits(before, after):
                 return move
     return Pose()
 

@@ -43,18 +43,20 @@ def score_by_worst_engine(
     by_engine: dict[str, list[int]] = {}
     for number, trial in enumerate(trials):
         by_engine.setdefault(trial.engine, []).append(number)
-    combined = {
-        engine: combine([counted[n] for n in own]) for engine, own in by_engine.items()
-    }
+
+    combined: dict[str, float] = {}
+    for engine, numbers in by_engine.items():
+        combined[engine] = combine([counted[number] for number in numbers])
     worst = min(combined, key=lambda engine: combined[engine])
 
     succeeded = [n for n, trial in enumerate(trials) if trial.status == "ok"]
     in_worst = [n for n in succeeded if trials[n].engine == worst]
     candidates = in_worst or succeeded or by_engine[worst][:1]
     shown = min(candidates, key=lambda n: (counted[n], _least_margin(trials[n])))
-    warnings = (
-        _failures(trials, by_engine, word) if trials[shown].status == "ok" else []
-    )
+
+    warnings: list[str] = []
+    if trials[shown].status == "ok":
+        warnings = _describe_failures(trials, by_engine, word)
     return Score(combined[worst], shown=shown, warnings=tuple(warnings))
 
 
@@ -62,16 +64,16 @@ def _least_margin(trial: Trial) -> float:
     return min((margin.margin for margin in trial.margins), default=np.inf)
 
 
-def _failures(
+def _describe_failures(
     trials: Sequence[Trial], by_engine: dict[str, list[int]], word: str
 ) -> list[str]:
     """Name the trials that were rejected or failed, each with its reason."""
-    lines = []
+    lines: list[str] = []
     for engine, numbers in by_engine.items():
         for place, number in enumerate(numbers, start=1):
             trial = trials[number]
-            if trial.status != "ok":
-                lines.append(
-                    f"{engine}, {word} {place} of {len(numbers)}: {trial.status}: {trial.reason}"
-                )
+            if trial.status == "ok":
+                continue
+            where = f"{engine}, {word} {place} of {len(numbers)}"
+            lines.append(f"{where}: {trial.status}: {trial.reason}")
     return lines
