@@ -23,9 +23,8 @@ usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups 
        python -m core.run --hydra-help                      Hydra's own flags
 """
 
-_failures: list[
-    UserError
-] = []  # of the jobs: raised in a job, they would be printed by Hydra with lines of its own
+# Of the jobs: raised in a job, they would be printed by Hydra with lines of its own.
+_failures: list[UserError] = []
 
 
 def _job(cfg: DictConfig) -> None:
@@ -79,33 +78,28 @@ def _hydra(given: list[str]) -> None:
     register()
     words = list(given)
     flags = {word for word in words if word.startswith("-")}
-    if (
-        flags
-        and flags <= {"-m", "--multirun"}
-        and not any("hydra.sweep.dir=" in word for word in words)
-    ):
-        words.append(
-            f"hydra.sweep.dir={new_folder(f'multirun/{stamp()}')}"
-        )  # one for all jobs, in any process
+    named = any("hydra.sweep.dir=" in word for word in words)
+    if flags and flags <= {"-m", "--multirun"} and not named:
+        folder = new_folder(f"multirun/{stamp()}")  # one for all jobs, in any process
+        words.append(f"hydra.sweep.dir={folder}")
+
     sys.argv[1:] = words  # where Hydra reads them
-    os.environ["HYDRA_FULL_ERROR"] = (
-        "1"  # Hydra raises its errors, and explain makes one line of them
+    # Hydra raises its errors then, and `explain` makes one line of them.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    start = hydra.main(
+        version_base="1.3", config_path="pkg://conf", config_name="config"
     )
     try:
-        hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(
-            _job
-        )()
+        start(_job)()
     except KeyFound as found:
         raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config") from error
-    except OSError as error:
-        if isinstance(error, BrokenPipeError):
-            raise
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # Hydra makes the run's folder
         where = error.filename or "the run's folder"  # no name: its disk is full
-        raise UserError(
-            f"can't write {where}: {error.strerror}"
-        ) from error  # Hydra, making the folder
+        raise UserError(f"can't write {where}: {error.strerror}") from error
     if _failures:
         raise _failures[0]
 

@@ -74,14 +74,12 @@ def choose(
     left = finalists(result) or result.ranking[:1]
     layouts = islice(fitness.finals(), most)
     finals: dict[str, tuple[Trial, ...]] = {e.candidate.id: () for e in left}
-    count = FIRST
-    tried_layouts = 0
+    had = 0  # layouts, so far
     while len(left) > 1:
-        drawn = list(islice(layouts, count))
+        drawn = list(islice(layouts, had or FIRST))
         if not drawn:
             break
-        tried_layouts += count
-        count = tried_layouts
+        had += len(drawn)
         conditions = [condition for alike in drawn for condition in alike]
         tried = _try_all(trials, conditions, [e.candidate for e in left])
         for finalist in left:
