@@ -13,7 +13,7 @@ from core.plugins import installed
 from core.search.experiment import Experiment
 from core.search.orchestration import resume
 from plugins.conformance.evaluations import tried_once
-from plugins.strategies.refined.strategy import Refinement
+from plugins.strategies.refined.strategy import Refined, Refinement
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)
 GOAL = np.array([0.3, -0.1, 0.2, 0.0, 0.0, 0.0])
@@ -136,6 +136,13 @@ def test_rollouts_that_mean_nothing(rollouts):
         installed().create(
             "evolution", "refined", settings, designer=Plans(), budget=BUDGET
         )
+
+
+@pytest.mark.parametrize(("measure", "observed"), [("touch", True), ("mass", False)])
+def test_rollouts_are_observed_where_the_other_strategy_needs_it(measure, observed):
+    inner = {"name": "map_elites", "measures": [measure]}
+    assert Refined.observes({"of": inner}) is observed
+    assert not Refined.observes({})
 
 
 @pytest.mark.thorough
