@@ -125,7 +125,12 @@ class Configs(Protocol):
 class Events:
     """The events of a run, in their order. A listener implements the events that it wants; the loop waits for it.
 
-    A listener that raises is reported in one line, and from then on receives no event but `run_ended`.
+    **Threads.** Events come one after the other from the run's thread, but for `reply_received`.
+
+    **Order.** The run's store hears each event first: what a listener hears of is on disk.
+
+    **What may be lost.** A listener that raises is reported in one line, and from then on receives no event but
+    `run_ended`; the run goes on without it. A run that is killed ends without `run_ended`.
     """
 
     @hookspec

@@ -425,7 +425,17 @@ CHUNK = 10  # candidates that travel together: the method has as many plans for 
 
 
 class Executor(ABC):
-    """Workers that call a picklable function with chunks. As a context manager it ends them."""
+    """Workers that call a picklable function with chunks. As a context manager it ends them.
+
+    **Threads.** One thread calls `map` and reads what it yields; ``chunks`` may be read in another one. `close` may be
+    called from any thread, and then `map` ends.
+
+    **Ownership.** The workers are the executor's: they are started when they are needed, and ended by `close`. A worker
+    makes its own parts from their names and settings.
+
+    **What may be lost.** A worker that dies costs its chunk alone, whose result is then an exception. A chunk may be
+    tried more than once, so the function has no effect but its result.
+    """
 
     @abstractmethod
     def map(
