@@ -40,6 +40,12 @@ class Role(Enum):
     TOOL = (4, 7)  # touches everything but the link that bears it
     BEARER = (8, 0)
 
+    def meets(self, other: Role) -> bool:
+        """Check if geoms of these roles touch."""
+        kind, affinity = self.value
+        others_kind, others_affinity = other.value
+        return bool(kind & others_affinity or others_kind & affinity)
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -64,6 +70,12 @@ class Collider:
     surface: Surface
     free: bool = False  # part of a body that can move freely
 
+    def partners_friction(self, tools: float) -> float:
+        """The friction coefficient that a partner must have so that their contact needs no pair."""
+        if self.role is Role.SCENE:
+            return tools
+        return self.surface.friction
+
 
 def bounces(surfaces: Sequence[Surface]) -> bool:
     """Check if any two bodies can bounce: restitution is a product, so it takes two."""
@@ -82,63 +94,69 @@ def set_contacts(
     mean of its own friction and the tool's, and has priority.
     """
     tools = tools_friction(colliders)
-    partners = [
-        tools if one.role is Role.SCENE else one.surface.friction for one in colliders
-    ]  # equal: no pair needed
-    reference = [
-        2 * spec.option.timestep,
-        1.3,
-    ]  # as stiff as the time step allows, and damped so that nothing rebounds
-    for number, one in enumerate(colliders):
-        geom = one.geom
-        geom.name = f"{number}/{one.owner}"
-        geom.contype, geom.conaffinity = one.role.value
-        friction = one.surface.friction
-        if one.role is Role.SCENE and not one.free:
-            friction = mean_friction(friction, tools)
-            geom.priority = 1
-        geom.friction = [friction, 0.0, one.surface.rolling]
-        geom.condim = _dimensions(one.surface.rolling)
-        geom.solref = reference
-        geom.solimp = IMPEDANCE
+    # As stiff as the time step allows, and damped so that nothing rebounds.
+    reference = [2 * spec.option.timestep, 1.3]
+    for number, collider in enumerate(colliders):
+        _set_contact(collider, number, tools, reference)
+
     covered = set()
-    for (one, partner), (other, others_partner) in combinations(
-        zip(colliders, partners, strict=True), 2
-    ):
-        (type_1, affinity_1), (type_2, affinity_2) = one.role.value, other.role.value
-        if one.bearer == other.bearer or not (
-            type_1 & affinity_2 or type_2 & affinity_1
-        ):
+    for one, other in combinations(colliders, 2):
+        if one.bearer == other.bearer or not one.role.meets(other.role):
             continue
         free = one.free or other.free
-        if not free and partner == others_partner:
+        if not free and one.partners_friction(tools) == other.partners_friction(tools):
             continue
-        if (
-            free and (one.bearer, other.bearer) not in covered
-        ):  # all their pairs are explicit
-            covered.add((one.bearer, other.bearer))
+
+        bearers = (one.bearer, other.bearer)
+        if free and bearers not in covered:  # all their pairs are explicit
+            covered.add(bearers)
             spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
-        if (
-            one.role is other.role is Role.SCENE
-            and frozenset((one.owner, other.owner)) in joined
-        ):
+        in_scene = one.role is other.role is Role.SCENE
+        if in_scene and frozenset((one.owner, other.owner)) in joined:
             continue
-        friction = mean_friction(one.surface.friction, other.surface.friction)
-        rolling = max(one.surface.rolling, other.surface.rolling)
-        spec.add_pair(
-            geomname1=one.geom.name,
-            geomname2=other.geom.name,
-            condim=_dimensions(rolling),
-            friction=[friction, friction, 0.0, rolling, rolling],
-            solref=_rebound(spec, one.surface.restitution * other.surface.restitution)
-            or reference,
-            # Stiffness, which friction has none of, and damping.
-            solreffriction=[
-                -1.0,
-                -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0),
-            ],
-            solimp=IMPEDANCE,
-        )
+        _add_pair(spec, one, other, slip_rate, reference)
+
+
+def _set_contact(
+    collider: Collider, number: int, tools: float, reference: Sequence[float]
+) -> None:
+    """Set what a geom has where no pair says it."""
+    geom = collider.geom
+    geom.name = f"{number}/{collider.owner}"
+    geom.contype, geom.conaffinity = collider.role.value
+    friction = collider.surface.friction
+    if collider.role is Role.SCENE and not collider.free:
+        friction = mean_friction(friction, tools)
+        geom.priority = 1
+    geom.friction = [friction, 0.0, collider.surface.rolling]
+    geom.condim = _dimensions(collider.surface.rolling)
+    geom.solref = reference
+    geom.solimp = IMPEDANCE
+
+
+def _add_pair(
+    spec: Element,
+    one: Collider,
+    other: Collider,
+    slip_rate: float,
+    reference: Sequence[float],
+) -> None:
+    """Add a pair of geoms with parameters of its own."""
+    friction = mean_friction(one.surface.friction, other.surface.friction)
+    rolling = max(one.surface.rolling, other.surface.rolling)
+    if rolling > 0:
+        slip_rate *= _ROLLING_SHARE
+    restitution = one.surface.restitution * other.surface.restitution
+    spec.add_pair(
+        geomname1=one.geom.name,
+        geomname2=other.geom.name,
+        condim=_dimensions(rolling),
+        friction=[friction, friction, 0.0, rolling, rolling],
+        solref=_rebound(spec, restitution) or reference,
+        # Stiffness, which friction has none of, and damping.
+        solreffriction=[-1.0, -slip_rate],
+        solimp=IMPEDANCE,
+    )
 
 
 def tools_friction(colliders: Sequence[Collider]) -> float:
@@ -155,7 +173,9 @@ def mean_friction(one: float, other: float) -> float:
 
 def _dimensions(rolling: float) -> int:
     """Count a contact's dimensions: the normal, two of slip, and with rolling friction three of rotation."""
-    return 6 if rolling > 0 else 3
+    if rolling > 0:
+        return 6
+    return 3
 
 
 def _rebound(spec: Element, restitution: float) -> list[float] | None:
@@ -174,16 +194,18 @@ def _returned(ratio: float) -> float:
     (2007): contact ends when the force does, before the spring has its full length again.
     """
     swing = np.sqrt(1 - ratio**2)
-    return float(
-        np.exp(
-            -ratio
-            / swing
-            * (np.pi - np.arctan2(2 * ratio * swing, swing**2 - ratio**2))
-        )
-    )
+    phase = np.pi - np.arctan2(2 * ratio * swing, swing**2 - ratio**2)
+    return float(np.exp(-ratio / swing * phase))
 
 
-def options(spec: Element, time_step: float, gravity: float, *, bouncing: bool) -> None:
+def is_discrete(option: Element) -> bool:
+    """Check if servos compare their targets with where joints are at a step's end, not where they are before it."""
+    return bool(option.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE)
+
+
+def set_options(
+    spec: Element, time_step: float, gravity: float, *, bouncing: bool
+) -> None:
     """Set how the world is solved and stepped."""
     option = spec.option
     option.timestep = time_step
@@ -191,25 +213,19 @@ def options(spec: Element, time_step: float, gravity: float, *, bouncing: bool) 
     # Servos are stiff against the arm's inertia. Only the discrete integrator takes that into account in contacts; with
     # the others, loads get accelerations that the arm does not have, and creep. But it is also implicit in the
     # contacts' springs, which removes the rebound, so bouncing bodies get the other one.
-    option.integrator = (
-        mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        if bouncing
-        else mujoco.mjtIntegrator.mjINT_DISCRETE
-    )
+    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    if bouncing:
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Pyramids would be faster, but hold less across their corners, and can't have a slip rate of their own.
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 10.0  # friction yields ten times less than the normal: held objects do not creep
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.jacobian = (
-        mujoco.mjtJacobian.mjJAC_SPARSE
-    )  # the same numbers as dense, and with 30 spheres 40 times faster
-    option.enableflags |= (
-        mujoco.mjtEnableBit.mjENBL_SLEEP
-    )  # bodies at rest are skipped until something touches them
+    # The same numbers as dense, and with 30 spheres 40 times faster.
+    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    # Bodies at rest are skipped until something touches them.
+    option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     option.sleep_tolerance = 2.5e-4  # m/s for ten steps; with the default a ball on a slope of 0.1 degrees never starts
-    option.disableflags |= (
-        mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-    )  # a tool may touch the link before its bearer
-    option.disableflags |= (
-        mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    )  # a world that diverges is not reset
+    # A tool may touch the link before its bearer.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    # A world that diverges is not reset.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET

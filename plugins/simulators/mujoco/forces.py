@@ -20,11 +20,13 @@ from plugins.simulators.mujoco.shapes import Element
 Numbers = npt.NDArray[np.int64]
 
 PACKED = 256  # steps whose contacts are packed at once
-_AWAKE = int(
-    mujoco.mjtSleepState.mjS_AWAKE
-)  # as a number: an array is compared with an enum one by one
+# As a number: an array is compared with an enum one by one.
+_AWAKE = int(mujoco.mjtSleepState.mjS_AWAKE)
 _OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _NET = 3  # a sensor's way to make one of many contacts: the sum of the forces
+_SENSED = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE) | 1 << int(
+    mujoco.mjtConDataField.mjCONDATA_POS
+)
 # Of all contacts, and of those of the links with one another.
 _OUTER = "pushes"
 _INNER = "pushes within"
@@ -32,21 +34,18 @@ _INNER = "pushes within"
 
 def add_feeler(spec: Element, link: str) -> None:
     """Add what a `Feeler` reads: sensors of the contacts of a link and of all that it moves. They are off at first."""
-    kinds = mujoco.mjtObj
-    fields = mujoco.mjtConDataField
-    for name, other in (
-        (_OUTER, {}),
-        (_INNER, {"reftype": kinds.mjOBJ_XBODY, "refname": link}),
-    ):
-        kind = mujoco.mjtSensor.mjSENS_CONTACT
+    body = mujoco.mjtObj.mjOBJ_XBODY
+    for name in (_OUTER, _INNER):
         sensor = spec.add_sensor(
-            name=name, type=kind, objtype=kinds.mjOBJ_XBODY, objname=link, **other
+            name=name,
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=body,
+            objname=link,
         )
-        sensor.intprm[:3] = (
-            1 << int(fields.mjCONDATA_FORCE) | 1 << int(fields.mjCONDATA_POS),
-            _NET,
-            1,
-        )
+        sensor.intprm[:3] = (_SENSED, _NET, 1)
+        if name == _INNER:
+            sensor.reftype = body
+            sensor.refname = link
     spec.option.disableflags |= _OFF
 
 
@@ -55,9 +54,8 @@ class Feeler:
 
     def __init__(self, model: Element) -> None:
         self._model = model
-        self._outer, self._inner = (
-            int(model.sensor(name).adr[0]) for name in (_OUTER, _INNER)
-        )
+        self._outer = int(model.sensor(_OUTER).adr[0])
+        self._inner = int(model.sensor(_INNER).adr[0])
 
     @contextmanager
     def on(self) -> Iterator[None]:
@@ -79,14 +77,19 @@ class Feeler:
 
 
 class Measured(NamedTuple):
-    """The contacts of ``length`` steps in a row: of each the step (C,), the numbers of its two things (C, 2), the
-    smaller first, and the normal force (C,). ``asleep`` (length, N) says which things slept.
+    """The contacts of S steps in a row: C of the scene's bodies, and P of these with the tool.
 
-    Of the P contacts with the tool also the step (P,), the other thing (P,), the point (P, 3) and the force on the tool
-    (P, 3).
+    Attributes:
+        steps: the step of each contact (C,).
+        pairs: the numbers of its two things, the smaller first (C, 2).
+        forces: its normal force (C,).
+        asleep: which things slept in each step (S, N).
+        touching: the step of each contact with the tool (P,).
+        others: the other thing (P,).
+        points: where it is (P, 3).
+        pushes: the force on the tool (P, 3).
     """
 
-    length: int
     steps: Numbers
     pairs: Numbers
     forces: Array
@@ -96,11 +99,28 @@ class Measured(NamedTuple):
     points: Array
     pushes: Array
 
+    @property
+    def length(self) -> int:
+        """How many steps they are of."""
+        return len(self.asleep)
+
+
+class _Step(NamedTuple):
+    """What the engine says after a step: of each contact and row of the solver, and which of its bodies are awake."""
+
+    geoms: npt.NDArray[Any]
+    addresses: npt.NDArray[Any]
+    dims: npt.NDArray[Any]
+    frames: npt.NDArray[Any]
+    points: npt.NDArray[Any]
+    rows: npt.NDArray[Any]
+    awake: npt.NDArray[Any]
+
 
 class Meter:
     """Measure what things press on each other with: the tool and the arm's links first, then the scene's bodies.
 
-    A step only copies what the engine says; `packed` has the contacts of many steps, and makes sense of them at once.
+    A step only copies what the engine says; `pack` has the contacts of many steps, and makes sense of them at once.
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
@@ -112,28 +132,31 @@ class Meter:
         bodies = [body.name for body in scene.bodies]
         self._names = [*links, *bodies]
         self._links = len(links)
-        self._tool = links.index("tool") if "tool" in links else -1
-        self._owners = np.array(
-            [
-                links.index(owner) if own else len(links) + bodies.index(owner)
-                for owner, own in zip(owners, robot, strict=True)
-            ]
-        )
-        self._flexes = np.array(
-            [len(links) + bodies.index(soft.name) for soft in scene.softs],
-            dtype=np.int64,
-        )
-        self._packed: list[Measured] = []
-        self._steps: list[tuple[npt.NDArray[Any], ...]] = []  # not packed yet
-        self._bodies = np.full(
-            len(self._names), -1
-        )  # the model's, of bodies in the scene
+        self._tool = -1
+        if "tool" in links:
+            self._tool = links.index("tool")
+
+        numbers = []
+        for owner, own in zip(owners, robot, strict=True):
+            if own:
+                numbers.append(links.index(owner))
+            else:
+                numbers.append(len(links) + bodies.index(owner))
+        self._owners = np.array(numbers)
+        softs = [len(links) + bodies.index(soft.name) for soft in scene.softs]
+        self._flexes = np.array(softs, dtype=np.int64)
+
+        # The model's bodies, of those in the scene.
+        self._bodies = np.full(len(self._names), -1)
         self._bodies[self._owners[~robot]] = model.geom_bodyid[~robot]
         for number, owner in enumerate(self._flexes):
-            bearers = model.flex_vertbodyid[model.flex_vertadr[number] :][
-                : model.flex_vertnum[number]
-            ]
+            first = model.flex_vertadr[number]
+            end = first + model.flex_vertnum[number]
+            bearers = model.flex_vertbodyid[first:end]
             self._bodies[owner] = bearers[bearers > 0][0]
+
+        self._packed: list[Measured] = []
+        self._steps: list[_Step] = []  # not packed yet
 
     def begin(self, packed: Sequence[Measured]) -> None:
         """Begin anew, after steps that were measured before."""
@@ -143,122 +166,133 @@ class Meter:
     def measure(self, data: Element) -> None:
         """Copy the contacts of the last step."""
         contact = data.contact
-        geoms = (
-            contact.geom
-            if not len(self._flexes)
-            else np.where(contact.geom < 0, -1 - contact.flex, contact.geom)
-        )
-        where = (
-            geoms.copy(),
+        geoms = contact.geom.copy()
+        if len(self._flexes):
+            geoms = np.where(geoms < 0, -1 - contact.flex, geoms)
+        step = _Step(
+            geoms,
             contact.efc_address.copy(),
             contact.dim.copy(),
             contact.frame.copy(),
             contact.pos.copy(),
+            data.efc_force.copy(),
+            data.body_awake.copy(),
         )
-        self._steps.append((*where, data.efc_force.copy(), data.body_awake.copy()))
+        self._steps.append(step)
         if len(self._steps) == PACKED:
-            self.packed()
+            self.pack()
 
-    def packed(self) -> list[Measured]:
+    def pack(self) -> list[Measured]:
         """Return the contacts of all steps so far."""
         if self._steps:
-            self._packed.append(self._pack())
+            self._packed.append(self._pack_steps())
             self._steps = []
         return self._packed
 
-    def _pack(self) -> Measured:
-        geoms, addresses, dims, frames, points, forces = (
-            np.concatenate(parts)
-            for parts in zip(*(step[:-1] for step in self._steps), strict=True)
+    def _pack_steps(self) -> Measured:
+        joined = _Step(
+            *(np.concatenate(parts) for parts in zip(*self._steps, strict=True))
         )
-        counts, rows = (
-            np.array([len(step[number]) for step in self._steps]) for number in (1, 5)
-        )
+        counts = np.array([len(step.geoms) for step in self._steps])
+        rows = np.array([len(step.rows) for step in self._steps])
         steps = np.repeat(np.arange(len(counts)), counts)
-        first = addresses + np.repeat(
-            np.cumsum(rows) - rows, counts
-        )  # of an elliptic cone this row is the normal
-        acts = addresses >= 0
-        owners = np.append(self._owners, self._flexes[::-1])[
-            geoms
-        ]  # a flex has -1 minus its number
+        # Of an elliptic cone, a contact's first row is the normal.
+        first = joined.addresses + np.repeat(np.cumsum(rows) - rows, counts)
+        # A flex has -1 minus its number.
+        owners = np.append(self._owners, self._flexes[::-1])[joined.geoms]
         pairs = np.sort(owners, axis=1)
-        asleep = np.array([step[-1] for step in self._steps])[:, self._bodies] != _AWAKE
+
+        asleep = joined.awake.reshape(len(counts), -1)[:, self._bodies] != _AWAKE
         asleep[:, self._bodies < 0] = False
         resting = asleep[steps, pairs[:, 0]] & asleep[steps, pairs[:, 1]]
-        scene = acts & (pairs[:, 1] >= self._links)
-        new = np.flatnonzero(scene & ~resting)
-        mine = np.flatnonzero(scene & (pairs[:, 0] == self._tool))
+        counted = (joined.addresses >= 0) & (pairs[:, 1] >= self._links)
+        new = np.flatnonzero(counted & ~resting)
+        mine = np.flatnonzero(counted & (pairs[:, 0] == self._tool))
+
+        # The tool's contacts have up to three rows; without friction there is one.
         axes = np.arange(3)
-        along = forces[first[mine, None] + np.minimum(axes, dims[mine, None] - 1)] * (
-            axes < dims[mine, None]
-        )
-        on_second = np.einsum(
-            "pi,pij->pj", along, frames[mine].reshape(-1, 3, 3)
-        )  # without friction there is one row
+        dims = joined.dims[mine, None]
+        along = joined.rows[first[mine, None] + np.minimum(axes, dims - 1)]
+        along = along * (axes < dims)
+        frames = joined.frames[mine].reshape(-1, 3, 3)
+        on_second = np.einsum("pi,pij->pj", along, frames)
         pushes = np.where(owners[mine, 1:] == self._tool, on_second, -on_second)
-        each = steps[new], pairs[new], forces[first[new]], asleep
         return Measured(
-            len(counts), *each, steps[mine], pairs[mine, 1], points[mine], pushes
+            steps=steps[new],
+            pairs=pairs[new],
+            forces=joined.rows[first[new]],
+            asleep=asleep,
+            touching=steps[mine],
+            others=pairs[mine, 1],
+            points=joined.points[mine],
+            pushes=pushes,
         )
 
-    def measured(self, recording: Recording, at: Numbers) -> Recording:
-        """Add the mean forces between instants, before steps ``at`` (T,), to a recording.
+    def add_to(self, recording: Recording, samples: Numbers) -> Recording:
+        """Add the mean forces between instants, each before a step of ``samples`` (T,), to a recording.
 
         Things that sleep press on each other as they did in the step before.
         """
-        packed = self.packed()
+        packed = self.pack()
         if not packed:
             return recording
-        offsets = np.cumsum([0, *(one.length for one in packed)])
-        kinds = [np.concatenate(parts) for parts in list(zip(*packed, strict=True))[2:]]
-        pairs, forces, asleep, _, others, points, pushes = kinds
-        steps, touching = (
-            np.concatenate(
-                [
-                    one[number] + offset
-                    for one, offset in zip(packed, offsets, strict=False)
-                ]
-            )
-            for number in (
-                Measured._fields.index("steps"),
-                Measured._fields.index("touching"),
-            )
-        )
-        interval = np.searchsorted(
-            at, np.arange(offsets[-1]), side="right"
-        )  # of each step
-        spans = np.diff(at, prepend=at[0] - 1)
-        codes = pairs @ (len(self._names), 1)
+        measured = _join(packed)
+        # Of each step.
+        interval = np.searchsorted(samples, np.arange(measured.length), side="right")
+        spans = np.diff(samples, prepend=samples[0] - 1)
+
         found = {}
-        order = np.argsort(codes, kind="stable")
-        for mine in (
-            np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
-            if len(order)
-            else ()
-        ):
-            one, other = pairs[mine[0]]
-            which = steps[mine]
-            entries = forces[mine]
-            resting = asleep[:, one] & asleep[:, other]
-            if resting.any():
-                since = np.maximum.accumulate(
-                    np.where(resting, 0, np.arange(len(resting)))
-                )
-                begin = np.searchsorted(which, since)
-                end = np.searchsorted(which, since, side="right")
-                which = np.repeat(np.arange(len(resting)), end - begin)
-                shift = np.repeat(
-                    begin - np.cumsum(end - begin) + (end - begin), end - begin
-                )
-                entries = entries[np.arange(len(which)) + shift]
-            sums = np.bincount(interval[which], entries, minlength=len(at))
+        for pair, steps, entries in _group(measured):
+            sums = np.bincount(interval[steps], entries, minlength=len(samples))
             if sums.any():
+                one, other = pair
                 found[self._names[one], self._names[other]] = sums / spans
-        samples = interval[touching]
-        bodies = np.array(self._names, dtype=np.str_)[others]
+
+        touched = interval[measured.touching]
+        bodies = np.array(self._names, dtype=np.str_)[measured.others]
+        pushes = measured.pushes / spans[touched, None]
         return replace(
             recording,
             forces=found,
-            pushes=Pushes(samples, bodies, points, pushes / spans[samples, None]),
+            pushes=Pushes(touched, bodies, measured.points, pushes),
         )
+
+
+def _join(parts: Sequence[Measured]) -> Measured:
+    """Put steps in a row that come one after another."""
+    done = 0
+    shifted = []
+    for part in parts:
+        steps = part.steps + done
+        shifted.append(part._replace(steps=steps, touching=part.touching + done))
+        done += part.length
+    return Measured(*(np.concatenate(arrays) for arrays in zip(*shifted, strict=True)))
+
+
+def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
+    """Yield two things (2,), and the steps (C,) and normal forces (C,) of their contacts, of each pair that touches."""
+    codes = measured.pairs @ (measured.asleep.shape[1], 1)
+    order = np.argsort(codes, kind="stable")
+    begins = np.flatnonzero(np.diff(codes[order])) + 1
+    for mine in np.split(order, begins):
+        if not len(mine):  # there are no contacts at all
+            return
+        pair = measured.pairs[mine[0]]
+        steps = measured.steps[mine]
+        entries = measured.forces[mine]
+        resting = measured.asleep[:, pair].all(axis=1)
+        if resting.any():
+            steps, entries = _repeat_resting(steps, entries, resting)
+        yield pair, steps, entries
+
+
+def _repeat_resting(
+    steps: Numbers, entries: Array, resting: npt.NDArray[np.bool_]
+) -> tuple[Numbers, Array]:
+    """Give each step (S,) in which two things are ``resting`` the contacts of the last one in which they were not."""
+    numbers = np.arange(len(resting))
+    since = np.maximum.accumulate(np.where(resting, 0, numbers))
+    begin = np.searchsorted(steps, since)
+    counts = np.searchsorted(steps, since, side="right") - begin
+    shift = np.repeat(begin - np.cumsum(counts) + counts, counts)
+    return np.repeat(numbers, counts), entries[np.arange(len(shift)) + shift]

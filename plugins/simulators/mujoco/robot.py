@@ -12,7 +12,7 @@ from core.geometry import Array
 from core.robot.description import assemble, joint_name
 from core.values.robots import Robot
 from plugins.simulators.links import bearers, friction_of
-from plugins.simulators.mujoco.contacts import Collider, Role, Surface
+from plugins.simulators.mujoco.contacts import Collider, Role, Surface, is_discrete
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
@@ -134,7 +134,7 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
     shrink = np.exp(-h * tracking_rate * np.array([1.0, _AHEAD]))
     product = float(np.prod(shrink))
     total = float(np.sum(shrink))
-    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE:
+    if is_discrete(model.opt):
         b = 1 - (total - 1) / product
         a = 1 / product - 1 - b
     else:

@@ -9,14 +9,14 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
-from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import (
+from plugins.simulators.mujoco.model import (
     MAX_TIME_STEP,
-    Stepped,
-    World,
-    compiled,
-    inertias_of,
+    compile_model,
+    compute_inertias,
 )
+from plugins.simulators.mujoco.renderer import MuJoCoRenderer
+from plugins.simulators.mujoco.stepped import Stepped
+from plugins.simulators.mujoco.world import World
 from plugins.simulators.rendering import DrawingSimulator
 
 _KEPT = 4  # worlds: most batches have one tool
@@ -65,15 +65,12 @@ class MuJoCoSimulator(DrawingSimulator):
     def _world(self, task: Task, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
         scene = job.scene_in(task)
-        key = (
-            id(scene),
-            job.tool,
-        )  # the world keeps the scene, so that its id is its own
+        # The world keeps the scene, so that no other gets its id.
+        key = (id(scene), job.tool)
         world = self._worlds.get(key)
         if world is None:
-            model = compiled(
-                task.robot, scene, inertias_of(scene), job.tool, *self._rates
-            )
+            inertias = compute_inertias(scene)
+            model = compile_model(task.robot, scene, inertias, job.tool, *self._rates)
             world = World(task.robot, scene, job.tool, model)
         self._worlds[key] = world
         self._worlds.move_to_end(key)

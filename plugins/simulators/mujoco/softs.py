@@ -8,7 +8,12 @@ from core.errors import UserError
 from core.geometry import Array
 from core.scene import Scene, Soft, State
 from core.values.softs import lattice, sizes
-from plugins.simulators.mujoco.contacts import IMPEDANCE, Role, mean_friction
+from plugins.simulators.mujoco.contacts import (
+    IMPEDANCE,
+    Role,
+    is_discrete,
+    mean_friction,
+)
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element
@@ -27,7 +32,7 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
     """
     if scene.softs:
         spec.option.iterations = ITERATIONS
-        if spec.option.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
+        if not is_discrete(spec.option):
             raise UserError(
                 "a scene with soft bodies can't have two bodies with restitution; leave it out of one"
             )

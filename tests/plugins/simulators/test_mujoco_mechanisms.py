@@ -29,8 +29,8 @@ pytest.importorskip("mujoco")
 
 import mujoco as mj
 
+from plugins.simulators.mujoco.model import compile_model
 from plugins.simulators.mujoco.moving import Moving
-from plugins.simulators.mujoco.world import compiled
 from tests.panda import PANDA
 
 JOB = Rollout(BARE, still(), settle_s=0.3, hold_s=0.5, record_hz=50.0)
@@ -204,7 +204,7 @@ def test_states_are_what_mujoco_makes_of_positions_and_speeds(seed, kinds):
                 )
             )
     scene = Scene(tuple(reversed(bodies)), tuple(reversed(joints)))
-    model = compiled(
+    model = compile_model(
         PANDA,
         scene,
         {body.name: inertia_of(body) for body in scene.free},

@@ -19,10 +19,11 @@ from core.scene import Scene, State
 from core.values.robots import Robot
 from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.joints import Joints
+from plugins.simulators.mujoco.model import build_spec
 from plugins.simulators.mujoco.moving import state
 from plugins.simulators.mujoco.robot import set_gains
 from plugins.simulators.mujoco.shapes import Element
-from plugins.simulators.mujoco.world import Joints, described
 
 PER_WORLD = (  # fields that depend on the tool
     *("geom_size", "geom_pos", "geom_quat", "geom_rbound", "geom_aabb"),
@@ -126,8 +127,8 @@ def model(
     tracking_rate: float,
     slip_rate: float,
 ) -> Element:
-    """Compile as `plugins.simulators.mujoco.world.compiled`, with unused boxes, and equivalents for what Warp lacks."""
-    spec = described(robot, scene, inertias, tool, time_step, slip_rate, slots(tool))
+    """Compile as `mujoco.model.compile_model`, with unused boxes, and equivalents for what Warp lacks."""
+    spec = build_spec(robot, scene, inertias, tool, time_step, slip_rate, slots(tool))
     for servo in (
         spec.actuators
     ):  # Warp has no servo with two inputs; a force, a spring and a damper make one

@@ -19,9 +19,10 @@ from plugins.simulators.mujoco.batched.models import (
     figures,
     model,
 )
+from plugins.simulators.mujoco.joints import Joints
+from plugins.simulators.mujoco.model import compute_inertias
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
-from plugins.simulators.mujoco.world import Joints, inertias_of
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
 
@@ -104,9 +105,9 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 raise UserError(
                     f"{task.name}: sim=mujoco_warp can't have joints or launched bodies in a scene; use sim=mujoco"
                 )
-            made = self._model(task, job)
-            joints = Joints.of(task.robot, job.tool, made)
-            self._figures[key] = scene, figures(made, scene, joints)
+            compiled = self._model(task, job)
+            joints = Joints.find(task.robot, job.tool, compiled)
+            self._figures[key] = scene, figures(compiled, scene, joints)
             if len(self._figures) > _KEPT_FIGURES:
                 self._figures.popitem(last=False)
         self._figures.move_to_end(key)
@@ -114,7 +115,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def _model(self, task: Task, job: Rollout) -> Element:
         scene = job.scene_in(task)
-        return model(task.robot, scene, inertias_of(scene), job.tool, *self._rates)
+        return model(task.robot, scene, compute_inertias(scene), job.tool, *self._rates)
 
     def _played(
         self,

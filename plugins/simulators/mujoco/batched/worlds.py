@@ -27,9 +27,9 @@ from plugins.simulators.mujoco.batched.models import (
     Played,
     Size,
 )
-from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.contacts import is_discrete
+from plugins.simulators.mujoco.joints import HELD
 from plugins.simulators.mujoco.shapes import Element
-from plugins.simulators.mujoco.world import HELD
 
 _NO_ROOM = (
     mujoco_warp.OverflowType.ALL
@@ -53,9 +53,7 @@ class Worlds:
         joints = compiled.nactuator
         numbers = compiled.nq + compiled.nv
         count = size.worlds
-        self._ahead = int(
-            compiled.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
-        )
+        self._ahead = int(is_discrete(compiled.opt))
         with warp.ScopedDevice(device):
             self._model = mujoco_warp.put_model(
                 compiled, batch_sizes=dict.fromkeys(PER_WORLD, count)

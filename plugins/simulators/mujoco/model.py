@@ -1,0 +1,116 @@
+"""Describe a scene with the arm and its tool as a MuJoCo spec, and compile that."""
+
+from __future__ import annotations
+
+from core.design import Tool
+from core.robot.description import assembled
+from core.scene import Scene, Soft
+from core.values.robots import Robot
+from plugins.simulators.inertia import Inertia, inertia_of
+from plugins.simulators.mujoco import contacts
+from plugins.simulators.mujoco.contacts import Collider, Role, Surface
+from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.forces import add_feeler
+from plugins.simulators.mujoco.moving import add_bodies
+from plugins.simulators.mujoco.robot import add_servos, load, set_gains
+from plugins.simulators.mujoco.shapes import Element, add_geom
+from plugins.simulators.mujoco.softs import add_softs, hull_boxes
+from plugins.simulators.rolling import rollers
+
+GRAVITY = 9.81
+MAX_TIME_STEP = 0.005  # s; above, contacts get soft
+# m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves.
+CCD_TOLERANCE = 1e-10
+
+
+def compute_inertias(scene: Scene) -> dict[str, Inertia]:
+    """Compute the inertias of the free rigid bodies, by name."""
+    return {
+        body.name: inertia_of(body) for body in scene.free if not isinstance(body, Soft)
+    }
+
+
+def compile_model(
+    robot: Robot,
+    scene: Scene,
+    inertias: dict[str, Inertia],
+    tool: Tool,
+    time_step: float,
+    tracking_rate: float,
+    slip_rate: float,
+) -> Element:
+    """Compile the model: the arm's joints first, then those of the free bodies.
+
+    For the rates see `plugins.simulators.mujoco.simulator.MuJoCoSimulator`.
+    """
+    time_step = _choose_time_step(scene, time_step)
+    spec = build_spec(robot, scene, inertias, tool, time_step, slip_rate)
+    if any(rollers(body) for body in scene.bodies):
+        spec.option.ccd_tolerance = CCD_TOLERANCE
+    if len(scene.free) <= 1 and not scene.softs:
+        # Equal but for rounding, and up to a tenth faster; not measured on a GPU.
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+
+    last_joint = assembled(robot, tool, fused=True).named[robot.arm_joints[-1]]
+    add_feeler(spec, last_joint.child)
+    model = spec.compile()
+    set_gains(model, robot, tracking_rate)
+    return model
+
+
+def _choose_time_step(scene: Scene, time_step: float) -> float:
+    """Return the time step that a scene's bodies need, s, where others get ``time_step``.
+
+    Cloths and soft solids are as good at twice the step, for half the time; ropes that fall would pass through things.
+    Bodies that hang from moving ones gain energy in proportion to the step, so theirs is half as long.
+    """
+    if scene.softs and all(soft.form.kind != "rope" for soft in scene.softs):
+        time_step = min(2 * time_step, MAX_TIME_STEP)
+
+    for joint in scene.joints:
+        if joint.parent is not None and not scene[joint.parent].fixed:
+            return time_step / 2
+    return time_step
+
+
+def build_spec(
+    robot: Robot,
+    scene: Scene,
+    inertias: dict[str, Inertia],
+    tool: Tool,
+    time_step: float,
+    slip_rate: float,
+    slots: int = 0,
+) -> Element:
+    """Build the model's spec, without the servos' gains. For ``slots`` see `load`.
+
+    Fixed bodies are all part of the world's body, for which MuJoCo has a tree of bounding boxes.
+    """
+    spec, colliders = load(robot, tool, slots)
+    surfaces = [
+        Surface(body.friction, body.rolling_friction, body.restitution)
+        for body in scene.bodies
+    ]
+    contacts.set_options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
+    add_servos(spec, robot, tool)
+    add_softs(spec, scene, contacts.tools_friction(colliders))
+    bearers = add_bodies(spec, scene, inertias)
+
+    for body, surface in zip(scene.bodies, surfaces, strict=True):
+        if isinstance(body, Soft):
+            continue
+        bearer = bearers[body.name]
+        for part in body.collisions:
+            pose = part.pose
+            if body.fixed:
+                pose = body.pose @ pose
+            geom = add_geom(spec, bearer, part.shape, pose)
+            collider = Collider(
+                geom, body.name, bearer.name, Role.SCENE, surface, not body.fixed
+            )
+            colliders.append(collider)
+
+    contacts.set_contacts(spec, colliders, slip_rate, scene.joined)
+    if any(soft.form.kind == "cloth" for soft in scene.softs):
+        hull_boxes(spec)
+    return spec

@@ -1,0 +1,72 @@
+"""A world that is stepped from outside, as guards and tests need it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import JointTrajectory
+from core.scene import State
+from plugins.simulators.mujoco.contacts import is_discrete
+from plugins.simulators.mujoco.engine import mujoco, warnings_caught
+from plugins.simulators.mujoco.joints import Joints
+from plugins.simulators.mujoco.moving import Moving
+from plugins.simulators.mujoco.shapes import Element
+
+
+class Stepped:
+    """A `core.interfaces.World`, with the robot at first at a trajectory's first targets."""
+
+    def __init__(
+        self, model: Element, moving: Moving, start: JointTrajectory, joints: Joints
+    ) -> None:
+        self.time_step = float(model.opt.timestep)
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._joints = joints
+        self._moving = moving
+        self._steps_since_launch = -np.inf
+        fingers = [start.fingers[0]] * joints.grip
+        self._data.qpos[joints.driven] = [*start.arm[0], *fingers]
+
+        self._discrete = is_discrete(model.opt)
+        # s, from a step's end to the instant of which servos get the targets, see `World._controls`.
+        self._back = self.time_step
+        if self._discrete:
+            self._back = 0.0
+
+    def step(
+        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+    ) -> None:
+        controls = self._data.ctrl.reshape(-1, 2)
+        count = self._joints.arm
+        driven = len(self._joints.driven)
+        controls[:count, 0] = arm - self._back * speeds
+        controls[:count, 1] = speeds
+        controls[count:driven, 0] = fingers - self._back * finger_speed
+        controls[count:driven, 1] = finger_speed
+
+        if self._moving.drives:
+            steps = self._steps_since_launch + np.array([0.0, 1.0])
+            begin, end = self._moving.aim(steps * self.time_step)
+            controls[driven:, 1] = (end - begin) / self.time_step
+            controls[driven:, 0] = begin
+            if self._discrete:
+                controls[driven:, 0] = end
+
+        self._moving.pull(self._model, self._data)
+        self._joints.hold(self._model, held=self._steps_since_launch < 0)
+        self._steps_since_launch += 1
+        with warnings_caught():  # a world that diverges shows it in its state too
+            mujoco.mj_step(self._model, self._data)
+
+    def launch(self) -> None:
+        self._steps_since_launch = 0.0
+        self._moving.launch(self._data.qpos, self._data.qvel)
+
+    def joints(self) -> tuple[Array, Array]:
+        arm, others = self._joints.read(self._data.qpos[None])
+        return arm[0], others[0]
+
+    def state(self) -> State:
+        return self._moving.state(self._data.qpos, self._data.qvel)
