@@ -29,7 +29,11 @@ _BACK = np.array([1.0, -1.0, -1.0, -1.0])  # makes a quaternion the inverse
 def add_bodies(
     spec: Element, scene: Scene, inertias: dict[str, Inertia]
 ) -> dict[str, Element]:
-    """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body."""
+    """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body.
+
+    Returns:
+        the spec's body for each rigid body of the scene, by name.
+    """
     bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
     tops: dict[str | None, Element] = {}  # of what hangs together
     hung = {placed.joint.body: placed.joint for placed in scene.ordered_joints}
@@ -37,21 +41,26 @@ def add_bodies(
     for body in (*loose, *(scene[name] for name in hung)):
         name = _name(scene, body.name)
         joint = hung.get(body.name)
-        above = joint.parent if joint else None
-        bearer = spec.worldbody if above is None else bearers[above]
-        outer = scene[above].pose if above is not None and above in tops else Pose()
-        bearers[body.name] = element = add_body(
-            bearer, name, outer.inverse() @ body.pose, inertias[body.name]
-        )
-        tops[body.name] = tops.get(above, element)
+        parent = None
+        bearer = spec.worldbody
+        frame = Pose()
+        if joint is not None and joint.parent is not None:
+            parent = joint.parent
+            bearer = bearers[parent]
+            if parent in tops:
+                frame = scene[parent].pose
+
+        pose = frame.inverse() @ body.pose
+        element = add_body(bearer, name, pose, inertias[body.name])
+        bearers[body.name] = element
+        tops[body.name] = tops.get(parent, element)
         if joint is None:
             element.add_freejoint(name=name)
         else:
             _add_joint(spec, element, joint, name)
             # A servo's load is known where nothing else could give way to it.
-            element.gravcomp = float(
-                bool(joint.drive) and (above not in tops or bearer.gravcomp > 0)
-            )
+            if joint.drive and (parent not in tops or bearer.gravcomp > 0):
+                element.gravcomp = 1.0
         if body.launched or (joint and (joint.drive or joint.latches)):
             tops[body.name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     return bearers
@@ -66,10 +75,10 @@ def _name(scene: Scene, body: str) -> str:
     return f"body_{[one.name for one in scene.bodies].index(body)}"
 
 
-def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None:
+def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
     """Add a joint at whose ``start`` the body is where it is, and its servo."""
     reference = [2 * spec.option.timestep, 1.0]
-    made = element.add_joint(
+    element = bearer.add_joint(
         name=name,
         type=_KINDS[joint.kind],
         axis=joint.axis,
@@ -77,17 +86,17 @@ def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None
         ref=joint.start,
     )
     if joint.limited:
-        made.range = [joint.lower, joint.upper]
-    made.stiffness[0] = joint.stiffness
-    made.springref = joint.rest
-    made.damping[0] = joint.damping
-    made.frictionloss = joint.friction
-    made.solref_limit = reference
-    made.solref_friction = reference
-    made.solimp_friction = HOLDS
+        element.range = [joint.lower, joint.upper]
+    element.stiffness[0] = joint.stiffness
+    element.springref = joint.rest
+    element.damping[0] = joint.damping
+    element.frictionloss = joint.friction
+    element.solref_limit = reference
+    element.solref_friction = reference
+    element.solimp_friction = HOLDS
     if joint.drive:
-        made.actfrcrange = [-joint.drive.force, joint.drive.force]
-        made.actgravcomp = True
+        element.actfrcrange = [-joint.drive.force, joint.drive.force]
+        element.actgravcomp = True
         servo = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )
@@ -95,10 +104,11 @@ def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None
 
 
 class _Place(NamedTuple):
-    """The slices of a body's joint among positions and among speeds."""
+    """The slices of a body's joint among positions and among speeds, and its number among joints."""
 
     position: slice
     speed: slice
+    number: int
 
 
 class Moving:
@@ -114,96 +124,83 @@ class Moving:
         self._scene = scene
         self._names = tuple(body.name for body in _rigid(scene))
         self._softs = Softs(scene, model)
-        self._first = model.nq - 7 * len(self._names), model.nv - 6 * len(self._names)
+        self._first_position = model.nq - 7 * len(self._names)
+        self._first_speed = model.nv - 6 * len(self._names)
         self._places: dict[str, _Place] = {}
         for name in self._names:
             joint = model.joint(_name(scene, name))
             q = int(joint.qposadr[0])
             v = int(joint.dofadr[0])
-            self._places[name] = _Place(
-                slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping))
-            )
+            positions = slice(q, q + len(joint.qpos0))
+            speeds = slice(v, v + len(joint.damping))
+            self._places[name] = _Place(positions, speeds, joint.id)
+
+        self._hung = scene.ordered_joints
         self._drives = [
-            placed.joint.drive for placed in scene.ordered_joints if placed.joint.drive
+            placed.joint.drive for placed in self._hung if placed.joint.drive
         ]
         self._launched = [body for body in scene.free if body.launched]
-        latched = [
-            (one, model.joint(_name(scene, one.body)))
-            for one in scene.joints
-            if one.latches
-        ]
-        self._latched = [
-            (one, at.id, int(at.qposadr[0]), int(at.dofadr[0])) for one, at in latched
-        ]
+        self._latched = [joint for joint in scene.joints if joint.latches]
         self.drives = len(self._drives)
         self.launches = bool(self._launched)
         self.latches = bool(self._latched)
 
     def state(self, qpos: Array, qvel: Array) -> State:
         """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
-        return self._softs.joined(self._rigid_state(qpos, qvel), qpos, qvel)
+        return self._softs.add_to(self._rigid_state(qpos, qvel), qpos, qvel)
 
     def _rigid_state(self, qpos: Array, qvel: Array) -> State:
-        if not self._scene.joints:
-            return state(
-                self._names, qpos[..., self._first[0] :], qvel[..., self._first[1] :]
-            )
-        hung = {placed.joint.body for placed in self._scene.ordered_joints}
+        if not self._hung:
+            positions = qpos[..., self._first_position :]
+            return state(self._names, positions, qvel[..., self._first_speed :])
+
         found: dict[str | None, Placement] = {None: Placement.at_rest(Pose())}
-        found |= {
-            name: Placement.at_rest(pose) for name, pose in self._scene.places.items()
-        }
-        for name, (q, v) in self._places.items():
+        for name, pose in self._scene.places.items():
+            found[name] = Placement.at_rest(pose)
+        hung = {placed.joint.body for placed in self._hung}
+        for name, (q, v, _) in self._places.items():
             if name not in hung:
-                one = state((name,), qpos[..., q], qvel[..., v])
-                found[name] = Placement(*(array[..., 0, :] for array in one.arrays))
-        for placed in self._scene.ordered_joints:
-            q, v = self._places[placed.joint.body]
+                free = state((name,), qpos[..., q], qvel[..., v])
+                found[name] = Placement(*(array[..., 0, :] for array in free.arrays))
+        for placed in self._hung:
+            q, v, _ = self._places[placed.joint.body]
             value, speed = _local(placed, qpos[..., q], qvel[..., v])
-            found[placed.joint.body] = placed.carry(
-                value, speed, found[placed.joint.parent]
-            )
-        parts = zip(*(found[name] for name in self._names), strict=True)
+            parent = found[placed.joint.parent]
+            found[placed.joint.body] = placed.carry(value, speed, parent)
+
+        arrays = []
         shape = qpos.shape[:-1]
-        return State(
-            self._names,
-            *(
-                np.stack(
-                    [np.broadcast_to(one, (*shape, one.shape[-1])) for one in part],
-                    axis=-2,
-                )
-                for part in parts
-            ),
-        )
+        for parts in zip(*(found[name] for name in self._names), strict=True):
+            full = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in parts]
+            arrays.append(np.stack(full, axis=-2))
+        return State(self._names, *arrays)
 
     def launch(self, qpos: Array, qvel: Array) -> None:
         """Give bodies their velocities, in speeds (V,)."""
         for body in self._launched:
-            q, v = self._places[body.name]
-            qvel[v] = [
-                *body.velocity,
-                *rotate(qpos[q][3:] * _BACK, np.asarray(body.spin)),
-            ]
+            q, v, _ = self._places[body.name]
+            spin = rotate(qpos[q][3:] * _BACK, np.asarray(body.spin))
+            qvel[v] = [*body.velocity, *spin]
 
     def aim(self, times: Array) -> Array:
         """Sample the drives' positions at instants (S,): (S, D)."""
-        return (
-            np.array([drive.sample(times) for drive in self._drives])
-            .reshape(self.drives, len(times))
-            .T
-        )
+        positions = np.array([drive.sample(times) for drive in self._drives])
+        return positions.reshape(self.drives, len(times)).T
 
     def pull(self, model: Element, data: Element) -> None:
         """Set the forces of latches. Where one rises it is a spring, which is stable however stiff."""
-        for joint, number, q, v in self._latched:
-            at = float(data.qpos[q])
+        for joint in self._latched:
+            q, v, number = self._places[joint.body]
+            position = float(data.qpos[q][0])
             rise = 0.0
             for latch in joint.latches:
-                if abs(at - latch.at) < latch.width / 2:
+                away = position - latch.at
+                if abs(away) < latch.width / 2:
                     turn = math.pi / latch.width
-                    rise += latch.force * turn * math.cos(turn * (at - latch.at))
+                    rise += latch.force * turn * math.cos(turn * away)
+            spring = rise * (position - joint.rest)
             model.jnt_stiffness[number] = joint.stiffness + rise
-            data.qfrc_applied[v] = latch_force(joint, at) + rise * (at - joint.rest)
+            data.qfrc_applied[v] = latch_force(joint, position) + spring
 
 
 def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]:

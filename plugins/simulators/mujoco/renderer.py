@@ -23,16 +23,10 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.rendering import Renderer, joint_positions
 
-_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(
-    file_type="stl"
-)  # stands for collision meshes
-_OFF = (
-    "disable",
-    "disabled",
-    "off",
-    "false",
-    "0",
-)  # of MUJOCO_GL, as in MuJoCo's own package
+# Stands for collision meshes.
+_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")
+# Of MUJOCO_GL, as in MuJoCo's own package.
+_OFF = ("disable", "disabled", "off", "false", "0")
 
 
 class MuJoCoRenderer(Renderer):
@@ -59,10 +53,13 @@ class MuJoCoRenderer(Renderer):
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
         robot = task.robot
-        shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
+        shown = tool
+        if shown is None:
+            shown = Tool(gripper=robot.gripper is not None)
         urdf = assemble(robot, shown, visuals=False, mesh_path=lambda _: "0.stl")
         spec = mujoco.MjSpec.from_string(urdf, assets={"0.stl": _SPECK})
         spec.compiler.discardvisual = False  # a description's reader would
+
         for geom in list(spec.geoms):
             spec.delete(geom)
         for link, visuals in link_visuals(robot, shown.gripper).items():
@@ -71,15 +68,17 @@ class MuJoCoRenderer(Renderer):
         for component in shown.components:
             bearer, pose = shown.borne[component.name]
             _show(spec, spec.body(bearer), component.shape.drawn, pose, component.color)
-        for body in task.scene(seed).bodies:
+
+        scene = task.scene(seed)
+        for body in scene.bodies:
             element = spec.worldbody.add_body(
                 name=f"scene/{body.name}", mocap=True, pos=body.pose.position
             )
             element.quat = body.pose.quaternion
             for part in body.visuals:
                 _show(spec, element, part.shape, part.pose, part.color)
-        self._softs = task.scene(seed).softs
         _light(spec)
+        self._softs = scene.softs
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         with self._opengl.as_current():
@@ -93,9 +92,8 @@ class MuJoCoRenderer(Renderer):
         self._tool = shown
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        for name, value in joint_positions(
-            self._robot, self._tool, arm, fingers
-        ).items():
+        joints = joint_positions(self._robot, self._tool, arm, fingers)
+        for name, value in joints.items():
             self._data.joint(name).qpos[0] = value
         for name in state.names:
             number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]
@@ -112,34 +110,24 @@ class MuJoCoRenderer(Renderer):
         geom = int(self._model.body(f"scene/{name}").geomadr[0])
         number = int(model.geom_dataid[geom])
         turn = self._data.geom_xmat[geom].reshape(3, 3)
-        corners = surface.vertices[surface.faces]
-        normals = np.zeros_like(surface.vertices)
-        np.add.at(
-            normals,
-            surface.faces,
-            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[
-                :, None
-            ],
-        )
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        at = model.mesh_vertadr[number]
-        count = model.mesh_vertnum[number]
-        model.mesh_vert[at : at + count] = (
-            surface.vertices - self._data.geom_xpos[geom]
-        ) @ turn
-        at = model.mesh_normaladr[number]
-        faces = slice(*(model.mesh_faceadr[number] + [0, model.mesh_facenum[number]]))
-        of_face = model.mesh_facenormal[faces].ravel()
-        model.mesh_normal[at + of_face] = (normals @ turn)[
-            model.mesh_face[faces].ravel()
-        ]
+        first_vertex = model.mesh_vertadr[number]
+        vertices = slice(first_vertex, first_vertex + model.mesh_vertnum[number])
+        places = surface.vertices - self._data.geom_xpos[geom]
+        model.mesh_vert[vertices] = places @ turn
+
+        first_face = model.mesh_faceadr[number]
+        faces = slice(first_face, first_face + model.mesh_facenum[number])
+        normals = model.mesh_normaladr[number] + model.mesh_facenormal[faces].ravel()
+        smooth = _vertex_normals(surface) @ turn
+        model.mesh_normal[normals] = smooth[model.mesh_face[faces].ravel()]
         with self._opengl.as_current():
             mujoco.mjr_uploadMesh(model, self._context, number)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        self._model.vis.global_.fovy = (
-            camera.fov_deg if camera.height_m is None else camera.height_m
-        )
+        extent = camera.height_m
+        if extent is None:
+            extent = camera.fov_deg
+        self._model.vis.global_.fovy = extent
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
             self._model,
@@ -160,43 +148,51 @@ class MuJoCoRenderer(Renderer):
         return picture[::-1]
 
 
+def _vertex_normals(surface: Mesh) -> Array:
+    """Compute unit normals (V, 3) of the vertices, each face weighted by its area."""
+    corners = surface.vertices[surface.faces]
+    first = corners[:, 0]
+    face_normals = np.cross(corners[:, 1] - first, corners[:, 2] - first)
+    normals = np.zeros_like(surface.vertices)
+    np.add.at(normals, surface.faces, face_normals[:, None])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return normals
+
+
 def _open_gl() -> tuple[Any, str]:
     """Create a context that draws without a window; return it and the name of the device.
 
     The environment variable MUJOCO_GL chooses the library or switches drawing off, as everywhere with MuJoCo. By
     default the first library found is taken.
     """
-    libraries = (
-        {"cgl": "OpenGL"}
-        if platform.system() == "Darwin"
-        else {"egl": "EGL", "osmesa": "OSMesa"}
-    )
+    libraries = {"egl": "EGL", "osmesa": "OSMesa"}
+    if platform.system() == "Darwin":
+        libraries = {"cgl": "OpenGL"}
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     if chosen in _OFF:
         raise NoPicture(f"MuJoCo's own renderer is switched off (MUJOCO_GL={chosen})")
     found = [
         name for name, library in libraries.items() if ctypes.util.find_library(library)
     ]
-    name = chosen if chosen in libraries else found[0] if found else ""
-    if not name:
-        raise _no_open_gl(
-            f"none of the libraries {', '.join(libraries.values())} is there"
-        )
-    logging.getLogger("OpenGL.acceleratesupport").setLevel(
-        logging.WARNING
-    )  # about an optional package
+    if chosen in libraries:
+        found = [chosen]
+    if not found:
+        names = ", ".join(libraries.values())
+        raise _no_open_gl(f"none of the libraries {names} is there")
+
+    name = found[0]
+    library = libraries[name]
+    # It logs that an optional package is missing.
+    logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
         gl = importlib.import_module("OpenGL.GL")
         with context.as_current():
-            return (
-                context,
-                f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})",
-            )
+            device = gl.glGetString(gl.GL_RENDERER).decode()
     except Exception as error:  # PyOpenGL's errors differ with what is missing
-        raise _no_open_gl(
-            f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}"
-        ) from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise _no_open_gl(f"{library}: {reason}") from error
+    return context, f"{device} ({library})"
 
 
 def _no_open_gl(why: str) -> NoPicture:
@@ -251,7 +247,10 @@ def _look(camera: Camera) -> Any:
     view.orthographic = camera.height_m is not None
     view.lookat[:] = camera.target
     view.distance = float(np.linalg.norm(way))
-    along = camera.axes[1] if np.hypot(way[0], way[1]) < 1e-6 else way
+    across = np.hypot(way[0], way[1])
+    along = way
+    if across < 1e-6:
+        along = camera.axes[1]
     view.azimuth = float(np.degrees(np.arctan2(along[1], along[0])))
-    view.elevation = float(np.degrees(np.arctan2(way[2], np.hypot(way[0], way[1]))))
+    view.elevation = float(np.degrees(np.arctan2(way[2], across)))
     return view

@@ -17,13 +17,8 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
-HOLDS = [
-    0.9999,
-    0.9999,
-    0.001,
-    0.5,
-    2.0,
-]  # the impedance of dry friction in a joint: it hardly creeps
+# The impedance of dry friction in a joint: it hardly creeps.
+HOLDS = [0.9999, 0.9999, 0.001, 0.5, 2.0]
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
@@ -55,23 +50,16 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     spec.fuse_static()
     colliders = []
     for geom, link in links:
-        role = (
-            Role.TOOL
-            if link in tool.borne_on
-            else Role.BEARER
-            if link in near
-            else Role.ARM
-        )
-        owner = "tool" if role is Role.TOOL else link
-        colliders.append(
-            Collider(
-                geom,
-                owner,
-                geom.parent.name,
-                role,
-                Surface(friction_of(robot, tool, link)),
-            )
-        )
+        owner = link
+        role = Role.ARM
+        if link in tool.borne_on:
+            owner = "tool"
+            role = Role.TOOL
+        elif link in near:
+            role = Role.BEARER
+        surface = Surface(friction_of(robot, tool, link))
+        colliders.append(Collider(geom, owner, geom.parent.name, role, surface))
+
     for bearer in tool.bearers:
         body = spec.body(bearer.name)
         spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)

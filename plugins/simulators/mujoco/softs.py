@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from core.errors import UserError
@@ -19,6 +21,7 @@ from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element
 
 ITERATIONS = 500  # of the step's solver: stiff flexes need more than the usual 100
+_AXES = 3  # along which a node slides
 # What a cloth resists: stretching, or bending too.
 _STRETCHES = 2
 _BOTH = 3
@@ -30,34 +33,24 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
     Raises:
         UserError: bodies bounce, for which MuJoCo needs an integrator that has no soft bodies.
     """
-    if scene.softs:
-        spec.option.iterations = ITERATIONS
-        if not is_discrete(spec.option):
-            raise UserError(
-                "a scene with soft bodies can't have two bodies with restitution; leave it out of one"
-            )
+    if not scene.softs:
+        return
+    spec.option.iterations = ITERATIONS
+    if not is_discrete(spec.option):
+        raise UserError(
+            "a scene with soft bodies can't have two bodies with restitution; leave it out of one"
+        )
+
     reference = [2 * spec.option.timestep, 1.0]
     for number, soft in enumerate(scene.softs):
-        names = []
-        vertices = []
-        for node, (place, share) in enumerate(
-            zip(soft.placed, soft.form.weights, strict=True)
-        ):
-            pinned = node in soft.pinned
-            names.append("world" if pinned else _name(number, node))
-            vertices.append(place if pinned else np.zeros(3))
-            if not pinned:
-                mass = soft.mass * share
-                body = spec.worldbody.add_body(
-                    name=names[-1], pos=place, mass=mass, inertia=[1e-4 * mass] * 3
-                )
-                body.explicitinertial = True
-                for axis, way in enumerate(np.eye(3)):
-                    body.add_joint(
-                        name=f"{names[-1]}/{axis}",
-                        type=mujoco.mjtJoint.mjJNT_SLIDE,
-                        axis=way,
-                    )
+        names = ["world"] * len(soft.placed)
+        vertices = soft.placed.copy()
+        for node in _free_nodes(soft):
+            names[node] = _name(number, node)
+            mass = soft.mass * soft.form.weights[node]
+            _add_node(spec, names[node], vertices[node], mass)
+            vertices[node] = 0.0
+
         flex = spec.add_flex(
             name=f"soft/{soft.name}", dim=soft.form.elements.shape[1] - 1
         )
@@ -67,9 +60,8 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.radius = soft.form.thickness / 2
         flex.young = soft.elastic.young
         flex.poisson = soft.elastic.poisson
-        flex.damping = max(
-            soft.elastic.damping, 1e-9
-        )  # MuJoCo warns of a solid without any
+        # MuJoCo warns of a solid without any.
+        flex.damping = max(soft.elastic.damping, 1e-9)
         flex.contype, flex.conaffinity = Role.SCENE.value
         flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
         # Above that of fixed geoms.
@@ -82,13 +74,25 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
         flex.elastic3d = int(soft.form.kind == "solid")
         if soft.form.kind == "cloth":
             flex.thickness = soft.form.thickness
-            flex.elastic2d = (
-                _BOTH if _bends(soft, -spec.option.gravity[2]) else _STRETCHES
-            )
+            flex.elastic2d = _STRETCHES
+            if _bends(soft, -spec.option.gravity[2]):
+                flex.elastic2d = _BOTH
         if soft.form.kind == "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
             length.solref = reference
             length.solimp = HOLDS
+
+
+def _add_node(spec: Element, name: str, place: Array, mass: float) -> None:
+    """Add a node at a place (3,) in the world."""
+    body = spec.worldbody.add_body(
+        name=name, pos=place, mass=mass, inertia=[1e-4 * mass] * 3
+    )
+    body.explicitinertial = True
+    for axis, way in enumerate(np.eye(_AXES)):
+        body.add_joint(
+            name=f"{name}/{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=way
+        )
 
 
 def hull_boxes(spec: Element) -> None:
@@ -107,17 +111,27 @@ def _bends(soft: Soft, gravity: float) -> bool:
     costs as much as all the rest."""
     elastic = soft.elastic
     thickness = soft.form.thickness
-    stiff = (
-        elastic.young
-        * thickness**2
-        / (12 * elastic.density * gravity * (1 - elastic.poisson**2))
-    )
+    weight = 12 * elastic.density * gravity * (1 - elastic.poisson**2)
+    stiff = elastic.young * thickness**2 / weight
     cell: float = np.median(sizes(soft.form.nodes, soft.form.elements))
     return bool(stiff ** (1 / 3) > np.sqrt(2 * cell))
 
 
+def _free_nodes(soft: Soft) -> list[int]:
+    """List the nodes that are not pinned."""
+    return [node for node in range(len(soft.form.nodes)) if node not in soft.pinned]
+
+
 def _name(number: int, node: int) -> str:
     return f"soft_{number}/{node}"
+
+
+class _Nodes(NamedTuple):
+    """A soft body's nodes that are not pinned (N,), and where their positions and speeds are (3 N,)."""
+
+    free: list[int]
+    positions: list[int]
+    speeds: list[int]
 
 
 class Softs:
@@ -125,46 +139,38 @@ class Softs:
 
     def __init__(self, scene: Scene, model: Element) -> None:
         self._scene = scene
-        self._places = list[tuple[list[int], list[int], list[int]]]()
+        self._places: list[_Nodes] = []
         for number, soft in enumerate(scene.softs):
-            free = [
-                node for node in range(len(soft.form.nodes)) if node not in soft.pinned
-            ]
-            joints = [
-                model.joint(f"{_name(number, node)}/{axis}")
-                for node in free
-                for axis in range(3)
-            ]
-            addresses = (
-                [int(joint.qposadr[0]) for joint in joints],
-                [int(joint.dofadr[0]) for joint in joints],
-            )
-            self._places.append((free, *addresses))
+            nodes = _Nodes(_free_nodes(soft), [], [])
+            for node in nodes.free:
+                for axis in range(_AXES):
+                    joint = model.joint(f"{_name(number, node)}/{axis}")
+                    nodes.positions.append(int(joint.qposadr[0]))
+                    nodes.speeds.append(int(joint.dofadr[0]))
+            self._places.append(nodes)
 
-    def joined(self, rigid: State, qpos: Array, qvel: Array) -> State:
+    def add_to(self, rigid: State, qpos: Array, qvel: Array) -> State:
         """Put the soft bodies, from positions (..., Q) and speeds (..., V), among a state of the rigid ones."""
         if not self._scene.softs:
             return rigid
         shape = qpos.shape[:-1]
         nodes = {}
-        found = {
-            name: [array[..., k, :] for array in rigid.arrays]
-            for k, name in enumerate(rigid.names)
-        }
-        for soft, (free, at, speeds) in zip(
-            self._scene.softs, self._places, strict=True
-        ):
+        found = {}
+        for number, name in enumerate(rigid.names):
+            found[name] = [array[..., number, :] for array in rigid.arrays]
+        for soft, place in zip(self._scene.softs, self._places, strict=True):
             moved, moving = np.zeros((2, *shape, len(soft.form.nodes), 3))
-            moved[..., free, :] = qpos[..., at].reshape(*shape, -1, 3)
-            moving[..., free, :] = qvel[..., speeds].reshape(*shape, -1, 3)
+            moved[..., place.free, :] = qpos[..., place.positions].reshape(
+                *shape, -1, 3
+            )
+            moving[..., place.free, :] = qvel[..., place.speeds].reshape(*shape, -1, 3)
             nodes[soft.name] = soft.placed + moved
             middle = soft.form.weights @ nodes[soft.name]
             speed = soft.form.weights @ moving
             upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*shape, 4))
             found[soft.name] = [middle, upright, speed, np.zeros_like(speed)]
+
         names = tuple(body.name for body in self._scene.free)
-        arrays = (
-            np.stack(parts, axis=-2)
-            for parts in zip(*(found[name] for name in names), strict=True)
-        )
+        columns = zip(*(found[name] for name in names), strict=True)
+        arrays = (np.stack(parts, axis=-2) for parts in columns)
         return State(names, *arrays, soft=nodes)

@@ -25,24 +25,29 @@ from plugins.simulators.mujoco.moving import state
 from plugins.simulators.mujoco.robot import set_gains
 from plugins.simulators.mujoco.shapes import Element
 
-PER_WORLD = (  # fields that depend on the tool
-    *("geom_size", "geom_pos", "geom_quat", "geom_rbound", "geom_aabb"),
-    *(
-        "body_mass",
-        "body_inertia",
-        "body_ipos",
-        "body_iquat",
-        "body_subtreemass",
-        "body_invweight0",
-    ),
-    *(
-        "dof_invweight0",
-        "actuator_acc0",
-        "actuator_biasprm",
-        "jnt_stiffness",
-        "dof_frictionloss",
-    ),
-    *("qpos0", "qpos_spring", "body_pos", "body_quat"),  # and on the layout
+# Fields that depend on the tool.
+PER_WORLD = (
+    "geom_size",
+    "geom_pos",
+    "geom_quat",
+    "geom_rbound",
+    "geom_aabb",
+    "body_mass",
+    "body_inertia",
+    "body_ipos",
+    "body_iquat",
+    "body_subtreemass",
+    "body_invweight0",
+    "dof_invweight0",
+    "actuator_acc0",
+    "actuator_biasprm",
+    "jnt_stiffness",
+    "dof_frictionloss",
+    # And on the layout.
+    "qpos0",
+    "qpos_spring",
+    "body_pos",
+    "body_quat",
 )
 # Fields that Warp does not use.
 _UNUSED = {
@@ -112,10 +117,11 @@ class Played:
 
 def slots(tool: Tool) -> int:
     """Count the boxes on each mount of a tool's model: 4, 8, 16 and so on."""
-    most = max(
-        Counter(mount for mount, _ in tool.placed().values()).values(), default=0
-    )
-    return _FEWEST_SLOTS << max(0, int(np.ceil(np.log2(max(most, 1) / _FEWEST_SLOTS))))
+    counts = Counter(mount for mount, _ in tool.placed().values())
+    found = _FEWEST_SLOTS
+    while found < max(counts.values(), default=0):
+        found *= 2
+    return found
 
 
 def model(
@@ -129,17 +135,14 @@ def model(
 ) -> Element:
     """Compile as `mujoco.model.compile_model`, with unused boxes, and equivalents for what Warp lacks."""
     spec = build_spec(robot, scene, inertias, tool, time_step, slip_rate, slots(tool))
-    for servo in (
-        spec.actuators
-    ):  # Warp has no servo with two inputs; a force, a spring and a damper make one
+    # Warp has no servo with two inputs; a force, a spring and a damper make one.
+    for servo in spec.actuators:
         servo.set_to_position(kp=1.0, kv=1.0)
     compiled = spec.compile()
     set_gains(compiled, robot, tracking_rate)
     compiled.actuator_gainprm[:, 0] = 1.0
-    for friction in (
-        compiled.geom_friction,
-        compiled.pair_friction,
-    ):  # as MuJoCo does itself
+    # As MuJoCo does itself.
+    for friction in (compiled.geom_friction, compiled.pair_friction):
         np.maximum(friction, _LEAST_FRICTION, out=friction)
     # Warp never resets a world anyway.
     compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -148,7 +151,7 @@ def model(
     return compiled
 
 
-def figures(compiled: Element, scene: Scene, joints: Joints) -> ModelFigures:
+def extract_figures(compiled: Element, scene: Scene, joints: Joints) -> ModelFigures:
     """Extract a world's own figures from a `model` of that scene."""
     data = mujoco.MjData(compiled)
     mujoco.mj_kinematics(compiled, data)
@@ -167,11 +170,9 @@ def figures(compiled: Element, scene: Scene, joints: Joints) -> ModelFigures:
 def _shared(compiled: Element) -> str:
     """Compute a digest of all numbers but those that are a world's own."""
     digest = hashlib.blake2b(digest_size=16)
-    for part in (compiled, compiled.opt):
+    for part, left_out in ((compiled, {*PER_WORLD, *_UNUSED}), (compiled.opt, set())):
         for name in sorted(dir(part)):
-            if name.startswith("_") or (
-                part is compiled and name in {*PER_WORLD, *_UNUSED}
-            ):
+            if name.startswith("_") or name in left_out:
                 continue
             value = getattr(part, name)
             if isinstance(value, np.ndarray | int | float):

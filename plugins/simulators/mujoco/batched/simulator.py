@@ -16,7 +16,7 @@ from plugins.simulators.mujoco.batched.models import (
     ModelFigures,
     Played,
     Size,
-    figures,
+    extract_figures,
     model,
 )
 from plugins.simulators.mujoco.joints import Joints
@@ -73,32 +73,31 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        outcomes: dict[int, Outcome] = {}
-        groups: dict[str, list[int]] = {}
-        mine: dict[int, ModelFigures] = {}
         if any(job.forces for job in jobs):
             raise UserError(
                 "sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco"
             )
-        for i, job in enumerate(jobs):
-            mine[i] = self._of(task, job)
-            groups.setdefault(mine[i].shared, []).append(i)
+        figures = [self._find_figures(task, job) for job in jobs]
+        groups: dict[str, list[int]] = {}
+        for number, known in enumerate(figures):
+            groups.setdefault(known.shared, []).append(number)
+
+        outcomes: dict[int, Outcome] = {}
         for members in groups.values():
             # So that neighbours end together.
-            members.sort(key=lambda i: len(self._schedule(jobs[i]).times))
-            for i, played in self._played(task, members, mine, jobs):
-                outcomes[i] = self._outcome(jobs[i], mine[i], played)
-        return [outcomes[i] for i in range(len(jobs))]
+            members.sort(key=lambda number: len(self._schedule(jobs[number]).times))
+            for number, played in self._play(task, members, figures, jobs):
+                outcome = self._outcome(jobs[number], figures[number], played)
+                outcomes[number] = outcome
+        return [outcomes[number] for number in range(len(jobs))]
 
     def _schedule(self, job: Rollout) -> Schedule:
         return Schedule(job, self._rates[0])
 
-    def _of(self, task: Task, job: Rollout) -> ModelFigures:
+    def _find_figures(self, task: Task, job: Rollout) -> ModelFigures:
         scene = job.scene_in(task)
-        key = (
-            id(scene),
-            job.tool.content,
-        )  # the entry keeps the scene, so that its id is its own
+        # The entry keeps the scene, so that no other gets its id.
+        key = (id(scene), job.tool.content)
         if key not in self._figures:
             only_rigid(scene, task.name, "mujoco_warp")
             if scene.joints or any(body.launched for body in scene.free):
@@ -107,7 +106,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 )
             compiled = self._model(task, job)
             joints = Joints.find(task.robot, job.tool, compiled)
-            self._figures[key] = scene, figures(compiled, scene, joints)
+            self._figures[key] = scene, extract_figures(compiled, scene, joints)
             if len(self._figures) > _KEPT_FIGURES:
                 self._figures.popitem(last=False)
         self._figures.move_to_end(key)
@@ -117,78 +116,77 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         scene = job.scene_in(task)
         return model(task.robot, scene, compute_inertias(scene), job.tool, *self._rates)
 
-    def _played(
+    def _play(
         self,
         task: Task,
         members: Sequence[int],
-        mine: dict[int, ModelFigures],
+        figures: Sequence[ModelFigures],
         jobs: Sequence[Rollout],
     ) -> Iterator[tuple[int, Played]]:
-        """Yield each job's number and result. Jobs with too many contacts are repeated with more capacity."""
+        """Yield each member's number and result. Jobs with too many contacts are repeated with more capacity."""
+        shared = figures[members[0]].shared
         waiting = list(members)
         while waiting:
-            worlds = self._batch(task, [jobs[i] for i in waiting], mine[waiting[0]])
+            ahead = [jobs[number] for number in waiting]
+            worlds = self._batch(task, ahead, figures[waiting[0]])
             now = waiting[: worlds.size.worlds]
             waiting = waiting[worlds.size.worlds :]
+            results = worlds.play(
+                [figures[number] for number in now], ahead[: len(now)]
+            )
             again = []
-            for i, played in zip(
-                now,
-                worlds.play([mine[i] for i in now], [jobs[i] for i in now]),
-                strict=True,
-            ):
+            for number, played in zip(now, results, strict=True):
                 if played.crowded and 2 * worlds.size.contacts <= _MOST_CONTACTS:
-                    again.append(i)
+                    again.append(number)
                 else:
-                    yield i, played
+                    yield number, played
             if again:
-                self._contacts[mine[again[0]].shared] = 2 * worlds.size.contacts
+                self._contacts[shared] = 2 * worlds.size.contacts
                 waiting = again + waiting
 
-    def _batch(self, task: Task, jobs: Sequence[Rollout], of: ModelFigures) -> Worlds:
+    def _batch(
+        self, task: Task, jobs: Sequence[Rollout], figures: ModelFigures
+    ) -> Worlds:
         """Make worlds for the first of the jobs. Sizes are rounded up to powers of two, so that few are made."""
+        contacts = self._contacts.get(figures.shared)
+        if contacts is None:
+            contacts = _round_up(32 + 4 * len(figures.names) + len(figures.geom_xpos))
         frames = [len(self._schedule(job).samples) for job in jobs]
+        instants = [len(job.trajectory.times) for job in jobs]
         size = Size(
-            min(_up(len(jobs)), self.worlds),
-            _up(max(frames, default=1)),
-            _up(max(len(job.trajectory.times) for job in jobs)),
-            self._contacts.get(of.shared)
-            or _up(32 + 4 * len(of.names) + len(of.geom_xpos)),
+            worlds=min(_round_up(len(jobs)), self.worlds),
+            frames=_round_up(max(frames)),
+            instants=_round_up(max(instants)),
+            contacts=contacts,
         )
-        known = of.shared, size
+
+        known = (figures.shared, size)
         if known not in self._batches:
-            self._batches[known] = self._make(
-                self._model(task, jobs[0]), size, self._device
-            )
+            compiled = self._model(task, jobs[0])
+            self._batches[known] = self._make(compiled, size, self._device)
             if len(self._batches) > _KEPT_BATCHES:
                 self._batches.popitem(last=False)
         self._batches.move_to_end(known)
         return self._batches[known]
 
-    def _outcome(self, job: Rollout, of: ModelFigures, played: Played) -> Outcome:
+    def _outcome(self, job: Rollout, figures: ModelFigures, played: Played) -> Outcome:
         if played.crowded:
-            return Outcome(
-                None,
-                None,
-                error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once",
-            )
+            problem = f"more than {_MOST_CONTACTS // 2} contacts at once"
+            return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
         if played.broken:
-            return Outcome(
-                None,
-                None,
-                error="MuJoCo Warp: the simulation blew up: a state is not finite, or huge",
-            )
-        start, end, film = (
-            numbers.astype(np.float64)
-            for numbers in (played.start, played.end, played.film)
-        )
+            problem = "the simulation blew up: a state is not finite, or huge"
+            return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
+
+        end = played.end.astype(np.float64)
         schedule = self._schedule(job)
-        seen = None
+        film = None
         if schedule.every:
-            numbers = np.concatenate([film, end[None]])
-            seen = (*of.joints.read(numbers), of.state(numbers))
-        return schedule.conclude(of.state(start), of.state(end), played.lag, seen)
+            numbers = np.concatenate([played.film.astype(np.float64), end[None]])
+            film = (*figures.joints.read(numbers), figures.state(numbers))
+        start = figures.state(played.start.astype(np.float64))
+        return schedule.conclude(start, figures.state(end), played.lag, film)
 
 
-def _up(count: int) -> int:
+def _round_up(count: int) -> int:
     """Round up to a power of two."""
     return 1 << max(0, count - 1).bit_length()

@@ -58,15 +58,12 @@ class Worlds:
             self._model = mujoco_warp.put_model(
                 compiled, batch_sizes=dict.fromkeys(PER_WORLD, count)
             )
-            self._model.opt.warn_overflow = (
-                0  # otherwise printed; `Played.crowded` says it
-            )
+            # Otherwise it is printed; `Played.crowded` says it.
+            self._model.opt.warn_overflow = 0
             self._model.opt.deterministic = True
+            rows = _count_rows(compiled, size.contacts)
             self._data = mujoco_warp.make_data(
-                compiled,
-                count,
-                nconmax=size.contacts,
-                njmax=_rows(compiled, size.contacts),
+                compiled, count, nconmax=size.contacts, njmax=rows
             )
             self._step = warp.zeros(1, dtype=int)
             self._settle, self._last, self._every, self._instants = (
@@ -101,9 +98,9 @@ class Worlds:
         with warp.ScopedDevice(self._device):
             last = self._load(figures, jobs)
             if self._graph is None:
-                self._one()  # compiles missing kernels
+                self._step_once()  # compiles missing kernels
                 with warp.ScopedCapture() as capture:
-                    self._one()
+                    self._step_once()
                 self._graph = capture.graph
                 self._load(figures, jobs)
             for _ in range(max(last)):
@@ -115,18 +112,25 @@ class Worlds:
             lag = self._lag.numpy()
             lost = self._lost.numpy()
             broken = self._broken.numpy()
-        every = self._every.numpy()
-        return [
-            Played(
-                start[i],
-                end[i],
-                film[: -(-last[i] // every[i]) if every[i] else 0, i],
-                float(lag[i]),
-                bool(broken[i]),
-                bool(lost[i] & _NO_ROOM),
+            every = self._every.numpy()
+
+        results = []
+        for i in range(len(jobs)):
+            frames = 0
+            if every[i]:
+                frames = -(-last[i] // every[i])
+            crowded = bool(lost[i] & _NO_ROOM)
+            results.append(
+                Played(
+                    start[i],
+                    end[i],
+                    film[:frames, i],
+                    float(lag[i]),
+                    broken=bool(broken[i]),
+                    crowded=crowded,
+                )
             )
-            for i in range(len(jobs))
-        ]
+        return results
 
     def _load(
         self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]
@@ -135,45 +139,48 @@ class Worlds:
         count = self.size.worlds
         self._arm = jobs[0].trajectory.arm.shape[1]
         which = np.minimum(np.arange(count), len(jobs) - 1)
-        mine = [figures[i] for i in which]
-        theirs = [jobs[i] for i in which]
-        own = {name: np.stack([one.fields[name] for one in mine]) for name in PER_WORLD}
-        _assign(self._springs, own["jnt_stiffness"])
-        _assign(self._frictions, own["dof_frictionloss"])
-        for i, one in enumerate(mine):  # held until the motion begins
-            own["jnt_stiffness"][i, one.joints.loose] = 0.0
-            own["dof_frictionloss"][i, one.joints.loose] = HELD
+        figures = [figures[i] for i in which]
+        jobs = [jobs[i] for i in which]
+        fields = {}
         for name in PER_WORLD:
-            _assign(getattr(self._model, name), own[name])
+            fields[name] = np.stack([world.fields[name] for world in figures])
+        _assign(self._springs, fields["jnt_stiffness"])
+        _assign(self._frictions, fields["dof_frictionloss"])
+        for i, world in enumerate(figures):  # held until the motion begins
+            fields["jnt_stiffness"][i, world.joints.loose] = 0.0
+            fields["dof_frictionloss"][i, world.joints.loose] = HELD
+        for name, values in fields.items():
+            _assign(getattr(self._model, name), values)
         mujoco_warp.reset_data(self._model, self._data)
-        first = np.stack([one.fields["qpos0"] for one in mine])
+
+        first = np.stack([world.fields["qpos0"] for world in figures])
         times = np.zeros(self._times.shape)
         targets = np.zeros(self._targets.shape)
         schedules = []
         instants = []
-        for i, job in enumerate(theirs):
+        for i, job in enumerate(jobs):
             trajectory = job.trajectory
-            known = len(job.trajectory.times)
+            known = len(trajectory.times)
             times[i, :known] = trajectory.times
             targets[i, :known, : self._arm] = trajectory.arm
             targets[i, :known, self._arm :] = trajectory.fingers[:, None]
-            first[i, mine[i].joints.driven] = targets[i, 0]
-            schedule = Schedule(job, self._dt)
-            schedules.append((schedule.settle, len(schedule.times), schedule.every))
+            first[i, figures[i].joints.driven] = targets[i, 0]
+            schedules.append(Schedule(job, self._dt))
             instants.append(known)
-        settle, last, every = np.array(schedules).T
-        _assign(self._settle, settle)
-        _assign(self._last, last)
-        _assign(self._every, every)
+        last = [len(schedule.times) for schedule in schedules]
+
+        _assign(self._settle, np.array([schedule.settle for schedule in schedules]))
+        _assign(self._last, np.array(last))
+        _assign(self._every, np.array([schedule.every for schedule in schedules]))
         _assign(self._instants, np.array(instants))
         _assign(self._times, times)
         _assign(self._targets, targets)
-        _assign(self._stiffness, np.stack([one.stiffness for one in mine]))
-        _assign(self._damping, np.stack([one.damping for one in mine]))
+        _assign(self._stiffness, np.stack([world.stiffness for world in figures]))
+        _assign(self._damping, np.stack([world.damping for world in figures]))
         _assign(self._first, first)
         _assign(self._data.qpos, first)
-        _assign(self._data.geom_xpos, np.stack([one.geom_xpos for one in mine]))
-        _assign(self._data.geom_xmat, np.stack([one.geom_xmat for one in mine]))
+        _assign(self._data.geom_xpos, np.stack([world.geom_xpos for world in figures]))
+        _assign(self._data.geom_xmat, np.stack([world.geom_xmat for world in figures]))
         for array in (
             self._step,
             self._lag,
@@ -183,106 +190,89 @@ class Worlds:
             self._crowded,
         ):
             array.zero_()
-        return [int(steps) for steps in last]
+        return last
 
-    def _one(self) -> None:
+    def _step_once(self) -> None:
         """Step all worlds once."""
         data = self._data
         self._note()
-        own = [
+        released = [
+            self._step,
+            self._settle,
             self._springs,
             self._frictions,
             self._model.jnt_stiffness,
             self._model.dof_frictionloss,
         ]
-        warp.launch(release, self._frictions.shape, [self._step, self._settle, *own])
-        warp.launch(
-            mend,
-            self.size.worlds,
-            [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart],
-        )
-        warp.launch(
-            drive,
-            self._aim.shape,
-            [
-                *(
-                    self._step,
-                    self._settle,
-                    self._broken,
-                    self._dt,
-                    self._ahead,
-                    self._instants,
-                ),
-                *(
-                    self._times,
-                    self._targets,
-                    self._stiffness,
-                    self._damping,
-                    self._aim,
-                    data.ctrl,
-                ),
-            ],
-        )
+        warp.launch(release, self._frictions.shape, released)
+        mended = [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart]
+        warp.launch(mend, self.size.worlds, mended)
+        driven = [
+            self._step,
+            self._settle,
+            self._broken,
+            self._dt,
+            self._ahead,
+            self._instants,
+            self._times,
+            self._targets,
+            self._stiffness,
+            self._damping,
+            self._aim,
+            data.ctrl,
+        ]
+        warp.launch(drive, self._aim.shape, driven)
         mujoco_warp.step(self._model, data)
         warp.launch(advance, 1, [self._step])
 
     def _leave_out(self, _: Any, data: Any) -> None:
         contact = data.contact
-        most = self.size.contacts
         self._counts.zero_()
-        warp.launch(
-            leave_out,
-            max(data.naconmax, self.size.worlds),
-            [
-                most,
-                data.nacon,
-                contact.worldid,
-                contact.type,
-                self._counts,
-                self._crowded,
-            ],
-        )
+        counted = [
+            self.size.contacts,
+            data.nacon,
+            contact.worldid,
+            contact.type,
+            self._counts,
+            self._crowded,
+        ]
+        warp.launch(leave_out, max(data.naconmax, self.size.worlds), counted)
         warp.launch(cut, 1, [data.naconmax, data.nacon])
 
     def _note(self) -> None:
         data = self._data
-        warp.launch(
-            note,
-            self._start.shape,
-            [
-                *(
-                    self._step,
-                    self._settle,
-                    self._last,
-                    self._every,
-                    LAG_EVERY,
-                    self._arm,
-                ),
-                *(data.qpos, data.qvel, self._aim, data.overflow, self._crowded),
-                *(
-                    self._start,
-                    self._end,
-                    self._film,
-                    self._lag,
-                    self._lost,
-                    self._astray,
-                    self._broken,
-                ),
-            ],
-        )
+        noted = [
+            self._step,
+            self._settle,
+            self._last,
+            self._every,
+            LAG_EVERY,
+            self._arm,
+            data.qpos,
+            data.qvel,
+            self._aim,
+            data.overflow,
+            self._crowded,
+            self._start,
+            self._end,
+            self._film,
+            self._lag,
+            self._lost,
+            self._astray,
+            self._broken,
+        ]
+        warp.launch(note, self._start.shape, noted)
 
 
-def _rows(compiled: Element, contacts: int) -> int:
+def _count_rows(compiled: Element, contacts: int) -> int:
     """Count the constraint rows for so many contacts."""
-    most = max(
-        [int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)]
-    )
+    dims = [int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)]
     loose = int(np.count_nonzero(compiled.dof_frictionloss)) + MAX_JOINTS
-    return contacts * most + int(compiled.jnt_limited.sum()) + int(compiled.neq) + loose
+    limited = int(compiled.jnt_limited.sum())
+    return contacts * max(dims) + limited + int(compiled.neq) + loose
 
 
 def _assign(array: Any, values: Array) -> None:
-    scalar = getattr(
-        array.dtype, "_wp_scalar_type_", array.dtype
-    )  # the type of a vector's components
+    # The type of a vector's components.
+    scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     array.assign(np.ascontiguousarray(values, dtype=warp.dtype_to_numpy(scalar)))
