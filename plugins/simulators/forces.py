@@ -14,9 +14,9 @@ from core.geometry import Array
 from core.interfaces import Pushes, Recording
 from core.scene import Joint
 
-Thing = tuple[
-    int, str
-]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
+Thing = tuple[int, str]
+"""A rank, and a name; the robot's things have rank -1, bodies theirs in the scene."""
+
 TOOL: Thing = (-1, "tool")
 
 
@@ -37,14 +37,26 @@ class Meeting(NamedTuple):
 @cache
 def meeting(one: Thing, other: Thing) -> Meeting:
     """Say what a contact between two things counts for."""
-    (rank, first), (others_rank, second) = ordered = sorted((one, other))
-    counts = others_rank > rank
-    body = second if counts and (rank, first) == TOOL else None
-    return Meeting(
-        (first, second) if counts else None,
-        body,
-        1.0 if ordered == [one, other] else -1.0,
-    )
+    first, second = sorted((one, other))
+    sign = 1.0
+    if first != one:
+        sign = -1.0
+    if first[0] == second[0]:
+        return Meeting(None, None, sign)
+
+    body = None
+    if first == TOOL:
+        body = second[1]
+    return Meeting((first[1], second[1]), body, sign)
+
+
+class _Push(NamedTuple):
+    """The impulse (3,) on the tool, N s, of a contact with a body at a point (3,), before a sample of the recording."""
+
+    sample: int
+    body: str
+    point: Sequence[float]
+    impulse: Array
 
 
 class Impulses:
@@ -56,7 +68,7 @@ class Impulses:
     def __init__(self) -> None:
         self._sums: dict[tuple[str, str], float] = {}
         self._noted: list[dict[tuple[str, str], float]] = []
-        self._pushes: list[tuple[int, str, Sequence[float], Array]] = []
+        self._pushes: list[_Push] = []
 
     def add(self, met: Meeting, impulse: float) -> None:
         """Add the impulse of a contact, N s."""
@@ -66,7 +78,8 @@ class Impulses:
     def push(self, met: Meeting, point: Sequence[float], impulse: Array) -> None:
         """Add the impulse on the first thing (3,), N s, of a contact of the tool at a point in the world."""
         assert met.body is not None
-        self._pushes.append((len(self._noted), met.body, point, met.sign * impulse))
+        push = _Push(len(self._noted), met.body, point, met.sign * impulse)
+        self._pushes.append(push)
 
     def note(self) -> None:
         """Note the sums at an instant of the recording."""
@@ -79,15 +92,16 @@ class Impulses:
         for pair in self._sums:
             sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
             forces[pair] = np.append(0.0, np.diff(sums) / spans)
-        samples, bodies, points, impulses = (
-            zip(*self._pushes, strict=True) if self._pushes else ((),) * 4
-        )
-        at = np.array(samples, dtype=np.int64)
-        pushes = np.reshape(impulses, (-1, 3)) / np.append(np.inf, spans)[at, None]
-        made = Pushes(
-            at, np.array(bodies, dtype=np.str_), np.reshape(points, (-1, 3)), pushes
-        )
-        return replace(recording, forces=forces, pushes=made)
+        return replace(recording, forces=forces, pushes=self._mean_pushes(spans))
+
+    def _mean_pushes(self, spans: Array) -> Pushes:
+        """Compute the mean forces on the tool, between instants of the recording that are ``spans`` (T - 1,) apart."""
+        samples = np.array([push.sample for push in self._pushes], dtype=np.int64)
+        bodies = np.array([push.body for push in self._pushes], dtype=np.str_)
+        points = np.reshape([push.point for push in self._pushes], (-1, 3))
+        impulses = np.reshape([push.impulse for push in self._pushes], (-1, 3))
+        forces = impulses / np.append(np.inf, spans)[samples, None]
+        return Pushes(samples, bodies, points, forces)
 
 
 def latch_force(joint: Joint, position: float) -> float:

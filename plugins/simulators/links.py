@@ -10,7 +10,9 @@ def friction_of(robot: Robot, tool: Tool, link: str) -> float:
     """Return the friction coefficient of a link, or of a component of the tool."""
     if robot.gripper is not None and link in GRIPPER_MOUNTS:
         return robot.gripper.friction
-    return tool.friction if link in tool.borne_on else robot.friction
+    if link in tool.borne_on:
+        return tool.friction
+    return robot.friction
 
 
 def bearers(robot: Robot, tool: Tool) -> tuple[str, ...]:

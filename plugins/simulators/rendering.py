@@ -18,31 +18,21 @@ from core.robot.description import joint_name
 from core.robot.kinematics import arm_of
 from core.scene import Camera, State
 
-_OVERSAMPLING = (
-    2  # renderers draw hard edges; halving a picture of twice the size smooths them
-)
-_drawing = (
-    threading.RLock()
-)  # any thread may draw, but renderers draw one picture at a time
+# Renderers draw hard edges; halving a picture of twice the size smooths them.
+_OVERSAMPLING = 2
+# Any thread may draw, but renderers draw one picture at a time.
+_drawing = threading.RLock()
 
 
 def joint_positions(
     robot: Robot, tool: Tool, arm: Array, fingers: Array
 ) -> dict[str, float]:
     """Name the positions of the arm's joints (J,), and of the fingers' and the tool's (F + K,), that the robot has."""
-    fingers = (
-        fingers.tolist()
-        if tool.gripper
-        else fingers[len(robot.finger_joints) :].tolist()
-    )
+    if not tool.gripper:
+        fingers = fingers[len(robot.finger_joints) :]
     loose = [joint_name(bearer.name) for bearer in tool.bearers]
-    return dict(
-        zip(
-            [*robot.joints(tool.gripper), *loose],
-            [*arm.tolist(), *fingers],
-            strict=False,
-        )
-    )
+    names = [*robot.joints(tool.gripper), *loose]
+    return dict(zip(names, [*arm.tolist(), *fingers.tolist()], strict=False))
 
 
 class Renderer(ABC):
@@ -71,30 +61,28 @@ class Renderer(ABC):
         state = view.get("state")
         width = view.get("width", 640)
         height = view.get("height", 480)
+        camera = view.get("camera") or task.camera
         with _drawing:
-            if (
-                self._loaded is None
-                or self._loaded[0] is not task
-                or self._loaded[1:] != (seed, tool)
-            ):
-                self._loaded = None
-                self.load(task, seed, tool)
-                self._loaded = task, seed, tool
-            self.pose(
-                arm if arm is not None else arm_of(task.robot).home_for(task.home),
-                fingers
-                if fingers is not None
-                else np.full(len(task.robot.finger_joints), task.robot.opening_m),
-                state if state is not None else task.scene(seed).state(),
-            )
-            picture = self.shoot(
-                view.get("camera") or task.camera,
-                width * _OVERSAMPLING,
-                height * _OVERSAMPLING,
-            )
-        return np.asarray(
-            Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS)
-        )
+            self._load_once(task, seed, tool)
+            if arm is None:
+                arm = arm_of(task.robot).home_for(task.home)
+            if fingers is None:
+                fingers = np.full(len(task.robot.finger_joints), task.robot.opening_m)
+            if state is None:
+                state = task.scene(seed).state()
+            self.pose(arm, fingers, state)
+            drawn = self.shoot(camera, width * _OVERSAMPLING, height * _OVERSAMPLING)
+
+        picture = Pillow.fromarray(drawn)
+        return np.asarray(picture.resize((width, height), Pillow.Resampling.LANCZOS))
+
+    def _load_once(self, task: Task, seed: int, tool: Tool | None) -> None:
+        loaded = self._loaded
+        if loaded is not None and loaded[0] is task and loaded[1:] == (seed, tool):
+            return
+        self._loaded = None  # in case that loading fails
+        self.load(task, seed, tool)
+        self._loaded = (task, seed, tool)
 
 
 class DrawingSimulator(Simulator):
@@ -103,10 +91,10 @@ class DrawingSimulator(Simulator):
     The first picture decides which; ``drawn_by`` names it.
     """
 
-    renderer: ClassVar[type[Renderer] | None] = (
-        None  # raises NoPicture with the reason if it can't be made
-    )
-    stand_in: ClassVar[str] = "pybullet"  # the other simulator's name
+    # Raises NoPicture with the reason if it can't be made.
+    renderer: ClassVar[type[Renderer] | None] = None
+    # The other simulator's name.
+    stand_in: ClassVar[str] = "pybullet"
     _drawer: Renderer | Simulator | None = None
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
@@ -124,12 +112,12 @@ class DrawingSimulator(Simulator):
         missing = "the engine draws nothing itself"
         if self.renderer is not None:
             try:
-                own = self.renderer()
+                drawer = self.renderer()
             except NoPicture as error:
                 missing = str(error)
             else:
-                self.drawn_by = own.name
-                return own
+                self.drawn_by = drawer.name
+                return drawer
         try:
             other = installed().create(SIMULATOR, self.stand_in)
         except UserError as reason:

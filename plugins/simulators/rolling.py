@@ -8,13 +8,16 @@ from core.scene import Body
 
 def rollers(body: Body) -> tuple[Capsule | Cylinder, ...]:
     """Return the shapes on which a free body rolls along a line: capsules and lying cylinders, if it has no others."""
-    shapes = [
-        (part.shape, abs((body.pose @ part.pose).rotation.as_matrix()[2, 2]))
-        for part in body.collisions
-    ]
-    found = tuple(
-        s
-        for s, up in shapes
-        if isinstance(s, Capsule) or (isinstance(s, Cylinder) and up < 0.5)
-    )
-    return found if len(found) == len(shapes) and not body.fixed else ()
+    if body.fixed:
+        return ()
+    found: list[Capsule | Cylinder] = []
+    for part in body.collisions:
+        turn = (body.pose @ part.pose).rotation.as_matrix()
+        lies = abs(turn[2, 2]) < 0.5
+        shape = part.shape
+        if not isinstance(shape, Capsule | Cylinder):
+            return ()
+        if isinstance(shape, Cylinder) and not lies:
+            return ()
+        found.append(shape)
+    return tuple(found)

@@ -19,14 +19,13 @@ Box = tuple[Array, Array]
 
 def find_doubts(scene: Scene) -> Iterator[str]:
     """Yield a line for each thing that is seldom meant."""
-    boxes = {
-        body.name: _box(body)
-        for body in scene.bodies
-        if body.collisions or isinstance(body, Soft)
-    }
-    hanging = {joint.body for joint in scene.joints} | {
-        soft.name for soft in scene.softs if soft.pinned
-    }
+    boxes = {}
+    for body in scene.bodies:
+        if body.collisions or isinstance(body, Soft):
+            boxes[body.name] = _box(body)
+    hanging = {joint.body for joint in scene.joints}
+    hanging |= {soft.name for soft in scene.softs if soft.pinned}
+
     for body in scene.free:
         if body.name not in boxes:
             continue
@@ -38,13 +37,12 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             yield f"body {body.name} is {size:.3g} m long; millimetres?"
         if body.name in hanging or any(body.velocity):
             continue
+
         gap = _gap_below(body.name, boxes)
         if gap > FALLS_M:
-            under = (
-                "nothing is below it"
-                if np.isinf(gap)
-                else f"it falls by {1000 * gap:.3g} mm"
-            )
+            under = f"it falls by {1000 * gap:.3g} mm"
+            if np.isinf(gap):
+                under = "nothing is below it"
             yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
 
 
@@ -53,21 +51,18 @@ def _box(body: Body) -> Box:
     if isinstance(body, Soft):
         half = body.form.thickness / 2
         return body.placed.min(axis=0) - half, body.placed.max(axis=0) + half
-    middles, halves = map(
-        np.array, zip(*(solid.bounds() for solid in body_solids(body)), strict=True)
-    )
+    bounds = np.array([solid.bounds() for solid in body_solids(body)])
+    middles = bounds[:, 0]
+    halves = bounds[:, 1]
     return (middles - halves).min(axis=0), (middles + halves).max(axis=0)
 
 
 def _gap_below(name: str, boxes: Mapping[str, Box]) -> float:
     """Compute how far a body's box is above the next one below it, m; 0 where boxes overlap, inf: there is none."""
     low, high = boxes[name]
-    gaps = [
-        max(0.0, float(low[2] - other[1][2]))
-        for key, other in boxes.items()
-        if key != name
-        and (low[:2] < other[1][:2]).all()
-        and (high[:2] > other[0][:2]).all()
-        and other[0][2] < low[2]
-    ]
-    return min(gaps, default=float("inf"))
+    least = float("inf")
+    for other, (bottom, top) in boxes.items():
+        overlap = (low[:2] < top[:2]).all() and (high[:2] > bottom[:2]).all()
+        if other != name and overlap and bottom[2] < low[2]:
+            least = min(least, max(0.0, float(low[2] - top[2])))
+    return least

@@ -130,7 +130,9 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
             f"these; or one of rest, held, {', '.join(key for key in KINDS if key not in WAYS)}"
         )
     goals = [_make(key, kind, given) for key, kind in kinds.items()]
-    known = {field.name for kind in kinds.values() for field in fields(kind)}  # type: ignore[arg-type]
+    known = set[str]()
+    for kind in kinds.values():
+        known |= {field.name for field in fields(kind)}  # type: ignore[arg-type]
     idle = sorted(given.keys() - known)
     if idle:
         raise ValueError(f"{idle[0]} says nothing in a goal with {', '.join(kinds)}")

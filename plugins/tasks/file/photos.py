@@ -32,11 +32,9 @@ def read_photograph(
     data = read_inside(folder / file, folder, "photograph", MAX_MB)
     made = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
     with Image.open(io.BytesIO(made)) as sent:  # made by this program
-        known = (
-            describe_camera(camera, sent.size)
-            if camera
-            else "where its camera stood is not known"
-        )
+        known = "where its camera stood is not known"
+        if camera:
+            known = describe_camera(camera, sent.size)
     return Picture(made, name, f"{name}: a photograph of the real bench; {known}")
 
 
@@ -51,9 +49,8 @@ def as_png(data: bytes) -> bytes:
             warnings.catch_warnings(),
             Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as opened,
         ):
-            warnings.simplefilter(
-                "ignore", Image.DecompressionBombWarning
-            )  # the size is checked here
+            # The size is checked here.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             if opened.width * opened.height > MAX_PIXELS:
                 raise UserError(
                     f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read"

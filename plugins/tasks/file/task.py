@@ -6,7 +6,6 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -42,21 +41,15 @@ class FileTask(Task):
         spec = schema.read_spec(self._tree, self._tree.data)
         home = spec.home
         # Attributes of the object hide those of the class.
-        same = (
-            "name",
-            "camera",
-            "success_reward",
-            "every",
-            "hold_s",
-            "variations",
-        )
-        own: dict[str, Any] = {name: getattr(spec, name) for name in same}
-        own |= {
-            name: " ".join(getattr(spec, name).split())
-            for name in ("description", "in_words")
-        }
         vars(self).update(
-            own,
+            name=spec.name,
+            description=" ".join(spec.description.split()),
+            in_words=" ".join(spec.in_words.split()),
+            camera=spec.camera,
+            success_reward=spec.success_reward,
+            every=spec.every,
+            hold_s=spec.hold_s,
+            variations=spec.variations,
             goals=goals.join_entries(spec.goals),
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )
@@ -96,11 +89,12 @@ class FileTask(Task):
                 starts[holder["name"]] = number
             else:
                 holder[key] = number
-        scene = building.build_scene(
-            self._tree, schema.read_spec(self._tree, data), self._files
-        )
+        spec = schema.read_spec(self._tree, data)
+        scene = building.build_scene(self._tree, spec, self._files)
+        if not starts:
+            return scene
         try:
-            return building.with_starts(scene, starts) if starts else scene
+            return building.with_starts(scene, starts)
         except ValueError as error:
             raise UserError(str(error)) from error
 
@@ -112,32 +106,30 @@ class FileTask(Task):
         """
         for name, ranges in self.variations.items():
             for path, (low, high) in ranges.items():
-                where = ("variations", name, path)
-                if path.partition(".")[0] not in VARYING:
-                    hint = (
-                        "to vary a goal, put it `at` a mark"
-                        if path.startswith("goals")
-                        else "such as bodies.cup.mass"
-                    )
-                    raise self._tree.error(
-                        where, f"only numbers of {', '.join(VARYING)} can vary; {hint}"
-                    )
-                if low > high:
-                    raise self._tree.error(
-                        where,
-                        f"its range is from {low:g} to {high:g}; write the lower number first",
-                    )
-                try:
-                    tree.follow(self._tree.data, path)
-                except (LookupError, TypeError, ValueError):
-                    hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
-                    raise self._tree.error(
-                        where, f"there is no such number; {hint}"
-                    ) from None
+                problem = self._find_problem(path, low, high)
+                if problem:
+                    raise self._tree.error(("variations", name, path), problem)
             for end in (0, 1):
-                self._check_numbers(
-                    name, [(path, span[end]) for path, span in ranges.items()]
-                )
+                numbers = [(path, span[end]) for path, span in ranges.items()]
+                self._check_numbers(name, numbers)
+
+    def _find_problem(self, path: str, low: float, high: float) -> str:
+        """Say what is wrong with a range by itself; empty: nothing."""
+        if path.partition(".")[0] not in VARYING:
+            hint = "such as bodies.cup.mass"
+            if path.startswith("goals"):
+                hint = "to vary a goal, put it `at` a mark"
+            return f"only numbers of {', '.join(VARYING)} can vary; {hint}"
+        if low > high:
+            return (
+                f"its range is from {low:g} to {high:g}; write the lower number first"
+            )
+        try:
+            tree.follow(self._tree.data, path)
+        except (LookupError, TypeError, ValueError):
+            hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
+            return f"there is no such number; {hint}"
+        return ""
 
     def _check_numbers(
         self, variation: str, numbers: Sequence[tuple[str, float]]
@@ -155,19 +147,17 @@ class FileTask(Task):
                 return error
             return None
 
-        if (
-            problem(len(numbers)) is not None
-        ):  # few scenes are built, whatever the number of ranges
-            first = bisect_left(
-                range(len(numbers)),
-                True,
-                key=lambda number: problem(number + 1) is not None,
-            )
-            path, number = numbers[first]
-            raise self._tree.error(
-                ("variations", variation, path),
-                f"{number:g} can't be: {problem(first + 1)}",
-            )
+        if problem(len(numbers)) is None:
+            return
+        # Few scenes are built, whatever the number of ranges.
+        first = bisect_left(
+            range(len(numbers)),
+            True,
+            key=lambda number: problem(number + 1) is not None,
+        )
+        path, number = numbers[first]
+        reason = f"{number:g} can't be: {problem(first + 1)}"
+        raise self._tree.error(("variations", variation, path), reason)
 
     @property
     def reads_trace(self) -> bool:

@@ -14,9 +14,8 @@ from core.scene import Body, Geom, Joint, Scene
 
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
-# kg.
-LIGHTEST = 1e-5
-HEAVIEST = 1e4
+LIGHTEST = 1e-5  # kg
+HEAVIEST = 1e4  # kg
 SHORTEST_M = 1e-6
 LONGEST_M = 20.0
 MAX_FRICTION = 10.0
@@ -37,49 +36,56 @@ class Imported:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        shapes = [
-            geom.shape
-            for body in self.bodies
-            for geom in (*body.visuals, *body.collisions)
-        ]
-        faces = sum(len(shape.faces) for shape in shapes if isinstance(shape, Mesh))
+        shapes = 0
+        faces = 0
         for body in self.bodies:
-            where = f"body {body.name[:64]!r}"
-            if not _NAME.fullmatch(body.name):
-                raise UserError(f"{where}: {_RENAME}")
-            if not 0 <= body.friction <= MAX_FRICTION:
-                raise UserError(
-                    f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read"
-                )
+            _check_body(body)
             for geom in (*body.visuals, *body.collisions):
-                size = geom.shape.bounds[1]
-                place = (body.pose @ geom.pose).position
-                if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
-                    far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
-                    raise UserError(
-                        f"{where} has {far}; at most {LONGEST_M:g} m are read"
-                    )
-            thinnest = min(
-                (geom.shape.bounds[1].min() for geom in body.collisions),
-                default=SHORTEST_M,
-            )
-            if thinnest < SHORTEST_M:
-                raise UserError(
-                    f"{where} has a collision shape of {thinnest:.3g} m; at least {SHORTEST_M:g} m is read"
-                )
+                shapes += 1
+                if isinstance(geom.shape, Mesh):
+                    faces += len(geom.shape.faces)
         for joint in self.joints:
-            if not _NAME.fullmatch(joint.name):
-                raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
-            if not np.abs(joint.origin).max() <= LONGEST_M:
-                raise UserError(
-                    f"joint {joint.name!r} is more than {LONGEST_M:g} m from its body; at most that is read"
-                )
-        if len(shapes) > MAX_SHAPES or faces > MAX_DRAWN:
+            _check_joint(joint)
+
+        if shapes > MAX_SHAPES or faces > MAX_DRAWN:
             limits = f"at most {MAX_SHAPES} and {MAX_DRAWN}"
             raise UserError(
-                f"there are {len(shapes)} shapes of {faces} triangles; {limits} are read: leave some out"
+                f"there are {shapes} shapes of {faces} triangles; {limits} are read: leave some out"
             )
         Scene(self.bodies, self.joints)
+
+
+def _check_body(body: Body) -> None:
+    where = f"body {body.name[:64]!r}"
+    if not _NAME.fullmatch(body.name):
+        raise UserError(f"{where}: {_RENAME}")
+    if not 0 <= body.friction <= MAX_FRICTION:
+        raise UserError(
+            f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read"
+        )
+
+    for geom in (*body.visuals, *body.collisions):
+        size = geom.shape.bounds[1].max()
+        distance = np.abs((body.pose @ geom.pose).position).max()
+        if not (size <= LONGEST_M and distance <= LONGEST_M):
+            far = f"a shape of {size:.3g} m at {distance:.3g} m from the origin"
+            raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")
+
+    for geom in body.collisions:
+        size = geom.shape.bounds[1].min()
+        if size < SHORTEST_M:
+            raise UserError(
+                f"{where} has a collision shape of {size:.3g} m; at least {SHORTEST_M:g} m is read"
+            )
+
+
+def _check_joint(joint: Joint) -> None:
+    if not _NAME.fullmatch(joint.name):
+        raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
+    if not np.abs(joint.origin).max() <= LONGEST_M:
+        raise UserError(
+            f"joint {joint.name!r} is more than {LONGEST_M:g} m from its body; at most that is read"
+        )
 
 
 def joined_body(
@@ -95,16 +101,16 @@ def joined_body(
     Raises:
         UserError: it moves, but has no mass or no collision shape.
     """
-    if mass is not None and not mass > 0:
-        raise UserError(f"body {name!r} moves, but has no mass; give it one")
-    if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
-        raise UserError(
-            f"body {name!r} has {mass:.3g} kg; {LIGHTEST:g} to {HEAVIEST:g} kg are read"
-        )
-    if mass is not None and not collisions:
-        raise UserError(
-            f"body {name!r} moves, but has no collision shape; repeat what is drawn as one"
-        )
+    if mass is not None:
+        if not mass > 0:
+            raise UserError(f"body {name!r} moves, but has no mass; give it one")
+        if not LIGHTEST <= mass <= HEAVIEST:
+            limits = f"{LIGHTEST:g} to {HEAVIEST:g} kg"
+            raise UserError(f"body {name!r} has {mass:.3g} kg; {limits} are read")
+        if not collisions:
+            raise UserError(
+                f"body {name!r} moves, but has no collision shape; repeat what is drawn as one"
+            )
     return Body(
         name,
         pose,

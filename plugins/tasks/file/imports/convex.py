@@ -27,11 +27,8 @@ def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
         UserError: the mesh can't be read or cut.
     """
     try:
-        drawn = [
-            part
-            for part in trimesh.load_scene(io.BytesIO(data), file_type=kind).dump()
-            if _solid(part)
-        ]
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind)
+        drawn = [part for part in scene.dump() if _solid(part)]
         colors = [_color(part) for part in drawn]
     except Exception as error:  # the readers raise whatever they stumble over
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
@@ -46,23 +43,22 @@ def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
         raise UserError(f"has {faces} triangles; at most {MAX_FACES} are read: {mend}")
     found: dict[str, Any] = {}
     for number, (part, color) in enumerate(zip(drawn, colors, strict=True)):
-        found |= {
-            f"v{number}": part.vertices,
-            f"f{number}": part.faces,
-            f"c{number}": color,
-        }
-    whole = trimesh.Trimesh(
-        *trimesh.util.append_faces(
-            [p.vertices for p in drawn], [p.faces for p in drawn]
-        )
-    )
+        found[f"v{number}"] = part.vertices
+        found[f"f{number}"] = part.faces
+        found[f"c{number}"] = color
+
+    vertices = [part.vertices for part in drawn]
+    triangles = [part.faces for part in drawn]
+    whole = trimesh.Trimesh(*trimesh.util.append_faces(vertices, triangles))
     if not np.isfinite(whole.vertices).all() or np.abs(whole.vertices).max() > 1e9:
         raise UserError(
             "has a corner that is no number of a usual size; export it again"
         )
     whole.remove_unreferenced_vertices()
     whole.fix_normals()
-    found["volume"] = whole.volume if whole.is_watertight else np.nan
+    found["volume"] = np.nan
+    if whole.is_watertight:
+        found["volume"] = whole.volume
     try:
         for number, corners in enumerate(_parts(whole, max_parts)):
             found[f"p{number}"] = farthest(corners[ConvexHull(corners).vertices])
@@ -78,12 +74,8 @@ def _solid(part: Any) -> bool:
 def _color(part: trimesh.Trimesh) -> Array:
     if not part.visual.defined:
         return np.full(4, np.nan)
-    return (
-        np.asarray(
-            getattr(part.visual, "material", part.visual).main_color, dtype=np.float64
-        )
-        / 255
-    )
+    color = getattr(part.visual, "material", part.visual).main_color
+    return np.asarray(color, dtype=np.float64) / 255
 
 
 def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
@@ -105,15 +97,14 @@ def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
             "is not convex; to cut it into parts, pip install 'coacd>=1.0.14,<2'"
         ) from error
     coacd.set_log_level("error")
-    mesh = coacd.Mesh(whole.vertices, whole.faces.astype(np.int32))
-    limits = {
-        "max_convex_hull": max_parts,
-        "decimate": True,
-        "max_ch_vertex": MAX_CORNERS // 2,
-    }
-    parts = [
-        corners for corners, _ in coacd.run_coacd(mesh, threshold=_CONCAVE, **limits)
-    ]
+    found = coacd.run_coacd(
+        coacd.Mesh(whole.vertices, whole.faces.astype(np.int32)),
+        threshold=_CONCAVE,
+        max_convex_hull=max_parts,
+        decimate=True,
+        max_ch_vertex=MAX_CORNERS // 2,
+    )
+    parts = [corners for corners, _ in found]
     if not 1 <= len(parts) <= max_parts:
         raise UserError(
             f"falls into {len(parts)} convex parts; at most {max_parts} are made: make it simpler"

@@ -15,9 +15,8 @@ from plugins.tasks.file.imports.solids import MeshSolid, load_solid
 
 _MORE = 0.05
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
-_UPRIGHT = np.array(
-    [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-)  # y up to z up
+# Turns y up to z up.
+_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def read_mesh(
@@ -36,26 +35,26 @@ def read_mesh(
         UserError: says what can't be used, where, and how to mend it.
     """
     file = Path(file).expanduser().absolute()
-    stands = file.suffix.lower() == ".glb"
-    solid = load_solid(
-        file, folder or file.parent, (scale,) * 3, turn=_UPRIGHT if stands else None
-    )
-    visuals = tuple(Geom(mesh, color=own or _GREY) for mesh, own in solid.drawn)
+    upright = file.suffix.lower() != ".glb"
+    turn = np.eye(3)
+    if not upright:
+        turn = _UPRIGHT
+    solid = load_solid(file, folder or file.parent, (scale,) * 3, turn=turn)
+    visuals = tuple(Geom(mesh, color=color or _GREY) for mesh, color in solid.drawn)
     collisions = tuple(Geom(part, color=visuals[0].color) for part in solid.parts)
     try:
         body = Body("body", Pose(), float(solid.filled), visuals, collisions)
-        return Imported((body,), notes=tuple(_notes(solid, stands)))
+        return Imported((body,), notes=tuple(_notes(solid, upright)))
     except ValueError as error:
         raise UserError(f"{file}: {error}") from error
 
 
-def _notes(solid: MeshSolid, turned: bool) -> Iterator[str]:
-    if turned:
+def _notes(solid: MeshSolid, upright: bool) -> Iterator[str]:
+    if not upright:
         yield "y is up in a GLB file; it was turned so that z is up"
     if not np.isfinite(solid.volume):
         yield "the mesh is not closed, so that its volume is that of its convex parts"
-    elif (
-        abs(excess := sum(part.volume for part in solid.parts) / solid.volume - 1)
-        > _MORE
-    ):
+        return
+    excess = sum(part.volume for part in solid.parts) / solid.volume - 1
+    if abs(excess) > _MORE:
         yield f"{len(solid.parts)} convex parts have {excess:+.0%} of volume"

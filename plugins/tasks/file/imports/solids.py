@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
 from core.errors import UserError
-from core.geometry import Array, Mesh
+from core.geometry import Array, Mesh, frozen_array
 from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
@@ -24,6 +24,7 @@ KINDS = (".glb", ".obj", ".stl")
 MAX_MB = 64
 MAX_PARTS = 32
 _LARGEST_M = 5.0
+_NO_TURN = frozen_array(np.eye(3))
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,9 @@ class MeshSolid:
     @property
     def filled(self) -> float:
         """The volume of the mesh, or of its parts if it is not closed, m^3."""
-        return (
-            self.volume
-            if np.isfinite(self.volume)
-            else sum(part.volume for part in self.parts)
-        )
+        if np.isfinite(self.volume):
+            return self.volume
+        return sum(part.volume for part in self.parts)
 
 
 def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> bytes:
@@ -56,11 +55,8 @@ def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> 
     try:
         there = file.resolve()
         inside = there.is_relative_to(folder.resolve())
-    except (
-        OSError,
-        ValueError,
-        RuntimeError,
-    ) as error:  # a name with a zero byte, links in a circle
+    # ValueError: a name with a zero byte; RuntimeError: links in a circle.
+    except (OSError, ValueError, RuntimeError) as error:
         raise UserError(f"{kind} {str(file)[:200]!r} can't be read: {error}") from error
     if not inside:
         raise UserError(f"{kind} {file} is not in folder {folder}; put it there")
@@ -76,7 +72,7 @@ def load_solid(
     scale: Sequence[float] = (1.0, 1.0, 1.0),
     *,
     drawn_only: bool = False,
-    turn: Array | None = None,
+    turn: Array = _NO_TURN,
 ) -> MeshSolid:
     """Read a mesh file, and cut it into convex parts unless it was cut before.
 
@@ -90,36 +86,35 @@ def load_solid(
     Raises:
         UserError: it can't be read or cut.
     """
-    if file.suffix.lower() not in KINDS:
+    suffix = file.suffix.lower()
+    if suffix not in KINDS:
         raise UserError(
             f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
         )
     data = read_inside(file, folder, "mesh")
-    kind = file.suffix.lower()[1:]
-    found = _cut(data, kind, 0 if drawn_only else MAX_PARTS, str(file))
-    change = np.diag(np.asarray(scale, dtype=np.float64)) @ (
-        np.eye(3) if turn is None else turn
-    )
-    flip = -1 if np.linalg.det(change) < 0 else 1
-    drawn = []
-    for number in range(
-        sum(name.startswith("v") and name != "volume" for name in found)
-    ):
-        red, green, blue, opacity = map(float, found[f"c{number}"])
-        color = None if np.isnan(red) else (red, green, blue, opacity)
-        drawn.append(
-            (
-                Mesh(
-                    found[f"v{number}"] @ change.T,
-                    found[f"f{number}"].astype(np.int64)[:, ::flip],
-                ),
-                color,
-            )
-        )
-    parts = [
-        found[f"p{number}"] @ change.T
-        for number in range(sum(name.startswith("p") for name in found))
-    ]
+    max_parts = MAX_PARTS
+    if drawn_only:
+        max_parts = 0
+    found = _cut(data, suffix[1:], max_parts, str(file))
+    change = np.diag(np.asarray(scale, dtype=np.float64)) @ turn
+    determinant = float(np.linalg.det(change))
+
+    drawn: list[tuple[Mesh, Color | None]] = []
+    while f"v{len(drawn)}" in found:
+        number = len(drawn)
+        faces = found[f"f{number}"].astype(np.int64)
+        if determinant < 0:  # mirrored
+            faces = faces[:, ::-1]
+        mesh = Mesh(found[f"v{number}"] @ change.T, faces)
+        red, green, blue, opacity = found[f"c{number}"].tolist()
+        if np.isnan(red):
+            drawn.append((mesh, None))
+        else:
+            drawn.append((mesh, (red, green, blue, opacity)))
+    parts: list[Mesh] = []
+    while f"p{len(parts)}" in found:
+        parts.append(_hull(found[f"p{len(parts)}"] @ change.T))
+
     size = float(max(mesh.bounds[1].max() for mesh, _ in drawn))
     if size > _LARGEST_M:
         raise UserError(
@@ -129,8 +124,8 @@ def load_solid(
         raise UserError(
             f"mesh {file} is only {size:.2g} m large; give it another scale"
         )
-    volume = float(found["volume"]) * abs(float(np.linalg.det(change)))
-    return MeshSolid(tuple(drawn), tuple(map(_hull, parts)), volume)
+    volume = float(found["volume"]) * abs(determinant)
+    return MeshSolid(tuple(drawn), tuple(parts), volume)
 
 
 def _hull(corners: Array) -> Mesh:
@@ -144,11 +139,11 @@ def _hull(corners: Array) -> Mesh:
 
 @lru_cache(maxsize=64)
 def _cut(data: bytes, kind: str, max_parts: int, name: str) -> dict[str, Array]:
-    words = [kind, str(max_parts)]
-    key = " ".join([*words, ""]).encode() + data
-    file = keep_file(
-        "imports", "npz", key, lambda: isolated(cut_bytes, f"mesh {name}", data, *words)
-    )
+    def cut() -> bytes:
+        return isolated(cut_bytes, f"mesh {name}", data, kind, str(max_parts))
+
+    key = f"{kind} {max_parts} ".encode() + data
+    file = keep_file("imports", "npz", key, cut)
     try:
         with np.load(file) as found:
             return dict(found)

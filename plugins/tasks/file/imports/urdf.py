@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -50,9 +51,8 @@ def read_urdf(
     folder = folder or file.parent
     data = read_inside(file, folder, "URDF", MAX_BYTES / 1e6)
     description = read_description(data, file, taken=RESERVED)
-    left = Counter(
-        str(element.tag) for element in read_xml(data, file) if element.tag not in _READ
-    )
+    tags = Counter(str(element.tag) for element in read_xml(data, file))
+    left = {tag: count for tag, count in tags.items() if tag not in _READ}
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
     try:
         return _UrdfBodies(description, folder, prefix, notes).read(fixed)
@@ -71,37 +71,35 @@ class _UrdfBodies:
 
     def read(self, fixed: bool) -> Imported:
         tree = self._description
-        root = self._description.root
         moving = {
             child: joint for child, joint in tree.joints.items() if self._moves(joint)
         }
         parts = tree.rigid_parts(moving)
-        places = dict[str, Pose]()
+        places = {tree.root: Pose()}
         bodies = dict[str, Body]()
         joints = list[Joint]()
-        for head in sorted({root, *moving}, key=lambda link: len(tree.above(link))):
+        heads = {tree.root, *moving}
+        for head in sorted(heads, key=lambda link: len(tree.above(link))):
+            if head != tree.root:
+                joint = moving[head]
+                parent, place = parts[joint.parent]
+                frame = places[parent] @ place @ joint.origin.pose
+                places[head] = frame @ _moved(joint)
+                if joint.kind != "floating":
+                    joints.append(self._joint(joint, parent, bodies))
+
             links = [
                 (tree.links[name], place)
                 for name, (first, place) in parts.items()
                 if first == head
             ]
-            joint = None if head == root else moving[head]
-            if joint is None:
-                places[head] = Pose()
-            else:
-                first, place = parts[joint.parent]
-                places[head] = places[first] @ place @ joint.origin.pose @ _moved(joint)
-                if joint.kind != "floating":
-                    joints.append(
-                        self._joint(joint, first if first in bodies else None)
-                    )
-            if body := self._body(
-                head, places[head], links, fixed=fixed and joint is None
-            ):
+            stays = fixed and head == tree.root
+            body = self._body(head, places[head], links, fixed=stays)
+            if body is not None:
                 bodies[head] = body
-        if any(
-            joint.limits.effort or joint.limits.velocity for joint in moving.values()
-        ):
+
+        limits = [joint.limits for joint in moving.values()]
+        if any(limit.effort or limit.velocity for limit in limits):
             self._notes.append(
                 "left out: limits of effort and velocity, as nothing drives the joints"
             )
@@ -125,28 +123,33 @@ class _UrdfBodies:
             if lower == upper:
                 self._notes.append(f"{where} has no range, so that it is fixed")
                 return False
-            if joint.kind == "revolute" and upper - lower >= 2 * math.pi:
+            if _turns_freely(joint):
                 self._notes.append(
                     f"{where} may turn a whole turn, so that it has no limits"
                 )
         return joint.kind not in ("fixed", "planar")
 
-    def _joint(self, joint: RobotJoint, parent: str | None) -> Joint:
-        lower, upper = joint.range
-        made = Joint(
+    def _joint(self, joint: RobotJoint, parent: str, bodies: Container[str]) -> Joint:
+        """Make a joint; where its parent is none of the bodies, that is the world."""
+        kind: Literal["hinge", "slider"] = "hinge"
+        if joint.kind == "prismatic":
+            kind = "slider"
+        bearer = None
+        if parent in bodies:
+            bearer = self._prefix + parent
+        found = Joint(
             self._prefix + joint.name,
-            "slider" if joint.kind == "prismatic" else "hinge",
+            kind,
             self._prefix + joint.child,
-            None if parent is None else self._prefix + parent,
+            bearer,
             axis=joint.direction,
             damping=joint.damping,
             friction=joint.friction,
         )
-        if joint.kind == "continuous" or (
-            joint.kind == "revolute" and upper - lower >= 2 * math.pi
-        ):
-            return made
-        return replace(made, lower=lower, upper=upper, start=_start(joint))
+        if joint.kind == "continuous" or _turns_freely(joint):
+            return found
+        lower, upper = joint.range
+        return replace(found, lower=lower, upper=upper, start=_start(joint))
 
     def _body(
         self,
@@ -156,23 +159,24 @@ class _UrdfBodies:
         *,
         fixed: bool,
     ) -> Body | None:
-        visuals = [
-            geom
-            for link, place in links
-            for shape in link.visuals
-            for geom in self._geoms(shape, place, True)
-        ]
-        solid = ((shape, place) for link, place in links for shape in link.collisions)
-        collisions = [
-            geom for shape, place in solid for geom in self._geoms(shape, place, False)
-        ]
-        name = self._prefix + head
-        if fixed and not (visuals or collisions):
+        visuals = list[Geom]()
+        for link, place in links:
+            for shape in link.visuals:
+                visuals += self._geoms(shape, place, drawn=True)
+        collisions = list[Geom]()
+        for link, place in links:
+            for shape in link.collisions:
+                collisions += self._geoms(shape, place, drawn=False)
+
+        mass = None
+        if not fixed:
+            mass = sum(link.inertial.mass for link, _ in links)
+        elif not (visuals or collisions):
             return None
-        mass = None if fixed else sum(link.inertial.mass for link, _ in links)
+        name = self._prefix + head
         return joined_body(name, pose, mass, visuals, collisions, _FRICTION)
 
-    def _geoms(self, shape: RobotShape, place: Pose, drawn: bool) -> list[Geom]:
+    def _geoms(self, shape: RobotShape, place: Pose, *, drawn: bool) -> list[Geom]:
         pose = place @ shape.origin.pose
         color = shape.color or _GREY
         if not isinstance(shape.shape, Path):
@@ -183,20 +187,28 @@ class _UrdfBodies:
             )
             return []
         solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=drawn)
-        meshes = solid.drawn if drawn else [(part, None) for part in solid.parts]
-        return [Geom(mesh, pose, own or color) for mesh, own in meshes]
+        if drawn:
+            return [Geom(mesh, pose, known or color) for mesh, known in solid.drawn]
+        return [Geom(part, pose, color) for part in solid.parts]
+
+
+def _turns_freely(joint: RobotJoint) -> bool:
+    """Check if a joint's limits let it turn a whole turn."""
+    if joint.kind != "revolute":
+        return False
+    lower, upper = joint.range
+    return upper - lower >= 2 * math.pi
 
 
 def _start(joint: RobotJoint) -> float:
+    if joint.kind not in ("revolute", "prismatic"):
+        return 0.0
     lower, upper = joint.range
-    return (
-        min(max(0.0, lower), upper) if joint.kind in ("revolute", "prismatic") else 0.0
-    )
+    return min(max(0.0, lower), upper)
 
 
 def _moved(joint: RobotJoint) -> Pose:
     if joint.kind == "prismatic":
         return Pose(joint.direction * _start(joint))
-    return Pose.from_rotation(
-        np.zeros(3), Rotation.from_rotvec(joint.direction * _start(joint))
-    )
+    turn = Rotation.from_rotvec(joint.direction * _start(joint))
+    return Pose.from_rotation(np.zeros(3), turn)
