@@ -8,9 +8,10 @@ import re
 import zipfile
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import tostring
+from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from core.errors import UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.meshes import MAX_CORNERS
-from core.scene import Body, Geom, Joint
+from core.scene import Body, Color, Geom, Joint
 from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.urdf import MAX_BYTES, NAME, read_xml
@@ -50,12 +51,8 @@ _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
         Sphere(1.0).to_trimesh().apply_scale(radii)
     ),
 }
-_GREY = (
-    0.5,
-    0.5,
-    0.5,
-    1.0,
-)  # of a shape that names no colour, so that its material's counts
+# Of a shape that names no colour, so that its material's counts.
+_GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 def read_mjcf(
@@ -78,19 +75,12 @@ def read_mjcf(
     file = Path(file).expanduser().absolute()
     left = Counter[str]()
     try:
-        made = isolated(
-            compile_model,
-            "the model",
-            _packed(file, folder or file.parent, left),
-            limit_s=LIMIT_S,
-        )
-        model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": made})
+        packed = _pack(file, folder or file.parent, left)
+        binary = isolated(compile_model, "the model", packed, limit_s=LIMIT_S)
+        model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
         return _Reading(model, prefix, left).read()
-    except (
-        UserError,
-        ValueError,
-        RuntimeError,
-    ) as error:  # the last is Qhull's, of what is flat
+    # RuntimeError: Qhull's, of what is flat.
+    except (UserError, ValueError, RuntimeError) as error:
         raise UserError(f"{file}: {clean(str(error), 300)}") from error
 
 
@@ -102,37 +92,66 @@ def compile_model(packed: bytes) -> bytes:
     """
     try:
         model = mujoco.MjSpec.from_zip(io.BytesIO(packed)).compile()
-    except (
-        ValueError,
-        mujoco.FatalError,
-    ) as error:  # the lines that it names are not those of the file
-        raise UserError(
-            "is refused by MuJoCo: " + re.sub(", line [0-9-]+", "", str(error))
-        ) from error
-    made = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, made)
-    return made.tobytes()
+    except (ValueError, mujoco.FatalError) as error:
+        # The lines that it names are not those of the file.
+        reason = re.sub(", line [0-9-]+", "", str(error))
+        raise UserError(f"is refused by MuJoCo: {reason}") from error
+    binary = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, binary)
+    return binary.tobytes()
 
 
-def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
+def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
     """Zip the bodies of a model and their meshes, under names of our own, and count what is left out."""
-    root = read_xml(read_inside(file, folder, "MJCF", MAX_BYTES / 1e6), file)
+    root = _read_root(file, folder)
     if root.tag != "mujoco":
         raise UserError(
             f"it is no MJCF: its root is <{clean(root.tag, 40)}> instead of <mujoco>"
         )
+    _strip(root, file, folder, left)
+    options = dict[str, str]()
+    for compiler in root.iter("compiler"):
+        options |= compiler.attrib
+    meshes = file.parent / options.get("meshdir", options.get("assetdir", ""))
+    for element in root.iter():
+        for key in ("assetdir", "meshdir", "texturedir", "texture", "builtin"):
+            element.attrib.pop(key, None)
+
+    stream = io.BytesIO()
+    names = dict[Path, str]()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for mesh in root.iterfind(".//mesh[@file]"):
+            path = (meshes / mesh.attrib["file"]).resolve()
+            kind = path.suffix.lower()
+            if kind not in _MESHES:
+                kinds = ", ".join(_MESHES)
+                raise UserError(f"mesh {path} is of no kind that is read: {kinds}")
+            if path not in names:
+                names[path] = f"{len(names)}{kind}"
+                archive.writestr(names[path], read_inside(path, folder, "mesh"))
+            mesh.set("name", mesh.get("name", path.stem))
+            mesh.set("file", names[path])
+            mesh.set("maxhullvert", str(MAX_CORNERS))
+        archive.writestr("model.xml", tostring(root))
+    return stream.getvalue()
+
+
+def _read_root(file: Path, folder: Path) -> Element:
+    return read_xml(read_inside(file, folder, "MJCF", MAX_BYTES / 1e6), file)
+
+
+def _strip(root: Element, file: Path, folder: Path, left: Counter[str]) -> None:
+    """Put in what is included, leave out what is not read, and count that.
+
+    Raises:
+        UserError: there is too much, or a file can't be included.
+    """
     waiting = [(root, 0, 1)]
     included = {file.resolve()}
     total = 0
     while waiting:
         element, depth, copies = waiting.pop()
-        if element.tag == "replicate":
-            count = element.get("count", "").strip()
-            if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
-                raise UserError(
-                    f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}"
-                )
-            copies *= int(count)
+        copies *= _count_copies(element)
         total += copies
         if depth > MAX_DEPTH:
             raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
@@ -149,45 +168,38 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
                 if other in included:
                     raise UserError(f"{other} is included twice; leave one of them out")
                 included.add(other)
-                children += reversed(
-                    read_xml(read_inside(other, folder, "MJCF", MAX_BYTES / 1e6), other)
-                )
+                children += reversed(_read_root(other, folder))
             elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
                 element.append(child)
                 waiting.append((child, depth + 1, copies))
             else:
                 left[clean(f"{child.tag} {child.get('type', '')}", 40)] += 1
-    options = {
-        key: value
-        for compiler in root.iter("compiler")
-        for key, value in compiler.items()
-    }
-    meshes = file.parent / options.get("meshdir", options.get("assetdir", ""))
-    for element in root.iter():
-        for key in ("assetdir", "meshdir", "texturedir", "texture", "builtin"):
-            element.attrib.pop(key, None)
-    stream = io.BytesIO()
-    names = dict[Path, str]()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for mesh in root.iterfind(".//mesh[@file]"):
-            path = (meshes / mesh.attrib["file"]).resolve()
-            if (kind := path.suffix.lower()) not in _MESHES:
-                raise UserError(
-                    f"mesh {path} is of no kind that is read: {', '.join(_MESHES)}"
-                )
-            if path not in names:
-                names[path] = f"{len(names)}{kind}"
-                archive.writestr(names[path], read_inside(path, folder, "mesh"))
-            mesh.attrib |= {
-                "name": mesh.get("name", path.stem),
-                "file": names[path],
-                "maxhullvert": str(MAX_CORNERS),
-            }
-        archive.writestr("model.xml", tostring(root))
-    return stream.getvalue()
+
+
+def _count_copies(element: Element) -> int:
+    """Return how many copies of what it holds an element makes."""
+    if element.tag != "replicate":
+        return 1
+    count = element.get("count", "").strip()
+    if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
+        raise UserError(
+            f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}"
+        )
+    return int(count)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A geom's shapes, as it is drawn and as it collides, and its colour."""
+
+    drawn: Shape
+    solid: Shape
+    color: Color
 
 
 class _Reading:
+    """Bodies and joints of a compiled model, at its ``qpos0``."""
+
     def __init__(self, model: Any, prefix: str, left: Counter[str]) -> None:
         if model.nbody > MAX_BODIES + 1:
             raise UserError(f"there are more than {MAX_BODIES} bodies; leave some out")
@@ -208,85 +220,93 @@ class _Reading:
         self._heads = np.where(welded > 0, welded, numbers)
 
     def read(self) -> Imported:
-        bodies = [body for head in np.unique(self._heads) if (body := self._body(head))]
-        joints = [
-            self._joint(self._model.joint(number))
-            for number in np.flatnonzero(self._model.jnt_type)
-        ]  # 0: free
-        left = [
-            f"left out: {count} {what}"
-            for what, count in sorted(self._left.items())
-            if count
-        ]
+        bodies = list[Body]()
+        for head in np.unique(self._heads):
+            body = self._body(head)
+            if body is not None:
+                bodies.append(body)
+        joints = list[Joint]()
+        for number in np.flatnonzero(self._model.jnt_type):  # 0: free
+            joints.append(self._joint(self._model.joint(number)))
+        left = list[str]()
+        for name, count in sorted(self._left.items()):
+            if count:
+                left.append(f"left out: {count} {name}")
         return Imported(tuple(bodies), tuple(joints), (*left, *self._notes))
 
     def _mesh(self, mesh: Any) -> tuple[Shape, Shape]:
         """Make what is drawn of a mesh, and its hull, from the lists of numbers that MuJoCo keeps of it."""
         corners = self._model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-        drawn = Mesh(
-            corners, self._model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
-        )
+        triangles = self._model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
+        drawn = Mesh(corners, triangles)
         if mesh.graphadr[0] < 0:  # it does not collide
             return drawn, drawn
         graph = self._model.mesh_graph[mesh.graphadr[0] :]
         count, faces = graph[:2]
-        used, numbers = np.unique(
-            graph[2 + 3 * (count + faces) :][: 3 * faces], return_inverse=True
-        )
+        hull = graph[2 + 3 * (count + faces) :][: 3 * faces]
+        used, numbers = np.unique(hull, return_inverse=True)
         return drawn, Mesh(corners[used], numbers.reshape(-1, 3))
 
     def _body(self, head: int) -> Body | None:
         """Make a body of all that is rigidly joined; None: nothing is there."""
         model = self._model
-        data = self._data
         name = self._names[head]
         if not NAME.fullmatch(name.removeprefix(self._prefix)):
             raise UserError(
                 f"body {name[:64]!r}: its name is not 1 to 64 letters, digits, '_', '.' or '-'; rename it"
             )
-        if (joints := model.body_jntnum[head]) > 1:
+        joints = model.body_jntnum[head]
+        if joints > 1:
             raise UserError(
                 f"body {name!r} has {joints} joints; one is read: put a body with mass and shape between"
             )
-        at = _pose(data.body(head))
+
+        pose = _pose(self._data.body(head))
         visuals = list[Geom]()
         collisions = list[Geom]()
         frictions = set[float]()
         for number in np.flatnonzero(self._heads[model.geom_bodyid] == head):
             geom = model.geom(number)
-            kind = mujoco.mjtGeom(model.geom_type[number]).name.removeprefix("mjGEOM_")
-            if kind not in (*_SHAPES, "MESH"):
-                self._left[f"geom {kind.lower()}"] += 1
+            look = self._look(geom)
+            if look is None:
                 continue
-            drawn, solid = (
-                self._meshes[geom.dataid[0]]
-                if kind == "MESH"
-                else (_SHAPES[kind](*geom.size.tolist()),) * 2
-            )
-            plain = geom.matid[0] >= 0 and np.allclose(geom.rgba, _GREY)
-            red, green, blue, opacity = np.clip(
-                model.mat_rgba[geom.matid[0]] if plain else geom.rgba, 0, 1
-            ).tolist()
-            place = at.inverse() @ _pose(data.geom(number))
+            place = pose.inverse() @ _pose(self._data.geom(number))
+            opacity = look.color[3]
             if geom.group[0] < 3 and opacity:  # as in MuJoCo's viewer
-                visuals.append(Geom(drawn, place, (red, green, blue, opacity)))
+                visuals.append(Geom(look.drawn, place, look.color))
             if geom.contype[0] or geom.conaffinity[0]:
-                collisions.append(Geom(solid, place, (red, green, blue, opacity)))
+                collisions.append(Geom(look.solid, place, look.color))
                 frictions.add(float(geom.friction[0]))
+
         if len(frictions) > 1:
             self._notes.append(
                 f"body {name!r}: its shapes have several frictions; all get the largest"
             )
-        if not (self._moves[head] or visuals or collisions):
+        mass = None
+        if self._moves[head]:
+            mass = float(model.body_mass[self._heads == head].sum())
+        elif not (visuals or collisions):
             return None
-        mass = (
-            float(model.body_mass[self._heads == head].sum())
-            if self._moves[head]
-            else None
-        )
-        return joined_body(
-            name, at, mass, visuals, collisions, max(frictions, default=1.0)
-        )
+        friction = max(frictions, default=1.0)
+        return joined_body(name, pose, mass, visuals, collisions, friction)
+
+    def _look(self, geom: Any) -> _Look | None:
+        """Read a geom's shapes and colour; None: it is of a kind that is not read."""
+        kind = mujoco.mjtGeom(geom.type[0]).name.removeprefix("mjGEOM_")
+        if kind == "MESH":
+            drawn, solid = self._meshes[geom.dataid[0]]
+        elif kind in _SHAPES:
+            drawn = _SHAPES[kind](*geom.size.tolist())
+            solid = drawn
+        else:
+            self._left[f"geom {kind.lower()}"] += 1
+            return None
+
+        color = geom.rgba
+        if geom.matid[0] >= 0 and np.allclose(color, _GREY):
+            color = self._model.mat_rgba[geom.matid[0]]
+        red, green, blue, opacity = np.clip(color, 0, 1).tolist()
+        return _Look(drawn, solid, (red, green, blue, opacity))
 
     def _joint(self, joint: Any) -> Joint:
         body = self._names[joint.bodyid[0]]
@@ -295,31 +315,38 @@ class _Reading:
         self._left["armature of a joint"] += bool(joint.armature[0])
         self._left["range of a ball"] += bool(kind == "ball" and joint.limited[0])
         lower, upper = joint.range.tolist()
-        if (
-            not joint.limited[0]
-            or kind == "ball"
-            or (kind == "hinge" and upper - lower >= 2 * math.pi)
-        ):
+        turns_freely = kind == "hinge" and upper - lower >= 2 * math.pi
+        if not joint.limited[0] or kind == "ball" or turns_freely:
             lower = -math.inf
             upper = math.inf
+        start = 0.0
+        rest = 0.0
+        if kind != "ball":
+            start = float(joint.qpos0[0])
+            rest = float(joint.qpos_spring[0])
+        name = f"{body}_joint"
+        if joint.name:
+            name = self._prefix + joint.name
+        bearer = None
+        if self._moves[parent]:
+            bearer = self._names[parent]
         return Joint(
-            self._prefix + joint.name if joint.name else f"{body}_joint",
+            name,
             kind,  # type: ignore[arg-type]  # one of three
             body,
-            self._names[parent] if self._moves[parent] else None,
+            bearer,
             axis=joint.axis,
             origin=joint.pos.tolist(),
             lower=lower,
             upper=upper,
-            start=0.0 if kind == "ball" else float(joint.qpos0[0]),
+            start=start,
             damping=float(joint.damping[0]),
             friction=float(joint.frictionloss[0]),
             stiffness=float(joint.stiffness[0]),
-            rest=0.0 if kind == "ball" else float(joint.qpos_spring[0]),
+            rest=rest,
         )
 
 
 def _pose(thing: Any) -> Pose:
-    return Pose.from_rotation(
-        thing.xpos, Rotation.from_matrix(thing.xmat.reshape(3, 3))
-    )
+    rotation = Rotation.from_matrix(thing.xmat.reshape(3, 3))
+    return Pose.from_rotation(thing.xpos, rotation)

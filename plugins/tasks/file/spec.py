@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
 from typing import Annotated, Any, Self, get_type_hints
@@ -19,6 +19,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     GetPydanticSchema,
     ValidationError,
     create_model,
@@ -50,6 +51,7 @@ MAX_GOALS = 50
 MAX_RANGES = 200
 MAX_VARIATIONS = 20
 MAX_PHOTOS = 8
+# Keys of rigid bodies alone, and of soft ones.
 _RIGID = (
     "parts",
     "friction",
@@ -57,7 +59,7 @@ _RIGID = (
     "restitution",
     "velocity",
     "spin",
-)  # keys of rigid bodies alone
+)
 _SOFT = ("rope", "cloth", "counts", "pinned")
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST = "must be a list, such as [0, 0, 0.1]"
@@ -126,31 +128,37 @@ ColorName = Annotated[str, AfterValidator(_color)]
 
 def rgba(color: str) -> Color:
     """Read a colour such as ``red`` or ``#3366cc``; four numbers from 0 to 1."""
-    red, green, blue, *opacity = ImageColor.getrgb(color)
-    return red / 255, green / 255, blue / 255, (opacity[0] if opacity else 255) / 255
+    channels = (*ImageColor.getrgb(color), 255)  # the last is for want of an opacity
+    red, green, blue, opacity = [channel / 255 for channel in channels[:4]]
+    return red, green, blue, opacity
 
 
-def _made(of: type, **types: Any) -> GetPydanticSchema:
+def _read_with(model: type[BaseModel], make: Callable[[Any], Any]) -> GetPydanticSchema:
+    """Check what a file says with a model, and ``make`` something of that."""
+
+    def build(_source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_after_validator_function(make, handler(model))
+
+    return GetPydanticSchema(build)
+
+
+def _read_dataclass(kind: type, **types: Any) -> GetPydanticSchema:
     """Read a dataclass of the core by its fields, of these ``types`` where given; it checks itself."""
-    hints = get_type_hints(of) | types
-    given = [field for field in fields(of) if field.init]
-    entries: dict[str, Any] = {
-        field.name: (
-            hints[field.name],
-            ... if field.default is MISSING else field.default,
-        )
-        for field in given
-    }
-    model = create_model(of.__name__, __config__=STRICT, **entries)
+    hints = get_type_hints(kind) | types
+    entries = dict[str, Any]()
+    for field in fields(kind):
+        if not field.init:
+            continue
+        default = field.default
+        if default is MISSING:
+            default = ...
+        entries[field.name] = (hints[field.name], default)
 
     def make(spec: BaseModel) -> Any:
-        return of(**{name: getattr(spec, name) for name in entries})
+        return kind(**{name: getattr(spec, name) for name in entries})
 
-    return GetPydanticSchema(
-        lambda _source, handler: core_schema.no_info_after_validator_function(
-            make, handler(model)
-        )
-    )
+    model = create_model(kind.__name__, __config__=STRICT, **entries)
+    return _read_with(model, make)
 
 
 def _goal_entry() -> GetPydanticSchema:
@@ -161,16 +169,11 @@ def _goal_entry() -> GetPydanticSchema:
         for field in fields(kind):  # type: ignore[arg-type]
             entries[field.name] = (hints[field.name] | None, None)
     del entries["also"]
-    model = create_model("Goal", __config__=STRICT, **entries)
 
     def make(spec: BaseModel) -> Entry:
         return read_entry(spec.model_dump(exclude_none=True))
 
-    return GetPydanticSchema(
-        lambda _source, handler: core_schema.no_info_after_validator_function(
-            make, handler(model)
-        )
-    )
+    return _read_with(create_model("Goal", __config__=STRICT, **entries), make)
 
 
 def _looks(camera: Camera) -> Camera:
@@ -203,13 +206,15 @@ class ShapeSpec(_Spec):
     """One shape, and where it is in the body's frame. ``file`` is for a body of its own."""
 
     box: tuple[Length, Length, Length] | None = None
-    sphere: Annotated[Sphere, _made(Sphere, radius=Length)] | None = None
+    sphere: Annotated[Sphere, _read_dataclass(Sphere, radius=Length)] | None = None
     cylinder: (
-        Annotated[Cylinder, _made(Cylinder, radius=Length, length=Length)] | None
+        Annotated[Cylinder, _read_dataclass(Cylinder, radius=Length, length=Length)]
+        | None
     ) = None
-    capsule: Annotated[Capsule, _made(Capsule, radius=Length, length=Length)] | None = (
-        None
-    )
+    capsule: (
+        Annotated[Capsule, _read_dataclass(Capsule, radius=Length, length=Length)]
+        | None
+    ) = None
     position: Place = (0.0, 0.0, 0.0)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     color: ColorName | None = None
@@ -221,9 +226,12 @@ class ShapeSpec(_Spec):
 
     def _check_one(self, *names: str) -> None:
         given = [name for name in names if getattr(self, name) is not None]
-        if len(given) != 1:
-            there = f"are {', '.join(given)}" if given else "is none"
-            raise ValueError(f"needs one of {', '.join(names)}; there {there}")
+        if len(given) == 1:
+            return
+        there = "is none"
+        if given:
+            there = f"are {', '.join(given)}"
+        raise ValueError(f"needs one of {', '.join(names)}; there {there}")
 
 
 class BodySpec(ShapeSpec):
@@ -241,12 +249,16 @@ class BodySpec(ShapeSpec):
     ) = None
     file: FileName | None = None
     scale: Length = 1.0
-    rope: Annotated[Rope, _made(Rope, path=Path, thickness=Length)] | None = None
+    rope: Annotated[Rope, _read_dataclass(Rope, path=Path, thickness=Length)] | None = (
+        None
+    )
     cloth: (
-        Annotated[Cloth, _made(Cloth, size=tuple[Length, Length], thickness=Length)]
+        Annotated[
+            Cloth, _read_dataclass(Cloth, size=tuple[Length, Length], thickness=Length)
+        ]
         | None
     ) = None
-    elastic: Annotated[Elastic, _made(Elastic)] | None = None
+    elastic: Annotated[Elastic, _read_dataclass(Elastic)] | None = None
     counts: tuple[int, int, int] = (3, 3, 3)
     pinned: Annotated[tuple[int, ...], Field(max_length=MAX_NODES)] = ()
     mass: Annotated[float, Field(ge=LIGHTEST, le=HEAVIEST)] | None = None
@@ -268,16 +280,7 @@ class BodySpec(ShapeSpec):
                 "fixed: false says nothing; leave it out, and give a mass or a density"
             )
         self._check_one("mass", "density", "fixed", "elastic")
-        if wrong := [
-            name
-            for name in (_RIGID if self.elastic else _SOFT)
-            if name in self.model_fields_set
-        ]:
-            raise ValueError(
-                f"{wrong[0]} is for a rigid body; leave it out (the friction of a soft one is in elastic)"
-                if self.elastic
-                else f"{wrong[0]} is for a soft body; give it elastic: {{density: 300, young: 1.0e5}}"
-            )
+        self._check_softness()
         if "counts" in self.model_fields_set and (self.rope or self.cloth):
             raise ValueError(
                 "counts is for a soft solid; a rope has a count, and a cloth counts, of its own"
@@ -285,6 +288,18 @@ class BodySpec(ShapeSpec):
         if self.scale != 1 and self.file is None:
             raise ValueError("scale is for a body with a file")
         return self
+
+    def _check_softness(self) -> None:
+        wrong = _SOFT
+        hint = "a soft body; give it elastic: {density: 300, young: 1.0e5}"
+        if self.elastic:
+            wrong = _RIGID
+            hint = (
+                "a rigid body; leave it out (the friction of a soft one is in elastic)"
+            )
+        for name in wrong:
+            if name in self.model_fields_set:
+                raise ValueError(f"{name} is for {hint}")
 
 
 class ImportSpec(_Spec):
@@ -309,7 +324,9 @@ class MarkSpec(_Spec):
 
 CameraSpec = Annotated[
     Camera,
-    _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None),
+    _read_dataclass(
+        Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None
+    ),
     AfterValidator(_looks),
 ]
 
@@ -341,7 +358,12 @@ class SceneSpec(_Spec):
     imports: Annotated[tuple[ImportSpec, ...], Field(max_length=MAX_IMPORTS)] = ()
     marks: Annotated[tuple[MarkSpec, ...], Field(max_length=MAX_BODIES)] = ()
     joints: Annotated[
-        tuple[Annotated[Joint, _made(Joint, name=Name, axis=Place, origin=Place)], ...],
+        tuple[
+            Annotated[
+                Joint, _read_dataclass(Joint, name=Name, axis=Place, origin=Place)
+            ],
+            ...,
+        ],
         Field(max_length=MAX_BODIES),
     ] = ()
     goals: Annotated[
@@ -370,25 +392,24 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
     Raises:
         UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
     """
-    if isinstance(
-        given := data.get("pictures"), list
-    ):  # a name stands for a photograph without its camera
-        data = {
-            **data,
-            "pictures": [
-                {"file": each} if isinstance(each, str) else each for each in given
-            ],
-        }
+    pictures = data.get("pictures")
+    if isinstance(pictures, list):
+        data = {**data, "pictures": [_read_picture(picture) for picture in pictures]}
     try:
-        return SceneSpec.model_validate_json(
-            json.dumps(data)
-        )  # strictly, but a list is a tuple
+        # Strictly, but a list is a tuple.
+        return SceneSpec.model_validate_json(json.dumps(data))
     except ValidationError as error:
-        first = min(
-            error.errors(include_url=False), key=lambda e: e["type"] not in UNKNOWN
-        )
+        errors = error.errors(include_url=False)
+        first = min(errors, key=lambda entry: entry["type"] not in UNKNOWN)
         where: Where = tuple(first["loc"])
         raise tree.error(where, _explain(where, first)) from error
+
+
+def _read_picture(given: Any) -> Any:
+    """Read a name as a photograph without its camera."""
+    if isinstance(given, str):
+        return {"file": given}
+    return given
 
 
 def _explain(where: Where, error: ErrorDetails) -> str:
@@ -402,18 +423,14 @@ def _explain(where: Where, error: ErrorDetails) -> str:
         r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"]
     )
     message = message.removeprefix("Value error, ").replace(" after validation", "")
-    shown = (
-        f", got {given!r}"
-        if isinstance(given, str | int | float) and "got" not in message
-        else ""
-    )
+    if isinstance(given, str | int | float) and "got" not in message:
+        got = f", got {given!r}"
+        if len(got) < 100:
+            message += got
     limits = error.get("ctx", {})
-    metres = (
-        "; it is in metres"
-        if {limits.get("le"), limits.get("ge")} & {LONGEST_M, -LONGEST_M}
-        else ""
-    )
-    return f"{message}{shown if len(shown) < 100 else ''}{metres}"
+    if limits.get("le") == LONGEST_M or limits.get("ge") == -LONGEST_M:
+        message += "; it is in metres"
+    return message
 
 
 @cache
@@ -423,25 +440,32 @@ def _schema() -> dict[str, Any]:
 
 def keys_at(where: Where) -> list[str]:
     """The keys that are possible in the object at ``where``."""
-    found = [_schema()]
-    for step in (None, *where):
-        if step is not None:
-            below = (
-                n.get("items")
-                if isinstance(step, int)
-                else n.get("properties", {}).get(step)
-                for n in found
-            )
-            found = [inner for inner in below if isinstance(inner, dict)]
-        found = [inner for node in found for inner in _alternatives(node)]
-    return sorted({key for node in found for key in node.get("properties", {})})
+    found = _alternatives(_schema())
+    for step in where:
+        inner = list[dict[str, Any]]()
+        for node in found:
+            if isinstance(step, int):
+                below = node.get("items")
+            else:
+                below = node.get("properties", {}).get(step)
+            if isinstance(below, dict):
+                inner += _alternatives(below)
+        found = inner
+
+    keys = set[str]()
+    for node in found:
+        keys |= node.get("properties", {}).keys()
+    return sorted(keys)
 
 
-def _alternatives(node: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _alternatives(node: dict[str, Any]) -> list[dict[str, Any]]:
+    """List the schemas of which what a node of the schema describes must fit one."""
     if "$ref" in node:
-        return _alternatives(_schema()["$defs"][node["$ref"].rpartition("/")[2]])
-    return (
-        [inner for choice in node["anyOf"] for inner in _alternatives(choice)]
-        if "anyOf" in node
-        else [dict(node)]
-    )
+        name = node["$ref"].rpartition("/")[2]
+        return _alternatives(_schema()["$defs"][name])
+    if "anyOf" not in node:
+        return [node]
+    found = list[dict[str, Any]]()
+    for choice in node["anyOf"]:
+        found += _alternatives(choice)
+    return found

@@ -21,6 +21,7 @@ Where = tuple[str | int, ...]
 """The way to an entry: keys of objects and numbers of items."""
 
 _NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_AXES = {"x": 0, "y": 1, "z": 2, "roll": 0, "pitch": 1, "yaw": 2}
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 
@@ -45,15 +46,15 @@ class Tree:
             self._check_events(text)
             root = yaml.compose(text, yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
-            at = error.problem_mark or error.context_mark
-            where = f", line {at.line + 1}" if at else ""
-            raise UserError(
-                f"{file}{where}: this is no YAML: {clean(str(error.problem), 200)}"
-            ) from error
+            where = str(file)
+            mark = error.problem_mark or error.context_mark
+            if mark:
+                where += f", line {mark.line + 1}"
+            reason = clean(str(error.problem), 200)
+            raise UserError(f"{where}: this is no YAML: {reason}") from error
         except (yaml.YAMLError, ValueError) as error:  # a character that YAML has not
-            raise UserError(
-                f"{file}: this is no YAML: {clean(' '.join(str(error).split()), 200)}"
-            ) from error
+            reason = clean(" ".join(str(error).split()), 200)
+            raise UserError(f"{file}: this is no YAML: {reason}") from error
         if not isinstance(root, yaml.MappingNode):
             raise UserError(
                 f"{file}: a scene is an object of keys and values, such as 'name: PushCup'"
@@ -79,60 +80,41 @@ class Tree:
 
     def error(self, where: Where, message: str) -> UserError:
         """Build the error of an entry: file, line, way to it, and what is wrong."""
-        known = next(
-            (where[:n] for n in range(len(where), -1, -1) if where[:n] in self.lines),
-            (),
-        )
-        return UserError(
-            f"{self.file}, line {self.lines.get(known, 1)}: {say(where)}{message}"
-        )
+        known = where
+        while known and known not in self.lines:
+            known = known[:-1]
+        line = self.lines.get(known, 1)
+        return UserError(f"{self.file}, line {line}: {say(where)}{message}")
 
     def _check_events(self, text: str) -> None:
         """Refuse what would unfold, or make objects, before anything is built."""
         depth = 0
         event: Any
         for event in yaml.parse(text, yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(
-                event, yaml.CollectionEndEvent
-            )
-            anchor, tag = (
-                clean(getattr(event, name, None) or "", 60)
-                for name in ("anchor", "tag")
-            )
-            why = (
-                f"at most {MAX_DEPTH} levels of nesting are read; make it flatter"
-                if depth > MAX_DEPTH
-                else ""
-            )
-            why = (
-                f"anchors (&{anchor} and *{anchor}) are not read; write it out"
-                if anchor
-                else why
-            )
-            why = f"tags ({tag}) are not read; leave it out" if tag else why
-            if why:
-                raise UserError(f"{self.file}, line {event.start_mark.line + 1}: {why}")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            problem = _find_problem(event, depth)
+            if problem:
+                line = event.start_mark.line + 1
+                raise UserError(f"{self.file}, line {line}: {problem}")
 
     def _read(self, node: Any, where: Where) -> Any:
         self.lines.setdefault(where, node.start_mark.line + 1)
         if isinstance(node, yaml.SequenceNode):
-            return [
-                self._read(item, (*where, number))
-                for number, item in enumerate(node.value)
-            ]
+            items = enumerate(node.value)
+            return [self._read(item, (*where, number)) for number, item in items]
         if not isinstance(node, yaml.MappingNode):
             return self._scalar(node, where)
         found: dict[str, Any] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 raise self.error(where, "a key must be a word")
-            self.lines[*where, key.value] = key.start_mark.line + 1
+            inner = (*where, key.value)
+            self.lines[inner] = key.start_mark.line + 1
             if key.value in found:
-                raise self.error(
-                    (*where, key.value),
-                    "this key is written twice; leave one of them out",
-                )
-            found[key.value] = self._read(value, (*where, key.value))
+                problem = "this key is written twice; leave one of them out"
+                raise self.error(inner, problem)
+            found[key.value] = self._read(value, inner)
         return found
 
     def _scalar(self, node: Any, where: Where) -> Any:
@@ -145,16 +127,35 @@ class Tree:
             return text
         if not math.isfinite(float(text)):
             raise self.error(where, f"the number {clean(text, 60)} is too large")
-        return int(text) if re.fullmatch(r"[-+]?[0-9]{1,15}", text) else float(text)
+        if re.fullmatch(r"[-+]?[0-9]{1,15}", text):
+            return int(text)
+        return float(text)
+
+
+def _find_problem(event: Any, depth: int) -> str:
+    """Say what of a YAML document's event is not read; empty: all of it is."""
+    tag = clean(getattr(event, "tag", None) or "", 60)
+    if tag:
+        return f"tags ({tag}) are not read; leave it out"
+    anchor = clean(getattr(event, "anchor", None) or "", 60)
+    if anchor:
+        return f"anchors (&{anchor} and *{anchor}) are not read; write it out"
+    if depth > MAX_DEPTH:
+        return f"at most {MAX_DEPTH} levels of nesting are read; make it flatter"
+    return ""
 
 
 def say(where: Where) -> str:
     """Write the way to an entry, such as ``bodies[2].mass: ``."""
-    parts = (
-        f"[{step}]" if isinstance(step, int) else f".{clean(step, 60)}"
-        for step in where
-    )
-    return f"{''.join(parts).lstrip('.')}: " if where else ""
+    if not where:
+        return ""
+    found = ""
+    for step in where:
+        if isinstance(step, int):
+            found += f"[{step}]"
+        else:
+            found += f".{clean(step, 60)}"
+    return f"{found.lstrip('.')}: "
 
 
 def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
@@ -172,25 +173,22 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
         holder = node
         key = step
         if isinstance(node, list):
-            names = [
-                item.get("name") if isinstance(item, dict) else None for item in node
-            ]
-            axes = next(
-                (
-                    words
-                    for words in (("x", "y", "z"), ("roll", "pitch", "yaw"))
-                    if step in words
-                ),
-                (),
-            )
-            key = (
-                names.index(step)
-                if step in names
-                else axes.index(step)
-                if step in axes
-                else int(step)
-            )
+            key = _find_item(node, step)
         node = holder[key]
     if isinstance(node, bool) or not isinstance(node, int | float):
         raise KeyError(path)
     return holder, key
+
+
+def _find_item(items: list[Any], step: str) -> int:
+    """Return the number of an item that a step of a path leads to.
+
+    Raises:
+        ValueError: the step is neither a name, nor an axis, nor a number.
+    """
+    for number, item in enumerate(items):
+        if isinstance(item, dict) and item.get("name") == step:
+            return number
+    if step in _AXES:
+        return _AXES[step]
+    return int(step)
