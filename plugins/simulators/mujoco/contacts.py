@@ -94,11 +94,8 @@ def set_contacts(
     mean of its own friction and the tool's, and has priority.
     """
     tools = tools_friction(colliders)
-    # As stiff as the time step allows, and damped so that nothing rebounds.
-    reference = [2 * spec.option.timestep, 1.3]
     for number, collider in enumerate(colliders):
-        _set_contact(collider, number, tools, reference)
-
+        _set_contact(spec, collider, number, tools)
     covered = set()
     for one, other in combinations(colliders, 2):
         if one.bearer == other.bearer or not one.role.meets(other.role):
@@ -114,12 +111,15 @@ def set_contacts(
         in_scene = one.role is other.role is Role.SCENE
         if in_scene and frozenset((one.owner, other.owner)) in joined:
             continue
-        _add_pair(spec, one, other, slip_rate, reference)
+        _add_pair(spec, one, other, slip_rate)
 
 
-def _set_contact(
-    collider: Collider, number: int, tools: float, reference: Sequence[float]
-) -> None:
+def _reference(spec: Element) -> list[float]:
+    """Return what is as stiff as the time step allows, and damped so that nothing rebounds."""
+    return [2 * spec.option.timestep, 1.3]
+
+
+def _set_contact(spec: Element, collider: Collider, number: int, tools: float) -> None:
     """Set what a geom has where no pair says it."""
     geom = collider.geom
     geom.name = f"{number}/{collider.owner}"
@@ -130,17 +130,11 @@ def _set_contact(
         geom.priority = 1
     geom.friction = [friction, 0.0, collider.surface.rolling]
     geom.condim = _dimensions(collider.surface.rolling)
-    geom.solref = reference
+    geom.solref = _reference(spec)
     geom.solimp = IMPEDANCE
 
 
-def _add_pair(
-    spec: Element,
-    one: Collider,
-    other: Collider,
-    slip_rate: float,
-    reference: Sequence[float],
-) -> None:
+def _add_pair(spec: Element, one: Collider, other: Collider, slip_rate: float) -> None:
     """Add a pair of geoms with parameters of its own."""
     friction = mean_friction(one.surface.friction, other.surface.friction)
     rolling = max(one.surface.rolling, other.surface.rolling)
@@ -152,7 +146,7 @@ def _add_pair(
         geomname2=other.geom.name,
         condim=_dimensions(rolling),
         friction=[friction, friction, 0.0, rolling, rolling],
-        solref=_rebound(spec, restitution) or reference,
+        solref=_rebound(spec, restitution) or _reference(spec),
         # Stiffness, which friction has none of, and damping.
         solreffriction=[-1.0, -slip_rate],
         solimp=IMPEDANCE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -108,13 +108,13 @@ class Measured(NamedTuple):
 class _Step(NamedTuple):
     """What the engine says after a step: of each contact and row of the solver, and which of its bodies are awake."""
 
-    geoms: npt.NDArray[Any]
-    addresses: npt.NDArray[Any]
-    dims: npt.NDArray[Any]
-    frames: npt.NDArray[Any]
-    points: npt.NDArray[Any]
-    rows: npt.NDArray[Any]
-    awake: npt.NDArray[Any]
+    geoms: Numbers
+    addresses: Numbers
+    dims: Numbers
+    frames: Array
+    points: Array
+    rows: Array
+    awake: Numbers
 
 
 class Meter:

@@ -6,7 +6,6 @@ from core.design import Tool
 from core.robot.description import assembled
 from core.scene import Scene, Soft
 from core.values.robots import Robot
-from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
@@ -23,17 +22,9 @@ MAX_TIME_STEP = 0.005  # s; above, contacts get soft
 CCD_TOLERANCE = 1e-10
 
 
-def compute_inertias(scene: Scene) -> dict[str, Inertia]:
-    """Compute the inertias of the free rigid bodies, by name."""
-    return {
-        body.name: inertia_of(body) for body in scene.free if not isinstance(body, Soft)
-    }
-
-
 def compile_model(
     robot: Robot,
     scene: Scene,
-    inertias: dict[str, Inertia],
     tool: Tool,
     time_step: float,
     tracking_rate: float,
@@ -44,7 +35,7 @@ def compile_model(
     For the rates see `plugins.simulators.mujoco.simulator.MuJoCoSimulator`.
     """
     time_step = _choose_time_step(scene, time_step)
-    spec = build_spec(robot, scene, inertias, tool, time_step, slip_rate)
+    spec = build_spec(robot, scene, tool, time_step, slip_rate)
     if any(rollers(body) for body in scene.bodies):
         spec.option.ccd_tolerance = CCD_TOLERANCE
     if len(scene.free) <= 1 and not scene.softs:
@@ -76,7 +67,6 @@ def _choose_time_step(scene: Scene, time_step: float) -> float:
 def build_spec(
     robot: Robot,
     scene: Scene,
-    inertias: dict[str, Inertia],
     tool: Tool,
     time_step: float,
     slip_rate: float,
@@ -94,7 +84,7 @@ def build_spec(
     contacts.set_options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
     add_servos(spec, robot, tool)
     add_softs(spec, scene, contacts.tools_friction(colliders))
-    bearers = add_bodies(spec, scene, inertias)
+    bearers = add_bodies(spec, scene)
 
     for body, surface in zip(scene.bodies, surfaces, strict=True):
         if isinstance(body, Soft):

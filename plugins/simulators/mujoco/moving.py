@@ -12,7 +12,7 @@ from core.geometry import Array, Pose
 from core.scene import Body, Scene, Soft, State
 from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from plugins.simulators.forces import latch_force
-from plugins.simulators.inertia import Inertia
+from plugins.simulators.inertia import inertia_of
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element, add_body
@@ -26,9 +26,7 @@ _KINDS = {
 _BACK = np.array([1.0, -1.0, -1.0, -1.0])  # makes a quaternion the inverse
 
 
-def add_bodies(
-    spec: Element, scene: Scene, inertias: dict[str, Inertia]
-) -> dict[str, Element]:
+def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
     """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body.
 
     Returns:
@@ -51,7 +49,7 @@ def add_bodies(
                 frame = scene[parent].pose
 
         pose = frame.inverse() @ body.pose
-        element = add_body(bearer, name, pose, inertias[body.name])
+        element = add_body(bearer, name, pose, inertia_of(body))
         bearers[body.name] = element
         tops[body.name] = tops.get(parent, element)
         if joint is None:
@@ -115,9 +113,9 @@ class Moving:
     """Read the free bodies from a model's positions and speeds, and move what moves by itself.
 
     Attributes:
-        drives: how many joints have a drive.
-        launches: whether a body gets a velocity when the motion begins.
-        latches: whether joints have latches: forces that MuJoCo does not have, to be set before each step.
+        drives: those of joints.
+        launched: the bodies that get a velocity when the motion begins.
+        latched: the joints with latches: forces that MuJoCo does not have, to be set before each step.
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
@@ -136,14 +134,11 @@ class Moving:
             self._places[name] = _Place(positions, speeds, joint.id)
 
         self._hung = scene.ordered_joints
-        self._drives = [
+        self.drives = [
             placed.joint.drive for placed in self._hung if placed.joint.drive
         ]
-        self._launched = [body for body in scene.free if body.launched]
-        self._latched = [joint for joint in scene.joints if joint.latches]
-        self.drives = len(self._drives)
-        self.launches = bool(self._launched)
-        self.latches = bool(self._latched)
+        self.launched = [body for body in scene.free if body.launched]
+        self.latched = [joint for joint in scene.joints if joint.latches]
 
     def state(self, qpos: Array, qvel: Array) -> State:
         """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
@@ -177,19 +172,19 @@ class Moving:
 
     def launch(self, qpos: Array, qvel: Array) -> None:
         """Give bodies their velocities, in speeds (V,)."""
-        for body in self._launched:
+        for body in self.launched:
             q, v, _ = self._places[body.name]
             spin = rotate(qpos[q][3:] * _BACK, np.asarray(body.spin))
             qvel[v] = [*body.velocity, *spin]
 
     def aim(self, times: Array) -> Array:
         """Sample the drives' positions at instants (S,): (S, D)."""
-        positions = np.array([drive.sample(times) for drive in self._drives])
-        return positions.reshape(self.drives, len(times)).T
+        positions = np.array([drive.sample(times) for drive in self.drives])
+        return positions.reshape(len(self.drives), len(times)).T
 
     def pull(self, model: Element, data: Element) -> None:
         """Set the forces of latches. Where one rises it is a spring, which is stable however stiff."""
-        for joint in self._latched:
+        for joint in self.latched:
             q, v, number = self._places[joint.body]
             position = float(data.qpos[q][0])
             rise = 0.0

@@ -9,11 +9,8 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
-from plugins.simulators.mujoco.model import (
-    MAX_TIME_STEP,
-    compile_model,
-    compute_inertias,
-)
+from plugins.simulators.mujoco.keeping import keep
+from plugins.simulators.mujoco.model import MAX_TIME_STEP, compile_model
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.stepped import Stepped
 from plugins.simulators.mujoco.world import World
@@ -65,15 +62,10 @@ class MuJoCoSimulator(DrawingSimulator):
     def _world(self, task: Task, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
         scene = job.scene_in(task)
+
+        def build() -> World:
+            model = compile_model(task.robot, scene, job.tool, *self._rates)
+            return World(task.robot, scene, job.tool, model)
+
         # The world keeps the scene, so that no other gets its id.
-        key = (id(scene), job.tool)
-        world = self._worlds.get(key)
-        if world is None:
-            inertias = compute_inertias(scene)
-            model = compile_model(task.robot, scene, inertias, job.tool, *self._rates)
-            world = World(task.robot, scene, job.tool, model)
-        self._worlds[key] = world
-        self._worlds.move_to_end(key)
-        if len(self._worlds) > _KEPT:
-            self._worlds.popitem(last=False)
-        return world
+        return keep(self._worlds, (id(scene), job.tool), _KEPT, build)

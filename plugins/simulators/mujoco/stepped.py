@@ -38,15 +38,12 @@ class Stepped:
     def step(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
+        arm = arm - self._back * speeds
+        fingers -= self._back * finger_speed
         controls = self._data.ctrl.reshape(-1, 2)
-        count = self._joints.arm
-        driven = len(self._joints.driven)
-        controls[:count, 0] = arm - self._back * speeds
-        controls[:count, 1] = speeds
-        controls[count:driven, 0] = fingers - self._back * finger_speed
-        controls[count:driven, 1] = finger_speed
-
+        self._joints.command(controls, arm, speeds, fingers, finger_speed)
         if self._moving.drives:
+            driven = len(self._joints.driven)
             steps = self._steps_since_launch + np.array([0.0, 1.0])
             begin, end = self._moving.aim(steps * self.time_step)
             controls[driven:, 1] = (end - begin) / self.time_step

@@ -111,7 +111,7 @@ class World:
             meter.begin(settled.measured)
 
         states = settled.states
-        if self._moving.launches:
+        if self._moving.launched:
             states = states.copy()
             self._moving.launch(*self._split(states[-1]))
         self._joints.hold(self._model, held=False)
@@ -211,7 +211,7 @@ class World:
         now = len(states)
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         with warnings_caught() as warnings:
-            if self._moving.latches or meter is not None:
+            if self._moving.latched or meter is not None:
                 self._step_singly(data, states[now - 1 :], controls, meter, sensed)
             else:
                 sensordata = None
@@ -265,13 +265,11 @@ class World:
             arm, fingers = schedule.job.trajectory.sample(times)
             drives = aims[:-1]
 
-        count = self._joints.arm
         driven = len(self._joints.driven)
-        controls = np.empty((len(times), driven + self._moving.drives, 2))
-        controls[:, :count, 0] = arm
-        controls[:, :count, 1] = speeds
-        controls[:, count:driven, 0] = fingers[:, None]
-        controls[:, count:driven, 1] = finger_speeds[:, None]
+        controls = np.empty((len(times), driven + len(self._moving.drives), 2))
+        self._joints.command(
+            controls, arm, speeds, fingers[:, None], finger_speeds[:, None]
+        )
         controls[:, driven:, 0] = drives
         controls[:, driven:, 1] = np.diff(aims, axis=0) / schedule.time_step
         return controls.reshape(len(times), -1)

@@ -7,8 +7,7 @@ import math
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
@@ -19,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from core.errors import UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.meshes import MAX_CORNERS
-from core.scene import Body, Color, Geom, Joint
+from core.scene import Body, Geom, Joint
 from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.urdf import MAX_BYTES, NAME, read_xml
@@ -188,15 +187,6 @@ def _count_copies(element: Element) -> int:
     return int(count)
 
 
-@dataclass(frozen=True)
-class _Look:
-    """A geom's shapes, as it is drawn and as it collides, and its colour."""
-
-    drawn: Shape
-    solid: Shape
-    color: Color
-
-
 class _Reading:
     """Bodies and joints of a compiled model, at its ``qpos0``."""
 
@@ -220,19 +210,13 @@ class _Reading:
         self._heads = np.where(welded > 0, welded, numbers)
 
     def read(self) -> Imported:
-        bodies = list[Body]()
-        for head in np.unique(self._heads):
-            body = self._body(head)
-            if body is not None:
-                bodies.append(body)
-        joints = list[Joint]()
-        for number in np.flatnonzero(self._model.jnt_type):  # 0: free
-            joints.append(self._joint(self._model.joint(number)))
-        left = list[str]()
-        for name, count in sorted(self._left.items()):
-            if count:
-                left.append(f"left out: {count} {name}")
-        return Imported(tuple(bodies), tuple(joints), (*left, *self._notes))
+        bodies = tuple(filter(None, map(self._body, np.unique(self._heads))))
+        joints = tuple(
+            map(self._joint, np.flatnonzero(self._model.jnt_type))
+        )  # 0: free
+        left = sorted((+self._left).items())
+        notes = [f"left out: {count} {name}" for name, count in left]
+        return Imported(bodies, joints, (*notes, *self._notes))
 
     def _mesh(self, mesh: Any) -> tuple[Shape, Shape]:
         """Make what is drawn of a mesh, and its hull, from the lists of numbers that MuJoCo keeps of it."""
@@ -267,16 +251,12 @@ class _Reading:
         frictions = set[float]()
         for number in np.flatnonzero(self._heads[model.geom_bodyid] == head):
             geom = model.geom(number)
-            look = self._look(geom)
-            if look is None:
-                continue
-            place = pose.inverse() @ _pose(self._data.geom(number))
-            opacity = look.color[3]
-            if geom.group[0] < 3 and opacity:  # as in MuJoCo's viewer
-                visuals.append(Geom(look.drawn, place, look.color))
-            if geom.contype[0] or geom.conaffinity[0]:
-                collisions.append(Geom(look.solid, place, look.color))
-                frictions.add(float(geom.friction[0]))
+            for drawn, solid in self._geoms(geom, pose):
+                if geom.group[0] < 3 and drawn.color[3]:  # as in MuJoCo's viewer
+                    visuals.append(drawn)
+                if geom.contype[0] or geom.conaffinity[0]:
+                    collisions.append(solid)
+                    frictions.add(float(geom.friction[0]))
 
         if len(frictions) > 1:
             self._notes.append(
@@ -290,8 +270,8 @@ class _Reading:
         friction = max(frictions, default=1.0)
         return joined_body(name, pose, mass, visuals, collisions, friction)
 
-    def _look(self, geom: Any) -> _Look | None:
-        """Read a geom's shapes and colour; None: it is of a kind that is not read."""
+    def _geoms(self, geom: Any, frame: Pose) -> Iterator[tuple[Geom, Geom]]:
+        """Yield a geom as it is drawn and as it collides, unless it is of a kind that is not read."""
         kind = mujoco.mjtGeom(geom.type[0]).name.removeprefix("mjGEOM_")
         if kind == "MESH":
             drawn, solid = self._meshes[geom.dataid[0]]
@@ -300,15 +280,18 @@ class _Reading:
             solid = drawn
         else:
             self._left[f"geom {kind.lower()}"] += 1
-            return None
+            return
 
-        color = geom.rgba
-        if geom.matid[0] >= 0 and np.allclose(color, _GREY):
-            color = self._model.mat_rgba[geom.matid[0]]
-        red, green, blue, opacity = np.clip(color, 0, 1).tolist()
-        return _Look(drawn, solid, (red, green, blue, opacity))
+        shown = geom.rgba
+        if geom.matid[0] >= 0 and np.allclose(shown, _GREY):
+            shown = self._model.mat_rgba[geom.matid[0]]
+        red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
+        color = (red, green, blue, opacity)
+        place = frame.inverse() @ _pose(self._data.geom(geom.id))
+        yield Geom(drawn, place, color), Geom(solid, place, color)
 
-    def _joint(self, joint: Any) -> Joint:
+    def _joint(self, number: int) -> Joint:
+        joint = self._model.joint(number)
         body = self._names[joint.bodyid[0]]
         kind = _JOINTS[joint.type[0]]
         parent = self._heads[self._model.body_parentid[joint.bodyid[0]]]

@@ -23,7 +23,6 @@ from plugins.conformance.worlds import (
     start,
     still,
 )
-from plugins.simulators.inertia import inertia_of
 
 pytest.importorskip("mujoco")
 
@@ -207,7 +206,6 @@ def test_states_are_what_mujoco_makes_of_positions_and_speeds(seed, kinds):
     model = compile_model(
         PANDA,
         scene,
-        {body.name: inertia_of(body) for body in scene.free},
         BARE,
         0.0025,
         50.0,

@@ -17,7 +17,6 @@ from core.design import Tool
 from core.geometry import Array
 from core.scene import Scene, State
 from core.values.robots import Robot
-from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.joints import Joints
 from plugins.simulators.mujoco.model import build_spec
@@ -127,14 +126,13 @@ def slots(tool: Tool) -> int:
 def model(
     robot: Robot,
     scene: Scene,
-    inertias: dict[str, Inertia],
     tool: Tool,
     time_step: float,
     tracking_rate: float,
     slip_rate: float,
 ) -> Element:
     """Compile as `mujoco.model.compile_model`, with unused boxes, and equivalents for what Warp lacks."""
-    spec = build_spec(robot, scene, inertias, tool, time_step, slip_rate, slots(tool))
+    spec = build_spec(robot, scene, tool, time_step, slip_rate, slots(tool))
     # Warp has no servo with two inputs; a force, a spring and a damper make one.
     for servo in spec.actuators:
         servo.set_to_position(kp=1.0, kv=1.0)

@@ -20,7 +20,7 @@ from plugins.simulators.mujoco.batched.models import (
     model,
 )
 from plugins.simulators.mujoco.joints import Joints
-from plugins.simulators.mujoco.model import compute_inertias
+from plugins.simulators.mujoco.keeping import keep
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.rendering import DrawingSimulator
@@ -96,9 +96,8 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def _find_figures(self, task: Task, job: Rollout) -> ModelFigures:
         scene = job.scene_in(task)
-        # The entry keeps the scene, so that no other gets its id.
-        key = (id(scene), job.tool.content)
-        if key not in self._figures:
+
+        def extract() -> tuple[Scene, ModelFigures]:
             only_rigid(scene, task.name, "mujoco_warp")
             if scene.joints or any(body.launched for body in scene.free):
                 raise UserError(
@@ -106,15 +105,14 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 )
             compiled = self._model(task, job)
             joints = Joints.find(task.robot, job.tool, compiled)
-            self._figures[key] = scene, extract_figures(compiled, scene, joints)
-            if len(self._figures) > _KEPT_FIGURES:
-                self._figures.popitem(last=False)
-        self._figures.move_to_end(key)
-        return self._figures[key][1]
+            return scene, extract_figures(compiled, scene, joints)
+
+        # The entry keeps the scene, so that no other gets its id.
+        key = (id(scene), job.tool.content)
+        return keep(self._figures, key, _KEPT_FIGURES, extract)[1]
 
     def _model(self, task: Task, job: Rollout) -> Element:
-        scene = job.scene_in(task)
-        return model(task.robot, scene, compute_inertias(scene), job.tool, *self._rates)
+        return model(task.robot, job.scene_in(task), job.tool, *self._rates)
 
     def _play(
         self,
@@ -160,14 +158,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             contacts=contacts,
         )
 
-        known = (figures.shared, size)
-        if known not in self._batches:
-            compiled = self._model(task, jobs[0])
-            self._batches[known] = self._make(compiled, size, self._device)
-            if len(self._batches) > _KEPT_BATCHES:
-                self._batches.popitem(last=False)
-        self._batches.move_to_end(known)
-        return self._batches[known]
+        def build() -> Worlds:
+            return self._make(self._model(task, jobs[0]), size, self._device)
+
+        return keep(self._batches, (figures.shared, size), _KEPT_BATCHES, build)
 
     def _outcome(self, job: Rollout, figures: ModelFigures, played: Played) -> Outcome:
         if played.crowded:
