@@ -62,6 +62,7 @@ class Renderer(ABC):
         width = view.get("width", 640)
         height = view.get("height", 480)
         camera = view.get("camera") or task.camera
+
         with _drawing:
             self._load_once(task, seed, tool)
             if arm is None:
@@ -118,11 +119,14 @@ class DrawingSimulator(Simulator):
             else:
                 self.drawn_by = drawer.name
                 return drawer
+
         try:
             other = installed().create(SIMULATOR, self.stand_in)
         except UserError as reason:
             raise NoPicture(
                 f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}"
             ) from reason
+
         self.drawn_by = f"{self.stand_in}'s renderer: {missing}"
+
         return other

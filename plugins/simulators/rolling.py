@@ -20,4 +20,5 @@ def rollers(body: Body) -> tuple[Capsule | Cylinder, ...]:
         if isinstance(shape, Cylinder) and not lies:
             return ()
         found.append(shape)
+
     return tuple(found)

@@ -108,6 +108,7 @@ def set_contacts(
         if free and bearers not in covered:  # all their pairs are explicit
             covered.add(bearers)
             spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
+
         in_scene = one.role is other.role is Role.SCENE
         if in_scene and frozenset((one.owner, other.owner)) in joined:
             continue

@@ -35,6 +35,7 @@ _INNER = "pushes within"
 def add_feeler(spec: Element, link: str) -> None:
     """Add what a `Feeler` reads: sensors of the contacts of a link and of all that it moves. They are off at first."""
     body = mujoco.mjtObj.mjOBJ_XBODY
+
     for name in (_OUTER, _INNER):
         sensor = spec.add_sensor(
             name=name,
@@ -43,9 +44,11 @@ def add_feeler(spec: Element, link: str) -> None:
             objname=link,
         )
         sensor.intprm[:3] = (_SENSED, _NET, 1)
+
         if name == _INNER:
             sensor.reftype = body
             sensor.refname = link
+
     spec.option.disableflags |= _OFF
 
 
@@ -142,6 +145,7 @@ class Meter:
                 numbers.append(links.index(owner))
             else:
                 numbers.append(len(links) + bodies.index(owner))
+
         self._owners = np.array(numbers)
         softs = [len(links) + bodies.index(soft.name) for soft in scene.softs]
         self._flexes = np.array(softs, dtype=np.int64)

@@ -46,6 +46,7 @@ def compile_model(
     add_feeler(spec, last_joint.child)
     model = spec.compile()
     set_gains(model, robot, tracking_rate)
+
     return model
 
 
@@ -90,6 +91,7 @@ def build_spec(
         if isinstance(body, Soft):
             continue
         bearer = bearers[body.name]
+
         for part in body.collisions:
             pose = part.pose
             if body.fixed:

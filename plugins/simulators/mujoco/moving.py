@@ -59,8 +59,10 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
             # A servo's load is known where nothing else could give way to it.
             if joint.drive and (parent not in tops or bearer.gravcomp > 0):
                 element.gravcomp = 1.0
+
         if body.launched or (joint and (joint.drive or joint.latches)):
             tops[body.name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+
     return bearers
 
 
@@ -92,6 +94,7 @@ def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
     element.solref_limit = reference
     element.solref_friction = reference
     element.solimp_friction = HOLDS
+
     if joint.drive:
         element.actfrcrange = [-joint.drive.force, joint.drive.force]
         element.actgravcomp = True
@@ -153,10 +156,12 @@ class Moving:
         for name, pose in self._scene.places.items():
             found[name] = Placement.at_rest(pose)
         hung = {placed.joint.body for placed in self._hung}
+
         for name, (q, v, _) in self._places.items():
             if name not in hung:
                 free = state((name,), qpos[..., q], qvel[..., v])
                 found[name] = Placement(*(array[..., 0, :] for array in free.arrays))
+
         for placed in self._hung:
             q, v, _ = self._places[placed.joint.body]
             value, speed = _local(placed, qpos[..., q], qvel[..., v])
@@ -165,9 +170,11 @@ class Moving:
 
         arrays = []
         shape = qpos.shape[:-1]
+
         for parts in zip(*(found[name] for name in self._names), strict=True):
             full = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in parts]
             arrays.append(np.stack(full, axis=-2))
+
         return State(self._names, *arrays)
 
     def launch(self, qpos: Array, qvel: Array) -> None:
@@ -193,6 +200,7 @@ class Moving:
                 if abs(away) < latch.width / 2:
                     turn = math.pi / latch.width
                     rise += latch.force * turn * math.cos(turn * away)
+
             spring = rise * (position - joint.rest)
             model.jnt_stiffness[number] = joint.stiffness + rise
             data.qfrc_applied[v] = latch_force(joint, position) + spring
@@ -215,6 +223,7 @@ def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
     if turning.size:
         axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
         turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
+
     return State(
         names,
         poses[..., :3].copy(),

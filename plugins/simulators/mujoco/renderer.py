@@ -65,6 +65,7 @@ class MuJoCoRenderer(Renderer):
         for link, visuals in link_visuals(robot, shown.gripper).items():
             for shape, pose, color in visuals:
                 _show(spec, spec.body(link), shape, pose, color)
+
         for component in shown.components:
             bearer, pose = shown.borne[component.name]
             _show(spec, spec.body(bearer), component.shape.drawn, pose, component.color)
@@ -77,6 +78,7 @@ class MuJoCoRenderer(Renderer):
             element.quat = body.pose.quaternion
             for part in body.visuals:
                 _show(spec, element, part.shape, part.pose, part.color)
+
         _light(spec)
         self._softs = scene.softs
         self._model = spec.compile()
@@ -87,6 +89,7 @@ class MuJoCoRenderer(Renderer):
             self._context = mujoco.MjrContext(
                 self._model, mujoco.mjtFontScale.mjFONTSCALE_100
             )
+
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
         self._robot = robot
         self._tool = shown
@@ -145,6 +148,7 @@ class MuJoCoRenderer(Renderer):
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
             mujoco.mjr_render(view, self._scene, self._context)
             mujoco.mjr_readPixels(picture, None, view, self._context)
+
         return picture[::-1]
 
 
@@ -184,6 +188,7 @@ def _open_gl() -> tuple[Any, str]:
     library = libraries[name]
     # It logs that an optional package is missing.
     logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)
+
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
         gl = importlib.import_module("OpenGL.GL")
@@ -192,6 +197,7 @@ def _open_gl() -> tuple[Any, str]:
     except Exception as error:  # PyOpenGL's errors differ with what is missing
         reason = " ".join(str(error).split()) or type(error).__name__
         raise _no_open_gl(f"{library}: {reason}") from error
+
     return context, f"{device} ({library})"
 
 

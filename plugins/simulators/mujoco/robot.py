@@ -46,17 +46,20 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
             spec.body(mount).add_geom(
                 type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-4] * 3, pos=away, mass=0.0
             )
+
     links = [(geom, geom.parent.name) for geom in spec.geoms]
     spec.fuse_static()
     colliders = []
     for geom, link in links:
         owner = link
         role = Role.ARM
+
         if link in tool.borne_on:
             owner = "tool"
             role = Role.TOOL
         elif link in near:
             role = Role.BEARER
+
         surface = Surface(friction_of(robot, tool, link))
         colliders.append(Collider(geom, owner, geom.parent.name, role, surface))
 
@@ -68,6 +71,7 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
         joint.springref = bearer.joint.rest
         joint.damping[0] = bearer.joint.damping
         joint.frictionloss = bearer.joint.friction
+
     return spec, colliders
 
 
@@ -86,6 +90,7 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
             joint.solref_friction = joint.solref_limit
             joint.solimp_friction = HOLDS
             continue
+
         joint.actgravcomp = True
         if robot.gripper is not None and joint.name in robot.gripper.joints:
             force = robot.gripper.force_n
@@ -93,10 +98,12 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
             joint.armature = FINGER_INERTIA
         else:  # the description's effort is the limit
             joint.armature = robot.motor_inertia[robot.arm_joints.index(joint.name)]
+
         servo = spec.add_actuator(
             name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )
         servo.set_to_pid(kp=1.0, kv=1.0)
+
     for coupling in spec.equalities:
         coupling.solref = [2 * spec.option.timestep, 1.0]
 
@@ -128,6 +135,7 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
     else:
         a = 1 / product - 1
         b = (1 + product - total) / product
+
     masses: Array = np.diag(inertia)[model.jnt_dofadr[model.actuator_trnid[:count, 0]]]
     model.actuator_biasprm[:, 1] = -b * masses / h**2
     model.actuator_biasprm[:, 2] = -a * masses / h

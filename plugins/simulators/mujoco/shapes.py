@@ -17,6 +17,7 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
     """Add a collision shape to a body of the spec; a mesh by its vertices alone, so that it is its convex hull."""
     size = [0.0, 0.0, 0.0]
     mesh = ""
+
     match shape:
         case Box():
             kind = mujoco.mjtGeom.mjGEOM_BOX
@@ -34,6 +35,7 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
             kind = mujoco.mjtGeom.mjGEOM_MESH
             mesh = f"mesh_{len(spec.meshes)}"
             spec.add_mesh(name=mesh, uservert=np.ravel(shape.vertices))
+
     return bearer.add_geom(
         type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion
     )

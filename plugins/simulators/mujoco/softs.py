@@ -77,6 +77,7 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
             flex.elastic2d = _STRETCHES
             if _bends(soft, -spec.option.gravity[2]):
                 flex.elastic2d = _BOTH
+
         if soft.form.kind == "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
             length.solref = reference

@@ -42,6 +42,7 @@ class Stepped:
         fingers -= self._back * finger_speed
         controls = self._data.ctrl.reshape(-1, 2)
         self._joints.command(controls, arm, speeds, fingers, finger_speed)
+
         if self._moving.drives:
             driven = len(self._joints.driven)
             steps = self._steps_since_launch + np.array([0.0, 1.0])

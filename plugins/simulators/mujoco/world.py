@@ -111,9 +111,11 @@ class World:
             meter.begin(settled.measured)
 
         states = settled.states
+
         if self._moving.launched:
             states = states.copy()
             self._moving.launch(*self._split(states[-1]))
+
         self._joints.hold(self._model, held=False)
 
         guards = schedule.job.guards
@@ -161,6 +163,7 @@ class World:
                 if end < len(played):
                     mujoco.mj_copyData(data, self._model, kept)
                     played = self._steps(data, last, orders[:end], None)[1:]
+
                 job = replace(schedule.job, trajectory=changed)
                 schedule = Schedule(job, schedule.time_step)
                 controls = self._controls(schedule)
@@ -168,6 +171,7 @@ class World:
 
             found.append(played)
             done += len(played)
+
         return schedule, self._split(np.concatenate(found))
 
     def _split(self, states: Array) -> tuple[Array, Array]:
@@ -231,6 +235,7 @@ class World:
         if data.warning.number.any():
             first = next(iter(warnings), "a warning")
             raise FloatingPointError(" ".join(first.split()))
+
         return states
 
     def _step_singly(
@@ -260,6 +265,7 @@ class World:
         arm, fingers, speeds, finger_speeds = schedule.targets()
         aims = self._moving.aim(np.append(times, schedule.ends[-1:]))
         drives = aims[1:]
+
         if not is_discrete(self._model.opt):
             # Servos compare them with where joints are when the step begins.
             arm, fingers = schedule.job.trajectory.sample(times)

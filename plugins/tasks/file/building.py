@@ -38,27 +38,34 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     ]
     bodies = list[Body]()
     joints = list(spec.joints)
+
     for number, given in enumerate(spec.bodies):
         with _located(tree, ("bodies", number)):
             body = build_body(given, files)
             frame = _frame(given.at, (*marks, *bodies))
             bodies.append(replace(body, pose=frame @ body.pose))
+
     for number, other in enumerate(spec.imports):
         with _located(tree, ("imports", number)):
             found = files.bodies(other.file, other.prefix, fixed=other.fixed)
             pose = _frame(other.at, (*marks, *bodies)) @ read_pose(other)
+
         bodies += [replace(body, pose=pose @ body.pose) for body in found.bodies]
         joints += found.joints
 
     _check_unique(tree, spec, [body.name for body in around])
+
     try:
         scene = Scene((*around, *marks, *bodies), tuple(joints))
     except ValueError as error:
         raise tree.error(_find_joint(spec, str(error)), str(error)) from error
+
     if not scene.free:
         problem = "nothing can move, so nothing can be earned; give a body a mass"
         raise tree.error(("bodies",), problem)
+
     _check_goals(tree, spec, scene)
+
     return scene
 
 
@@ -93,6 +100,7 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
         ValueError: a joint can't start there.
     """
     poses = {body.name: body.pose for body in scene.bodies}
+
     for placed in scene.ordered_joints:
         joint = placed.joint
         value = np.array(starts.get(joint.name, joint.start))
@@ -100,6 +108,7 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
         if joint.kind == "ball":
             value = np.array([1.0, 0.0, 0.0, 0.0])
             speed = np.zeros(3)
+
         parent = Pose()
         if joint.parent is not None:
             parent = poses[joint.parent]
@@ -110,6 +119,7 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
     for joint in scene.joints:
         start = starts.get(joint.name, joint.start)
         joints.append(replace(joint, start=start))
+
     bodies = [replace(body, pose=poses[body.name]) for body in scene.bodies]
     return Scene(tuple(bodies), tuple(joints))
 
@@ -147,6 +157,7 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
     for number, entry in enumerate(spec.goals):
         for reach in reaches(entry):
             names |= {number, reach.name or number}
+
     for number, entry in enumerate(spec.goals):
         try:
             for goal in entry:
@@ -168,6 +179,7 @@ def _check_softness(goal: Reach, scene: Scene) -> None:
     for part in goal.parts:
         node = getattr(part, "node", None)
         soft = node is not None or isinstance(part, Flattened | Spread)
+
         for name in goal.bodies:
             body = scene[name]
             nodes = 0
@@ -176,5 +188,6 @@ def _check_softness(goal: Reach, scene: Scene) -> None:
             if soft and not 0 <= (node or 0) < nodes:
                 what = "node (from 0), max_height_m and min_area_m2 are for soft bodies"
                 raise UsageError(f"{what}; {name!r} has {nodes} nodes")
+
             if nodes and isinstance(part, Turned):
                 raise UsageError(f"the soft body {name!r} has no axis; its nodes move")

@@ -23,6 +23,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
     for body in scene.bodies:
         if body.collisions or isinstance(body, Soft):
             boxes[body.name] = _box(body)
+
     hanging = {joint.body for joint in scene.joints}
     hanging |= {soft.name for soft in scene.softs if soft.pinned}
 

@@ -39,9 +39,11 @@ class Files:
             raise UserError(
                 f"{name} holds bodies of its own; name it under imports, not as the shape of a body"
             )
+
         if (name, scale) not in self._read:
             found = read_mesh(self.folder / name, scale, self.folder)
             self._keep((name, scale), found)
+
         return self._read[name, scale]
 
     def bodies(self, name: str, prefix: str, *, fixed: bool) -> Imported:
@@ -56,6 +58,7 @@ class Files:
             raise UserError(
                 f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import"
             )
+
         if (name, prefix, fixed) not in self._read:
             if kind == ".urdf":
                 found = read_urdf(file, fixed=fixed, prefix=prefix, folder=self.folder)
@@ -64,6 +67,7 @@ class Files:
 
                 found = read_mjcf(file, prefix=prefix, folder=self.folder)
             self._keep((name, prefix, fixed), found)
+
         return self._read[name, prefix, fixed]
 
     def _keep(self, key: tuple[object, ...], found: Imported) -> None:

@@ -129,6 +129,7 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
             "a goal needs either place or away (the distance from the start), or places, or joint and to, not two of "
             f"these; or one of rest, held, {', '.join(key for key in KINDS if key not in WAYS)}"
         )
+
     goals = [_make(key, kind, given) for key, kind in kinds.items()]
     known = set[str]()
     for kind in kinds.values():
@@ -170,4 +171,5 @@ def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
             if isinstance(goal, Reach) and goal.after in firsts:
                 goal = replace(goal, after=firsts[goal.after])
             goals.append(goal)
+
     return tuple(goals)

@@ -95,8 +95,10 @@ def compile_model(packed: bytes) -> bytes:
         # The lines that it names are not those of the file.
         reason = re.sub(", line [0-9-]+", "", str(error))
         raise UserError(f"is refused by MuJoCo: {reason}") from error
+
     binary = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, binary)
+
     return binary.tobytes()
 
 
@@ -107,11 +109,13 @@ def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
         raise UserError(
             f"it is no MJCF: its root is <{clean(root.tag, 40)}> instead of <mujoco>"
         )
+
     _strip(root, file, folder, left)
     options = dict[str, str]()
     for compiler in root.iter("compiler"):
         options |= compiler.attrib
     meshes = file.parent / options.get("meshdir", options.get("assetdir", ""))
+
     for element in root.iter():
         for key in ("assetdir", "meshdir", "texturedir", "texture", "builtin"):
             element.attrib.pop(key, None)
@@ -125,13 +129,16 @@ def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
             if kind not in _MESHES:
                 kinds = ", ".join(_MESHES)
                 raise UserError(f"mesh {path} is of no kind that is read: {kinds}")
+
             if path not in names:
                 names[path] = f"{len(names)}{kind}"
                 archive.writestr(names[path], read_inside(path, folder, "mesh"))
+
             mesh.set("name", mesh.get("name", path.stem))
             mesh.set("file", names[path])
             mesh.set("maxhullvert", str(MAX_CORNERS))
         archive.writestr("model.xml", tostring(root))
+
     return stream.getvalue()
 
 
@@ -158,6 +165,7 @@ def _strip(root: Element, file: Path, folder: Path, left: Counter[str]) -> None:
             raise UserError(
                 f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out"
             )
+
         children = [*reversed(element)]
         element[:] = []
         while children:
@@ -239,6 +247,7 @@ class _Reading:
             raise UserError(
                 f"body {name[:64]!r}: its name is not 1 to 64 letters, digits, '_', '.' or '-'; rename it"
             )
+
         joints = model.body_jntnum[head]
         if joints > 1:
             raise UserError(
@@ -262,11 +271,13 @@ class _Reading:
             self._notes.append(
                 f"body {name!r}: its shapes have several frictions; all get the largest"
             )
+
         mass = None
         if self._moves[head]:
             mass = float(model.body_mass[self._heads == head].sum())
         elif not (visuals or collisions):
             return None
+
         friction = max(frictions, default=1.0)
         return joined_body(name, pose, mass, visuals, collisions, friction)
 
@@ -302,11 +313,13 @@ class _Reading:
         if not joint.limited[0] or kind == "ball" or turns_freely:
             lower = -math.inf
             upper = math.inf
+
         start = 0.0
         rest = 0.0
         if kind != "ball":
             start = float(joint.qpos0[0])
             rest = float(joint.qpos_spring[0])
+
         name = f"{body}_joint"
         if joint.name:
             name = self._prefix + joint.name

@@ -55,12 +55,15 @@ def as_png(data: bytes) -> bytes:
                 raise UserError(
                     f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read"
                 )
+
             photograph = ImageOps.exif_transpose(opened).convert("RGB")
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise UserError(
             f"is no PNG or JPEG picture that can be read: {error}"
         ) from error
+
     photograph.thumbnail((SIDE, SIDE))
     stream = io.BytesIO()
     photograph.save(stream, "PNG")
+
     return stream.getvalue()

@@ -279,12 +279,15 @@ class BodySpec(ShapeSpec):
             raise ValueError(
                 "fixed: false says nothing; leave it out, and give a mass or a density"
             )
+
         self._check_one("mass", "density", "fixed", "elastic")
         self._check_softness()
+
         if "counts" in self.model_fields_set and (self.rope or self.cloth):
             raise ValueError(
                 "counts is for a soft solid; a rope has a count, and a cloth counts, of its own"
             )
+
         if self.scale != 1 and self.file is None:
             raise ValueError("scale is for a body with a file")
         return self
@@ -427,6 +430,7 @@ def _explain(where: Where, error: ErrorDetails) -> str:
         got = f", got {given!r}"
         if len(got) < 100:
             message += got
+
     limits = error.get("ctx", {})
     if limits.get("le") == LONGEST_M or limits.get("ge") == -LONGEST_M:
         message += "; it is in metres"
@@ -450,6 +454,7 @@ def keys_at(where: Where) -> list[str]:
                 below = node.get("properties", {}).get(step)
             if isinstance(below, dict):
                 inner += _alternatives(below)
+
         found = inner
 
     keys = set[str]()

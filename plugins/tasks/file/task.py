@@ -89,6 +89,7 @@ class FileTask(Task):
                 starts[holder["name"]] = number
             else:
                 holder[key] = number
+
         spec = schema.read_spec(self._tree, data)
         scene = building.build_scene(self._tree, spec, self._files)
         if not starts:
@@ -120,15 +121,18 @@ class FileTask(Task):
             if path.startswith("goals"):
                 hint = "to vary a goal, put it `at` a mark"
             return f"only numbers of {', '.join(VARYING)} can vary; {hint}"
+
         if low > high:
             return (
                 f"its range is from {low:g} to {high:g}; write the lower number first"
             )
+
         try:
             tree.follow(self._tree.data, path)
         except (LookupError, TypeError, ValueError):
             hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
             return f"there is no such number; {hint}"
+
         return ""
 
     def _check_numbers(

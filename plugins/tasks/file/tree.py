@@ -55,10 +55,12 @@ class Tree:
         except (yaml.YAMLError, ValueError) as error:  # a character that YAML has not
             reason = clean(" ".join(str(error).split()), 200)
             raise UserError(f"{file}: this is no YAML: {reason}") from error
+
         if not isinstance(root, yaml.MappingNode):
             raise UserError(
                 f"{file}: a scene is an object of keys and values, such as 'name: PushCup'"
             )
+
         self.data: dict[str, Any] = self._read(root, ())
 
     @classmethod
@@ -76,6 +78,7 @@ class Tree:
             ) from error
         except UserError as error:
             raise UserError(f"scene file {error}") from error
+
         return text, cls(file, text)
 
     def error(self, where: Where, message: str) -> UserError:
@@ -103,6 +106,7 @@ class Tree:
         if isinstance(node, yaml.SequenceNode):
             items = enumerate(node.value)
             return [self._read(item, (*where, number)) for number, item in items]
+
         if not isinstance(node, yaml.MappingNode):
             return self._scalar(node, where)
         found: dict[str, Any] = {}
@@ -111,10 +115,13 @@ class Tree:
                 raise self.error(where, "a key must be a word")
             inner = (*where, key.value)
             self.lines[inner] = key.start_mark.line + 1
+
             if key.value in found:
                 problem = "this key is written twice; leave one of them out"
                 raise self.error(inner, problem)
+
             found[key.value] = self._read(value, inner)
+
         return found
 
     def _scalar(self, node: Any, where: Where) -> Any:
@@ -175,6 +182,7 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
         if isinstance(node, list):
             key = _find_item(node, step)
         node = holder[key]
+
     if isinstance(node, bool) or not isinstance(node, int | float):
         raise KeyError(path)
     return holder, key

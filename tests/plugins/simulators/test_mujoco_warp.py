@@ -153,7 +153,7 @@ def test_contacts_that_find_no_room_are_given_more(warped):
         Rollout(stick(0.1), still(), hold_s=0.2),
     ]
     enough = [bits(outcome) for outcome in fresh.rollout(task, jobs)]
-    (shared,) = {figures.shared for figures in fresh._figures.values()}
+    (shared,) = {figures.shared for _, figures in fresh._figures.values()}
     fresh._contacts[shared] = 4
     assert [bits(outcome) for outcome in fresh.rollout(task, jobs)] == enough
     assert fresh._contacts[shared] > 8
@@ -161,7 +161,9 @@ def test_contacts_that_find_no_room_are_given_more(warped):
 
 def test_with_more_contacts_than_there_can_be_room_for_it_is_an_error(monkeypatch):
     fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
-    monkeypatch.setattr(simulator, "_up", lambda count: 2 if count > 30 else count)
+    monkeypatch.setattr(
+        simulator, "_round_up", lambda count: 2 if count > 30 else count
+    )
     monkeypatch.setattr(simulator, "_MOST_CONTACTS", 3)
     (outcome,) = fresh.rollout(
         Bodies(table(), cube(at=(0.6, 0, 0.05))), [Rollout(BARE, still(), hold_s=0.1)]

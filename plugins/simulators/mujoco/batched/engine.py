@@ -46,6 +46,7 @@ def device(name: str) -> Any:
             f"sim.device={name}: no graphics card with CUDA is found here; sim.device=cpu steps on the processor, and "
             "sim=mujoco does so faster"
         )
+
     try:
         return warp.get_device(name)
     except ValueError as error:

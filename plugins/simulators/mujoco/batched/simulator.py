@@ -77,6 +77,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             raise UserError(
                 "sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco"
             )
+
         figures = [self._find_figures(task, job) for job in jobs]
         groups: dict[str, list[int]] = {}
         for number, known in enumerate(figures):
@@ -89,6 +90,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             for number, played in self._play(task, members, figures, jobs):
                 outcome = self._outcome(jobs[number], figures[number], played)
                 outcomes[number] = outcome
+
         return [outcomes[number] for number in range(len(jobs))]
 
     def _schedule(self, job: Rollout) -> Schedule:
@@ -138,6 +140,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                     again.append(number)
                 else:
                     yield number, played
+
             if again:
                 self._contacts[shared] = 2 * worlds.size.contacts
                 waiting = again + waiting
@@ -167,6 +170,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         if played.crowded:
             problem = f"more than {_MOST_CONTACTS // 2} contacts at once"
             return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
+
         if played.broken:
             problem = "the simulation blew up: a state is not finite, or huge"
             return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
@@ -177,6 +181,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         if schedule.every:
             numbers = np.concatenate([played.film.astype(np.float64), end[None]])
             film = (*figures.joints.read(numbers), figures.state(numbers))
+
         start = figures.state(played.start.astype(np.float64))
         return schedule.conclude(start, figures.state(end), played.lag, film)
 

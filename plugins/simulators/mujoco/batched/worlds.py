@@ -103,6 +103,7 @@ class Worlds:
                     self._step_once()
                 self._graph = capture.graph
                 self._load(figures, jobs)
+
             for _ in range(max(last)):
                 warp.capture_launch(self._graph)
             self._note()
@@ -130,6 +131,7 @@ class Worlds:
                     crowded=crowded,
                 )
             )
+
         return results
 
     def _load(
@@ -146,9 +148,11 @@ class Worlds:
             fields[name] = np.stack([world.fields[name] for world in figures])
         _assign(self._springs, fields["jnt_stiffness"])
         _assign(self._frictions, fields["dof_frictionloss"])
+
         for i, world in enumerate(figures):  # held until the motion begins
             fields["jnt_stiffness"][i, world.joints.loose] = 0.0
             fields["dof_frictionloss"][i, world.joints.loose] = HELD
+
         for name, values in fields.items():
             _assign(getattr(self._model, name), values)
         mujoco_warp.reset_data(self._model, self._data)
@@ -167,6 +171,7 @@ class Worlds:
             first[i, figures[i].joints.driven] = targets[i, 0]
             schedules.append(Schedule(job, self._dt))
             instants.append(known)
+
         last = [len(schedule.times) for schedule in schedules]
 
         _assign(self._settle, np.array([schedule.settle for schedule in schedules]))
@@ -181,6 +186,7 @@ class Worlds:
         _assign(self._data.qpos, first)
         _assign(self._data.geom_xpos, np.stack([world.geom_xpos for world in figures]))
         _assign(self._data.geom_xmat, np.stack([world.geom_xmat for world in figures]))
+
         for array in (
             self._step,
             self._lag,
@@ -190,6 +196,7 @@ class Worlds:
             self._crowded,
         ):
             array.zero_()
+
         return last
 
     def _step_once(self) -> None:

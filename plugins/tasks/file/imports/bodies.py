@@ -44,6 +44,7 @@ class Imported:
                 shapes += 1
                 if isinstance(geom.shape, Mesh):
                     faces += len(geom.shape.faces)
+
         for joint in self.joints:
             _check_joint(joint)
 
@@ -52,6 +53,7 @@ class Imported:
             raise UserError(
                 f"there are {shapes} shapes of {faces} triangles; {limits} are read: leave some out"
             )
+
         Scene(self.bodies, self.joints)
 
 
@@ -107,10 +109,12 @@ def joined_body(
         if not LIGHTEST <= mass <= HEAVIEST:
             limits = f"{LIGHTEST:g} to {HEAVIEST:g} kg"
             raise UserError(f"body {name!r} has {mass:.3g} kg; {limits} are read")
+
         if not collisions:
             raise UserError(
                 f"body {name!r} moves, but has no collision shape; repeat what is drawn as one"
             )
+
     return Body(
         name,
         pose,

@@ -35,12 +35,14 @@ def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
         raise UserError(
             f"can't be read as {kind.upper()} ({reason}); export it again"
         ) from error
+
     faces = sum(len(part.faces) for part in drawn)
     if not faces:
         raise UserError("has no triangles; export it again")
     if faces > MAX_FACES:
         mend = "reduce them, for example with MeshLab's quadric edge collapse"
         raise UserError(f"has {faces} triangles; at most {MAX_FACES} are read: {mend}")
+
     found: dict[str, Any] = {}
     for number, (part, color) in enumerate(zip(drawn, colors, strict=True)):
         found[f"v{number}"] = part.vertices
@@ -54,6 +56,7 @@ def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
         raise UserError(
             "has a corner that is no number of a usual size; export it again"
         )
+
     whole.remove_unreferenced_vertices()
     whole.fix_normals()
     found["volume"] = np.nan
@@ -64,6 +67,7 @@ def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
             found[f"p{number}"] = farthest(corners[ConvexHull(corners).vertices])
     except QhullError as error:
         raise UserError("is flat: a body needs a volume; give it depth") from error
+
     return found
 
 
@@ -88,6 +92,7 @@ def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
         pieces = whole.split(only_watertight=False)
         if len(pieces) > 1 and all(map(_is_convex, pieces)):
             return [piece.vertices for piece in pieces]
+
     if ConvexHull(whole.vertices).volume == 0:
         raise QhullError
     try:
@@ -96,6 +101,7 @@ def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
         raise UserError(
             "is not convex; to cut it into parts, pip install 'coacd>=1.0.14,<2'"
         ) from error
+
     coacd.set_log_level("error")
     found = coacd.run_coacd(
         coacd.Mesh(whole.vertices, whole.faces.astype(np.int32)),
@@ -109,6 +115,7 @@ def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
         raise UserError(
             f"falls into {len(parts)} convex parts; at most {max_parts} are made: make it simpler"
         )
+
     return parts
 
 

@@ -58,6 +58,7 @@ def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> 
     # ValueError: a name with a zero byte; RuntimeError: links in a circle.
     except (OSError, ValueError, RuntimeError) as error:
         raise UserError(f"{kind} {str(file)[:200]!r} can't be read: {error}") from error
+
     if not inside:
         raise UserError(f"{kind} {file} is not in folder {folder}; put it there")
     try:
@@ -91,6 +92,7 @@ def load_solid(
         raise UserError(
             f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
         )
+
     data = read_inside(file, folder, "mesh")
     max_parts = MAX_PARTS
     if drawn_only:
@@ -111,6 +113,7 @@ def load_solid(
             drawn.append((mesh, None))
         else:
             drawn.append((mesh, (red, green, blue, opacity)))
+
     parts: list[Mesh] = []
     while f"p{len(parts)}" in found:
         parts.append(_hull(found[f"p{len(parts)}"] @ change.T))
@@ -120,10 +123,12 @@ def load_solid(
         raise UserError(
             f"mesh {file} is {size:.4g} m large; if it is in millimetres, give its scale as 0.001"
         )
+
     if size < 1e-4:
         raise UserError(
             f"mesh {file} is only {size:.2g} m large; give it another scale"
         )
+
     volume = float(found["volume"]) * abs(determinant)
     return MeshSolid(tuple(drawn), tuple(parts), volume)
 

@@ -54,6 +54,7 @@ def read_urdf(
     tags = Counter(str(element.tag) for element in read_xml(data, file))
     left = {tag: count for tag, count in tags.items() if tag not in _READ}
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
+
     try:
         return _UrdfBodies(description, folder, prefix, notes).read(fixed)
     except (UserError, ValueError) as error:
@@ -103,6 +104,7 @@ class _UrdfBodies:
             self._notes.append(
                 "left out: limits of effort and velocity, as nothing drives the joints"
             )
+
         return Imported(tuple(bodies.values()), tuple(joints), tuple(self._notes))
 
     def _moves(self, joint: RobotJoint) -> bool:
@@ -114,19 +116,23 @@ class _UrdfBodies:
             self._notes.append(
                 f"{where} mimics another one, which is left out; it moves by itself"
             )
+
         if joint.kind in ("revolute", "prismatic"):
             lower, upper = joint.range
             if lower > upper:
                 raise UserError(
                     f"{where} has limits {lower:g} to {upper:g}; exchange them"
                 )
+
             if lower == upper:
                 self._notes.append(f"{where} has no range, so that it is fixed")
                 return False
+
             if _turns_freely(joint):
                 self._notes.append(
                     f"{where} may turn a whole turn, so that it has no limits"
                 )
+
         return joint.kind not in ("fixed", "planar")
 
     def _joint(self, joint: RobotJoint, parent: str, bodies: Container[str]) -> Joint:
@@ -163,6 +169,7 @@ class _UrdfBodies:
         for link, place in links:
             for shape in link.visuals:
                 visuals += self._geoms(shape, place, drawn=True)
+
         collisions = list[Geom]()
         for link, place in links:
             for shape in link.collisions:
@@ -173,6 +180,7 @@ class _UrdfBodies:
             mass = sum(link.inertial.mass for link, _ in links)
         elif not (visuals or collisions):
             return None
+
         name = self._prefix + head
         return joined_body(name, pose, mass, visuals, collisions, _FRICTION)
 
@@ -186,6 +194,7 @@ class _UrdfBodies:
                 f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read"
             )
             return []
+
         solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=drawn)
         if drawn:
             return [Geom(mesh, pose, known or color) for mesh, known in solid.drawn]
