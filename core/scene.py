@@ -385,17 +385,6 @@ class Camera:
         right = right / np.linalg.norm(right)
         return np.stack([right, np.cross(right, forward), forward])
 
-    def project(self, points: Array, width: int, height: int) -> Array:
-        """Project points (..., 3) into a picture: pixels (..., 2) from its left and its top edge."""
-        seen = (points - np.asarray(self.position)) @ self.axes.T
-        if self.height_m is None:
-            scale = height / 2 / np.tan(np.radians(self.fov_deg) / 2) / seen[..., 2:]
-        else:
-            scale = np.asarray(height / self.height_m)
-        middle = np.array([width / 2, height / 2])
-        pixels: Array = middle + scale * seen[..., :2] * [1.0, -1.0]
-        return pixels
-
 
 class View(TypedDict, total=False):
     """What a picture shows; what is left out or None is as at the start.

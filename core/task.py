@@ -157,10 +157,12 @@ class Level(ABC):
     Attributes:
         numbers: whether texts have numbers of bodies; else pictures show them, and feedback has none either.
         in_words: whether a task needs `Task.in_words`.
+        frame_size: the width and height of pictures of which film strips are made, pixels.
     """
 
     numbers: ClassVar[bool] = True
     in_words: ClassVar[bool] = True
+    frame_size: ClassVar[tuple[int, int]] = (320, 240)
 
     @abstractmethod
     def values(self, task: Task, seed: int) -> dict[str, Any]:
@@ -179,6 +181,19 @@ class Level(ABC):
             NoPicture: nothing here can draw.
         """
         return ()
+
+    def strip(self, recording: Any, draw: Callable[[int], Any], seen: Any) -> Any:
+        """Draw a film strip of a rollout, a `core.interfaces.Image`; None: this level shows none.
+
+        Args:
+            recording: the `core.interfaces.Recording` of the rollout.
+            draw: draws one of its samples.
+            seen: the `core.interfaces.Observation` of the rollout; None: nobody observed it.
+
+        Raises:
+            NoPicture: nothing here can draw.
+        """
+        return None
 
 
 @lru_cache(maxsize=256)

@@ -29,10 +29,10 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
-from core.simulation.pictures import save_film
-from core.simulation.strip import draw_strip
+from core.simulation.pictures import filmed, save_film
 from docs.diagrams import DRAWINGS
 from plugins.fitness.layouts import UNSEEN
+from plugins.vlms.told.strip import SIZE, draw_strip
 from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing
@@ -261,10 +261,11 @@ def strips(names: list[str]) -> None:
     )
     for name in names:
         task = installed().create("task", name, variation="wide")
-        strip = draw_strip(
-            task, simulator, solutions.anchored(name, "pla"), UNSEEN, settings
+        candidate = solutions.anchored(name, "pla")
+        film = filmed(task, simulator, candidate, UNSEEN, settings, SIZE)
+        Image.fromarray(draw_strip(*film)).quantize(128).save(
+            IMAGES / f"{name}.png", optimize=True
         )
-        Image.fromarray(strip).quantize(128).save(IMAGES / f"{name}.png", optimize=True)
         print(name, flush=True)
 
 

@@ -134,7 +134,11 @@ def equip(designer: ModelDesigner, parts: DesignerParts, *, drawable: bool) -> N
     assignment = parts.assignment
     if drawable:
         artist = StripArtist(
-            assignment.task, parts.engine, assignment.seed, prompts.rollout
+            assignment.task,
+            parts.engine,
+            assignment.seed,
+            prompts.rollout,
+            prompts.level,
         )
         designer.film = artist.draw
 

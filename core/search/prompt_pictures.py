@@ -10,8 +10,8 @@ from core.design import Tool
 from core.designs.composer import PromptComposer
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, RolloutSettings, Simulator, Task
-from core.simulation.pictures import SIZE, png, report_missing
-from core.simulation.strip import draw_strip
+from core.simulation.pictures import SIZE, filmed, png, report_missing
+from core.task import Level
 from core.trial import Evaluation
 
 ScenePictures = Mapping[bool, tuple[Picture, ...]]
@@ -37,12 +37,14 @@ class StripArtist:
         engine: makes an engine, once a strip is drawn.
         seed: of the layout, where an evaluation has no trial.
         rollout: how plans are executed.
+        level: draws the strips of what it is shown.
     """
 
     task: Task
     engine: Callable[[], Simulator]
     seed: int
     rollout: RolloutSettings
+    level: Level
 
     @cached_property
     def _simulator(self) -> Simulator:
@@ -57,13 +59,21 @@ class StripArtist:
         # Of several trials what was observed may be of another engine, or perturbed.
         seen = None if evaluation.combined else evaluation.observation
         try:
-            strip = draw_strip(
-                task, self._simulator, candidate, layout, self.rollout, seen
+            recording, draw = filmed(
+                task,
+                self._simulator,
+                candidate,
+                layout,
+                self.rollout,
+                self.level.frame_size,
             )
+            strip = self.level.strip(recording, draw, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except RAISED as error:  # else it costs the picture, never the run
             report_missing(f"film strip of {candidate.id}", error)
+            return None
+        if strip is None:
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
 

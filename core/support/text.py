@@ -7,7 +7,7 @@ import inspect
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -62,16 +62,6 @@ def short_number(value: float, digits: int) -> str:
 def short_numbers(values: Iterable[float], digits: int, between: str = " ") -> str:
     """Write numbers, each with at most ``digits`` after the point."""
     return between.join(short_number(value, digits) for value in values)
-
-
-def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Write a Markdown table; no text of a cell ends its cell or row."""
-    lines = [
-        [" ".join(cell.split()).replace("|", r"\|") for cell in row]
-        for row in (columns, *rows)
-    ]
-    lines.insert(1, ["---"] * len(columns))
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def shorten(text: str, length: int = 40) -> str:

@@ -9,13 +9,10 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from core.geometry import Array
 
 D = TypeVar("D")
-
-SHIFTS = (0.2, 10.0)  # of a move, in steps
 
 
 def _none() -> Array:
@@ -59,37 +56,6 @@ class Numbers:
             np.ravel(full * most),
             (table.shape,),
         )
-
-    def moved(self, values: Array, others: Array, rng: np.random.Generator) -> Array:
-        """Return ``values`` (N,) after a random move of neighbouring points of one table, within the bounds.
-
-        One of their coordinates shifts by up to ten steps, all alike. Or, as often, where there are ``others`` (M, N),
-        the points go towards those of one of them, or away, by an amount drawn from the standard normal distribution.
-        """
-        moved = values.copy()
-
-        table = self._draw_points(rng)
-        if len(others) and rng.random() < 0.5:
-            points = table.ravel()
-            amount = rng.standard_normal()
-            other = others[rng.integers(len(others))]
-            moved[points] += amount * (other - values)[points]
-        else:
-            points = table[:, rng.integers(table.shape[1])]
-            # Small and large ones as often: nobody knows the scale.
-            size = np.exp(rng.uniform(*np.log(SHIFTS)))
-            moved[points] += rng.choice((-size, size)) * self.steps[points]
-        return np.clip(moved, self.lower, self.upper)
-
-    def _draw_points(self, rng: np.random.Generator) -> npt.NDArray[np.intp]:
-        """Draw neighbouring points of one table, of large tables more often; the numbers' indices, (P, C)."""
-        ends = np.cumsum([points * width for points, width in self.shapes])
-        table = int(np.searchsorted(ends, rng.integers(len(self)), side="right"))
-
-        points, width = self.shapes[table]
-        begin, end = np.sort(rng.choice(points + 1, 2, replace=False))
-        all_points = np.arange(ends[table] - points * width, ends[table])
-        return all_points.reshape(points, width)[begin:end]
 
     def __add__(self, other: Numbers) -> Numbers:
         arrays = {}

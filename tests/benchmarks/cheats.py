@@ -42,6 +42,7 @@ from core.plugins import PluginPart, installed
 from core.support.cli import arguments, command
 from core.trial import Evaluation
 from plugins.actions.anchored import AnchoredPlan, Step
+from plugins.strategies.refined.moves import move
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import MEASURES, Watched, tried
@@ -322,7 +323,7 @@ class Varied:
         }
 
     def moved(self, numbers: Numbers) -> Any:
-        return numbers.moved(numbers.values, np.empty((0, len(numbers))), self.random)
+        return move(numbers, numbers.values, np.empty((0, len(numbers))), self.random)
 
 
 # --- the search -------------------------------------------------------------------------------------------------

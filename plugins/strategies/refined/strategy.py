@@ -23,6 +23,7 @@ from core.interfaces import (
 from core.plugins import EVOLUTION, installed
 from core.search.agent_groups import AsksTeams
 from core.trial import TIE, Evaluation, best_first, best_tools
+from plugins.strategies.refined.moves import move
 from plugins.strategies.refined.variation import Variation
 
 POPULATION = 12  # candidates that a start is given at a time
@@ -49,7 +50,7 @@ class Refinement(EvolutionStrategy):
 
     The best candidates of different tools start side by side, each with a search of its own: a (1 + 12) evolution
     strategy (H.-G. Beyer and H.-P. Schwefel, "Evolution strategies: a comprehensive introduction", Natural Computing 1,
-    2002). Each of twelve variants of the best so far makes a random move, or a few (`Numbers.moved`), some of them
+    2002). Each of twelve variants of the best so far makes a random move, or a few (`moves.move`), some of them
     toward other candidates that differ in numbers alone. After 60 rollouts the better half of the searches goes on, and
     after 120 the best one.
 
@@ -214,7 +215,7 @@ class NumberSearch:
         """Return the values after a random move, or a few."""
         values = self._values
         while True:
-            values = self._numbers.moved(values, self._others, self._rng)
+            values = move(self._numbers, values, self._others, self._rng)
             if self._rng.random() >= MORE:
                 return values
 

@@ -15,9 +15,10 @@ from core.interfaces import Brief, Robot, RolloutSettings, Task, Waypoints
 from core.robot.extents import Finger, fingers_of
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
-from core.support.text import short_number, short_numbers, table
+from core.support.text import short_number, short_numbers
 from plugins.vlms.told.outline import extents_at_home
 from plugins.vlms.told.reach import as_table, compute_reach, turns_at
+from plugins.vlms.told.tables import table
 
 DIRECTIONS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)

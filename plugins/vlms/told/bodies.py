@@ -10,7 +10,7 @@ import numpy as np
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Soft
-from core.support.text import table
+from plugins.vlms.told.tables import table
 
 Words = Sequence[tuple[float, str]]
 """Words for a number, each with the number that it is below."""

@@ -12,8 +12,9 @@ from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphe
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Soft
-from core.support.text import short_number, short_numbers, table
+from core.support.text import short_number, short_numbers
 from plugins.vlms.told.bodies import bounds, slip, softness, weight
+from plugins.vlms.told.tables import table
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = (

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from core.interfaces import Image, Picture, Task
+from core.interfaces import Image, Observation, Picture, Recording, Task
 from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
@@ -14,11 +14,14 @@ from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.excerpts import BODY, class_source, helpers, task_source
 from plugins.vlms.told.layout import layout_table
 from plugins.vlms.told.sight import Hidden
+from plugins.vlms.told.strip import SIZE, draw_strip
 from plugins.vlms.told.views import calibrated_pictures
 
 
 class Told(Level):
     """Says of a task with several parts the same of each."""
+
+    frame_size = SIZE
 
     def values(self, task: Task, seed: int) -> dict[str, Any]:
         """See `Level.values`."""
@@ -31,6 +34,14 @@ class Told(Level):
             values = self.values_of_part(part, seed)
             several.append({"task": part, **NOTHING_TOLD, **values})
         return {"several": several}
+
+    def strip(
+        self,
+        recording: Recording,
+        draw: Callable[[int], Image],
+        seen: Observation | None,
+    ) -> Image:
+        return draw_strip(recording, draw, seen)
 
     @abstractmethod
     def values_of_part(self, task: Task, seed: int) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.scene import Body, Camera
+from plugins.vlms.told.projection import project
 
 if TYPE_CHECKING:
     import trimesh
@@ -53,7 +54,7 @@ def _raise_to_mesh(
     """
     high, wide = nearest.shape
     points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
-    pixels = camera.project(points, wide, high) - 0.5
+    pixels = project(camera, points, wide, high) - 0.5
     toward = -points @ camera.axes[2]
 
     faces = np.asarray(mesh.faces)

@@ -13,8 +13,9 @@ from core.robot.description import assembled
 from core.robot.extents import Extent, extents_of, link_extents
 from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
-from core.support.text import short_numbers, table
+from core.support.text import short_numbers
 from core.values.descriptions import RobotJoint
+from plugins.vlms.told.tables import table
 
 GRIPPER = "gripper"
 HEAD = (

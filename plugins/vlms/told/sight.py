@@ -10,6 +10,7 @@ import numpy as np
 from core.interfaces import Task
 from core.scene import Camera
 from core.values.observations import Moved, Sight
+from plugins.vlms.told.projection import project
 
 _WIDTH = 640  # pixels, of which ways are shares
 _HEIGHT = 480
@@ -58,7 +59,7 @@ class Hidden(Sight):
         """
         end = np.array(moved.to)
         places = np.stack([end - moved.by, end])
-        (x, y), (to_x, to_y) = self.camera.project(places, _WIDTH, _HEIGHT)
+        (x, y), (to_x, to_y) = project(self.camera, places, _WIDTH, _HEIGHT)
         right = (to_x - x) / _WIDTH
         up = (y - to_y) / _HEIGHT
 

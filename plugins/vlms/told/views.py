@@ -20,6 +20,7 @@ from core.scene import Body, Camera
 from core.simulation.pictures import describe_camera, png
 from plugins.vlms.told.bodies import bounds
 from plugins.vlms.told.nearness import nearness
+from plugins.vlms.told.projection import project
 
 WIDTH = 1000  # pixels
 HEIGHT = 750
@@ -283,7 +284,7 @@ def _fill(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
         mesh = part.shape.to_trimesh()
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         placed = (body.pose @ part.pose).apply(vertices)
-        pixels = camera.project(placed, WIDTH, HEIGHT)
+        pixels = project(camera, placed, WIDTH, HEIGHT)
         for corners in pixels[np.asarray(mesh.faces)]:
             pen.polygon([(x, y) for x, y in corners.tolist()], fill=1)
 
@@ -336,7 +337,7 @@ class _Labels:
 
     def _project(self, pose: Pose) -> tuple[float, float]:
         """Compute where the origin of a frame is in the picture, pixels."""
-        x, y = self._camera.project(pose.position, WIDTH, HEIGHT).tolist()
+        x, y = project(self._camera, pose.position, WIDTH, HEIGHT).tolist()
         return x, y
 
     def _draw_axes(self, pose: Pose) -> None:

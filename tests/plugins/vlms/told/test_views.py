@@ -14,6 +14,7 @@ from core.plugins import installed
 from core.scene import Body, Camera, Geom
 from plugins.vlms.told.bodies import bounds
 from plugins.vlms.told.nearness import nearness
+from plugins.vlms.told.projection import project
 from plugins.vlms.told.views import SIZE, calibrated_pictures, parallel_camera
 from tests.engines import simulator
 
@@ -74,7 +75,7 @@ def test_what_is_hidden_or_of_one_colour_has_edges(task, name, body, size):
     made = installed().create("task", task)
     camera = parallel_camera(name, made.scene(0).bodies)
     ink = drawn(made, name)
-    x, y = camera.project(made.scene(0)[body].pose.position, *SIZE)
+    x, y = project(camera, made.scene(0)[body].pose.position, *SIZE)
     per_m = SIZE[1] / camera.height_m
     for side, half in ((1, size[0] / 2), (0, size[1] / 2)):
         for sign in (-1, 1):

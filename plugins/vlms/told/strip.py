@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw
 
-from core.design import Candidate
-from core.interfaces import (
-    Image,
-    Observation,
-    Recording,
-    RolloutSettings,
-    Simulator,
-    Task,
-)
-from core.simulation.pictures import filmed
+from core.interfaces import Image, Observation, Recording
 from core.support.text import clean
 
 FRAMES = 6
+SIZE = (320, 240)  # pixels: of a frame
 APART_S = 0.15  # between two frames, at least
 STIRRED_M = 0.003
 LIFTED_M = 0.02
@@ -30,23 +22,23 @@ Moment = tuple[float, str]  # seconds, and what happens then
 
 
 def draw_strip(
-    task: Task,
-    simulator: Simulator,
-    candidate: Candidate,
-    seed: int,
-    settings: RolloutSettings,
+    recording: Recording,
+    draw: Callable[[int], Image],
     seen: Observation | None = None,
 ) -> Image:
-    """Play a candidate again and draw six instants in one picture (480, 960, 3): top row first, left to right.
+    """Draw six instants of a rollout in one picture (480, 960, 3): top row first, left to right.
 
     They are those at which something happens, from the start of the motion to the end of the rollout (`moments`); each
-    has its time and what happens. ``seen``: what was observed of the rollout, if it was.
+    has its time and what happens.
+
+    Args:
+        recording: of the rollout.
+        draw: draws one of its samples, of `SIZE`.
+        seen: what was observed of the rollout, if it was.
 
     Raises:
-        ValueError: the rollout fails.
         NoPicture: nothing here can draw.
     """
-    recording, draw = filmed(task, simulator, candidate, seed, settings, (320, 240))
     frames = []
     for instant, what in moments(recording, seen):
         frame = Pillow.fromarray(draw(int(np.abs(recording.times - instant).argmin())))

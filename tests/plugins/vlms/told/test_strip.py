@@ -7,7 +7,7 @@ import pytest
 
 from core.interfaces import Contact, Observation, Recording
 from core.scene import State
-from core.simulation.strip import APART_S, FRAMES, moments
+from plugins.vlms.told.strip import APART_S, FRAMES, moments
 
 
 def recorded(height, touched_s=None):
