@@ -51,7 +51,14 @@ def meeting(one: Thing, other: Thing) -> Meeting:
 
 
 class _Push(NamedTuple):
-    """The impulse (3,) on the tool, N s, of a contact with a body at a point (3,), before a sample of the recording."""
+    """A contact of the tool.
+
+    Attributes:
+        sample: the number of the recording's next sample.
+        body: what the tool touched.
+        point: where, in the world (3,).
+        impulse: on the tool, N s (3,).
+    """
 
     sample: int
     body: str

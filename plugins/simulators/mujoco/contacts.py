@@ -49,7 +49,13 @@ class Role(Enum):
 
 @dataclass(frozen=True)
 class Surface:
-    """A body's friction coefficient, arm of rolling friction in metres, and restitution."""
+    """What a body's contacts depend on.
+
+    Attributes:
+        friction: its coefficient; two bodies have the geometric mean.
+        rolling: the arm of rolling friction, m; two bodies have the larger.
+        restitution: the share of speed that is left; two bodies have the product.
+    """
 
     friction: float
     rolling: float = 0.0
@@ -58,9 +64,15 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """A geom that collides. ``bearer`` is the name of its body in the spec.
+    """A geom that collides.
 
-    ``owner`` is what it is part of: a scene's body, a link of the arm, or ``tool``.
+    Attributes:
+        geom: of the spec.
+        owner: what it is part of: a scene's body, a link of the arm, or ``tool``.
+        bearer: the name of its body in the spec.
+        role: what it touches.
+        surface: what its contacts depend on.
+        free: whether it is part of a body that can move freely.
     """
 
     geom: Element
@@ -68,7 +80,7 @@ class Collider:
     bearer: str
     role: Role
     surface: Surface
-    free: bool = False  # part of a body that can move freely
+    free: bool = False
 
     def partners_friction(self, tools: float) -> float:
         """The friction coefficient that a partner must have so that their contact needs no pair."""
@@ -92,6 +104,12 @@ def set_contacts(
 
     Each pair costs time in every step, so there are none of fixed geoms with the tool. Instead a fixed geom carries the
     mean of its own friction and the tool's, and has priority.
+
+    Args:
+        spec: what the geoms are in.
+        colliders: all geoms that collide.
+        slip_rate: how fast friction stops slow slip, 1/s.
+        joined: pairs of the scene's bodies that never touch, by name.
     """
     tools = tools_friction(colliders)
     for number, collider in enumerate(colliders):

@@ -282,9 +282,10 @@ def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
         if not len(mine):  # there are no contacts at all
             return
         pair = measured.pairs[mine[0]]
+        one, other = pair
         steps = measured.steps[mine]
         entries = measured.forces[mine]
-        resting = measured.asleep[:, pair].all(axis=1)
+        resting = measured.asleep[:, one] & measured.asleep[:, other]
         if resting.any():
             steps, entries = _repeat_resting(steps, entries, resting)
         yield pair, steps, entries

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,6 +100,6 @@ class Joints:
         return qpos[:, self.driven[: self.arm]], others
 
 
-def _find_positions(model: Element, names: list[str]) -> list[int]:
+def _find_positions(model: Element, names: Sequence[str]) -> list[int]:
     """Return the numbers of joints' positions in the model."""
     return [int(model.joint(name).qposadr[0]) for name in names]

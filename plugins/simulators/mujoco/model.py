@@ -32,7 +32,16 @@ def compile_model(
 ) -> Element:
     """Compile the model: the arm's joints first, then those of the free bodies.
 
-    For the rates see `plugins.simulators.mujoco.simulator.MuJoCoSimulator`.
+    Args:
+        robot: the arm.
+        scene: in the layout that is played.
+        tool: what the arm holds.
+        time_step: s, where the scene's bodies need no other.
+        tracking_rate: how fast a joint converges to its target, 1/s.
+        slip_rate: how fast friction stops slow slip, 1/s.
+
+    Raises:
+        UserError: the scene has what MuJoCo can't play.
     """
     time_step = _choose_time_step(scene, time_step)
     spec = build_spec(robot, scene, tool, time_step, slip_rate)
@@ -73,9 +82,17 @@ def build_spec(
     slip_rate: float,
     slots: int = 0,
 ) -> Element:
-    """Build the model's spec, without the servos' gains. For ``slots`` see `load`.
+    """Build the model's spec, without the servos' gains.
 
     Fixed bodies are all part of the world's body, for which MuJoCo has a tree of bounding boxes.
+
+    Args:
+        robot: the arm.
+        scene: in the layout that is played.
+        tool: what the arm holds.
+        time_step: s.
+        slip_rate: how fast friction stops slow slip, 1/s.
+        slots: the fewest boxes on each mount, see `load`.
     """
     spec, colliders = load(robot, tool, slots)
     surfaces = [

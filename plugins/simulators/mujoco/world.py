@@ -206,9 +206,17 @@ class World:
         meter: Meter | None,
         sensed: Array | None = None,
     ) -> Array:
-        """Append the state after each step with ``controls`` (S, 2 J) to states (T, X): (T + S, X).
+        """Append the state after each step to states (T, X): (T + S, X).
 
-        ``sensed`` (S, Y) is filled with what the model's sensors measure in each.
+        Args:
+            data: MuJoCo's, as it is after the last of the states; it is stepped.
+            states: those so far (T, X).
+            controls: of each step (S, 2 J).
+            meter: measures the forces in each step, if given.
+            sensed: is filled with what the model's sensors measure in each step (S, Y), if given.
+
+        Raises:
+            FloatingPointError: the world diverged.
         """
         if not len(controls):
             return states

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.errors import UsageError, UserError, choices
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.goals import Reach, Turned, check_names, reaches
 from core.scene import Body, Scene, Soft, floor, table
 from core.values.joints import Placement
@@ -103,8 +103,8 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
 
     for placed in scene.ordered_joints:
         joint = placed.joint
-        value = np.array(starts.get(joint.name, joint.start))
-        speed = np.zeros(())
+        value: Array = np.array(starts.get(joint.name, joint.start))
+        speed: Array = np.zeros(())
         if joint.kind == "ball":
             value = np.array([1.0, 0.0, 0.0, 0.0])
             speed = np.zeros(3)

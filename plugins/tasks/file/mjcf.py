@@ -219,9 +219,8 @@ class _Reading:
 
     def read(self) -> Imported:
         bodies = tuple(filter(None, map(self._body, np.unique(self._heads))))
-        joints = tuple(
-            map(self._joint, np.flatnonzero(self._model.jnt_type))
-        )  # 0: free
+        numbers = np.flatnonzero(self._model.jnt_type)  # 0: free
+        joints = tuple(self._joint(number) for number in numbers)
         left = sorted((+self._left).items())
         notes = [f"left out: {count} {name}" for name, count in left]
         return Imported(bodies, joints, (*notes, *self._notes))

@@ -293,7 +293,7 @@ class BodySpec(ShapeSpec):
         return self
 
     def _check_softness(self) -> None:
-        wrong = _SOFT
+        wrong: tuple[str, ...] = _SOFT
         hint = "a soft body; give it elastic: {density: 300, young: 1.0e5}"
         if self.elastic:
             wrong = _RIGID

@@ -66,9 +66,15 @@ _LEAST_FRICTION = 1e-5  # mjMINMU
 class ModelFigures:
     """The figures of a model that are a world's own.
 
-    ``shared`` is a digest of the others: worlds with the same digest can be in a batch. ``fields`` are those of
-    `PER_WORLD`; ``geom_xpos`` (G, 3) and ``geom_xmat`` (G, 3, 3) the poses of fixed geoms; ``stiffness`` and
-    ``damping`` (J,) the servos'; ``names`` the free bodies'; ``joints`` are the robot's among the positions (Q,).
+    Attributes:
+        shared: a digest of the others: worlds with the same digest can be in a batch.
+        names: the free bodies'.
+        fields: those of `PER_WORLD`.
+        geom_xpos: where fixed geoms are (G, 3).
+        geom_xmat: how they are turned (G, 3, 3).
+        stiffness: the servos' (J,).
+        damping: the servos' (J,).
+        joints: where the robot's are among the positions (Q,).
     """
 
     shared: str
@@ -90,7 +96,14 @@ class ModelFigures:
 
 @dataclass(frozen=True)
 class Size:
-    """A batch's capacity: worlds, samples of a recording, times of a trajectory, and contacts in each world."""
+    """A batch's capacity.
+
+    Attributes:
+        worlds: how many are stepped together.
+        frames: samples of a recording.
+        instants: times of a trajectory.
+        contacts: in each world.
+    """
 
     worlds: int
     frames: int
@@ -100,10 +113,15 @@ class Size:
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """A world's result: states as positions and then speeds (Q + V,), and the largest lag of an arm joint.
+    """A world's result; states are positions and then speeds (Q + V,).
 
-    ``film`` (F, Q + V) is without the end. The world was ``broken`` if it diverged, ``crowded`` if it had more contacts
-    than its capacity.
+    Attributes:
+        start: the state when the motion begins.
+        end: the state at the end.
+        film: the states that were recorded, without the end (F, Q + V).
+        lag: the largest of an arm joint, rad or m.
+        broken: whether the world diverged.
+        crowded: whether it had more contacts than its capacity.
     """
 
     start: Array

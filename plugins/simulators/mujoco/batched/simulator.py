@@ -123,7 +123,14 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         figures: Sequence[ModelFigures],
         jobs: Sequence[Rollout],
     ) -> Iterator[tuple[int, Played]]:
-        """Yield each member's number and result. Jobs with too many contacts are repeated with more capacity."""
+        """Yield each member's number and result. Jobs with too many contacts are repeated with more capacity.
+
+        Args:
+            task: that of all jobs.
+            members: the numbers of the jobs that can be in one batch.
+            figures: of all jobs.
+            jobs: all of them.
+        """
         shared = figures[members[0]].shared
         waiting = list(members)
         while waiting:
@@ -148,7 +155,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _batch(
         self, task: Task, jobs: Sequence[Rollout], figures: ModelFigures
     ) -> Worlds:
-        """Make worlds for the first of the jobs. Sizes are rounded up to powers of two, so that few are made."""
+        """Return worlds for the first of the jobs, which have these figures but for what is a world's own.
+
+        Sizes are rounded up to powers of two, so that few are made.
+        """
         contacts = self._contacts.get(figures.shared)
         if contacts is None:
             contacts = _round_up(32 + 4 * len(figures.names) + len(figures.geom_xpos))

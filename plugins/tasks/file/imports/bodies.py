@@ -98,7 +98,15 @@ def joined_body(
     collisions: Sequence[Geom],
     friction: float,
 ) -> Body:
-    """Make a body of what is rigidly joined, of one density; without a mass it does not move.
+    """Make a body of what is rigidly joined, of one density.
+
+    Args:
+        name: the body's.
+        pose: where it starts, in the file's frame.
+        mass: kg; None: it does not move.
+        visuals: what is drawn; where there is nothing, that is the collision shapes.
+        collisions: what collides.
+        friction: the coefficient.
 
     Raises:
         UserError: it moves, but has no mass or no collision shape.
