@@ -181,6 +181,7 @@ def tools_friction(colliders: Sequence[Collider]) -> float:
 
 
 def mean_friction(one: float, other: float) -> float:
+    """Compute the friction coefficient between two bodies: the geometric mean of theirs."""
     return float(np.sqrt(one * other))
 
 

@@ -194,6 +194,7 @@ class Meter:
         return self._packed
 
     def _pack_steps(self) -> Measured:
+        """Make sense of the contacts of all steps that were only copied so far."""
         joined = _Step(
             *(np.concatenate(parts) for parts in zip(*self._steps, strict=True))
         )

@@ -67,6 +67,7 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
 
 
 def _rigid(scene: Scene) -> list[Body]:
+    """List the bodies that can move and do not bend."""
     return [body for body in scene.free if not isinstance(body, Soft)]
 
 
@@ -148,6 +149,7 @@ class Moving:
         return self._softs.add_to(self._rigid_state(qpos, qvel), qpos, qvel)
 
     def _rigid_state(self, qpos: Array, qvel: Array) -> State:
+        """Convert positions (..., Q) and speeds (..., V) to the state of the rigid bodies."""
         if not self._hung:
             positions = qpos[..., self._first_position :]
             return state(self._names, positions, qvel[..., self._first_speed :])

@@ -52,6 +52,7 @@ class MuJoCoRenderer(Renderer):
                 self._context.free()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+        """Compile a model of what is drawn, and load it into the context."""
         robot = task.robot
         shown = tool
         if shown is None:
@@ -95,6 +96,7 @@ class MuJoCoRenderer(Renderer):
         self._tool = shown
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
+        """See `Renderer.pose`; soft bodies get the shapes of their nodes."""
         joints = joint_positions(self._robot, self._tool, arm, fingers)
         for name, value in joints.items():
             self._data.joint(name).qpos[0] = value
@@ -127,6 +129,7 @@ class MuJoCoRenderer(Renderer):
             mujoco.mjr_uploadMesh(model, self._context, number)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
+        """See `Renderer.shoot`."""
         extent = camera.height_m
         if extent is None:
             extent = camera.fov_deg
@@ -202,12 +205,14 @@ def _open_gl() -> tuple[Any, str]:
 
 
 def _no_open_gl(why: str) -> NoPicture:
+    """Build the error that says why nothing can be drawn."""
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
 def _show(
     spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color
 ) -> None:
+    """Add a shape that is only drawn."""
     geom = add_geom(spec, bearer, shape, pose)
     geom.rgba = color
     geom.contype = 0

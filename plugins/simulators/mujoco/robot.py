@@ -31,6 +31,7 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     assets: dict[str, bytes] = {}
 
     def asset(path: Path) -> str:
+        """Keep a mesh's data, and name it in the description."""
         name = f"{len(assets)}_{path.name}"  # meshes of two folders may have one name
         assets[name] = path.read_bytes()
         return name

@@ -124,6 +124,7 @@ def _free_nodes(soft: Soft) -> list[int]:
 
 
 def _name(number: int, node: int) -> str:
+    """Name a node's body in the spec."""
     return f"soft_{number}/{node}"
 
 

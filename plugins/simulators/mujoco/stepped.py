@@ -38,6 +38,7 @@ class Stepped:
     def step(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
+        """Step once, with targets at the step's end: the arm's (A,) and their speeds, the fingers' and its speed."""
         arm = arm - self._back * speeds
         fingers -= self._back * finger_speed
         controls = self._data.ctrl.reshape(-1, 2)
@@ -59,12 +60,15 @@ class Stepped:
             mujoco.mj_step(self._model, self._data)
 
     def launch(self) -> None:
+        """Begin the motion: launched bodies get their velocities, and drives and the tool's joints begin to move."""
         self._steps_since_launch = 0.0
         self._moving.launch(self._data.qpos, self._data.qvel)
 
     def joints(self) -> tuple[Array, Array]:
+        """Return the arm's joints (A,), and the fingers' with the tool's (F + K,)."""
         arm, others = self._joints.read(self._data.qpos[None])
         return arm[0], others[0]
 
     def state(self) -> State:
+        """Return the state of the scene's bodies."""
         return self._moving.state(self._data.qpos, self._data.qvel)

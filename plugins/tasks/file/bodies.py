@@ -37,6 +37,7 @@ def read_pose(spec: ShapeSpec | ImportSpec) -> Pose:
 
 
 def _build(spec: BodySpec, files: Files) -> Body:
+    """Build a body, whatever its mass is."""
     color = rgba(spec.color or GREY)
     pose = read_pose(spec)
     if spec.elastic is not None:
@@ -93,6 +94,7 @@ def _hull(spec: BodySpec, files: Files) -> Shape:
 
 
 def _shape(spec: ShapeSpec) -> Shape:
+    """Return the one shape that is given."""
     shape = spec.sphere or spec.cylinder or spec.capsule
     if shape is not None:
         return shape

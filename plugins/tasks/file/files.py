@@ -71,6 +71,7 @@ class Files:
         return self._read[name, prefix, fixed]
 
     def _keep(self, key: tuple[object, ...], found: Imported) -> None:
+        """Keep what was read, and report what is to be known of it."""
         self._read[key] = found
         for note in found.notes:
             warn_once(f"{self.folder / str(key[0])}: {note}")

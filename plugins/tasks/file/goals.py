@@ -55,6 +55,7 @@ class Places(Reach):
         return self._placed(body).place_of(body, start)
 
     def _placed(self, body: str) -> Placed:
+        """Return the goal of one of the bodies."""
         place = self.places[self.bodies.index(body)]
         return Placed(place=place, at=self.at, tolerance=self.tolerance)
 

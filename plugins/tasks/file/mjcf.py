@@ -143,6 +143,7 @@ def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
 
 
 def _read_root(file: Path, folder: Path) -> Element:
+    """Read an XML file of the folder."""
     return read_xml(read_inside(file, folder, "MJCF", MAX_BYTES / 1e6), file)
 
 
@@ -218,8 +219,9 @@ class _Reading:
         self._heads = np.where(welded > 0, welded, numbers)
 
     def read(self) -> Imported:
+        """Make the bodies and joints, and note what was left out."""
         bodies = tuple(filter(None, map(self._body, np.unique(self._heads))))
-        numbers = np.flatnonzero(self._model.jnt_type)  # 0: free
+        numbers = np.flatnonzero(self._model.jnt_type).tolist()  # 0: free
         joints = tuple(self._joint(number) for number in numbers)
         left = sorted((+self._left).items())
         notes = [f"left out: {count} {name}" for name, count in left]
@@ -301,6 +303,7 @@ class _Reading:
         yield Geom(drawn, place, color), Geom(solid, place, color)
 
     def _joint(self, number: int) -> Joint:
+        """Make a joint; a range that is a whole turn or more is none."""
         joint = self._model.joint(number)
         body = self._names[joint.bodyid[0]]
         kind = _JOINTS[joint.type[0]]
@@ -343,5 +346,6 @@ class _Reading:
 
 
 def _pose(thing: Any) -> Pose:
+    """Return where a body or geom is in the world."""
     rotation = Rotation.from_matrix(thing.xmat.reshape(3, 3))
     return Pose.from_rotation(thing.xpos, rotation)

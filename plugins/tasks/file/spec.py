@@ -114,6 +114,7 @@ GOAL_TYPES: dict[str, Any] = {
 
 
 def _color(text: str) -> str:
+    """Refuse a text that names no colour."""
     try:
         ImageColor.getrgb(text)
     except ValueError:
@@ -177,6 +178,7 @@ def _goal_entry() -> GetPydanticSchema:
 
 
 def _looks(camera: Camera) -> Camera:
+    """Refuse a camera that looks nowhere."""
     if np.allclose(camera.position, camera.target, atol=1e-3):
         raise ValueError(
             "the camera's position and target are one point; move one of them"
@@ -185,6 +187,7 @@ def _looks(camera: Camera) -> Camera:
 
 
 def _perspective(camera: Camera | None) -> Camera | None:
+    """Refuse a photograph's camera that is not in perspective."""
     if camera is not None and camera.height_m is not None:
         raise ValueError(
             "a photograph is in perspective; give fov_deg in place of height_m"
@@ -193,12 +196,15 @@ def _perspective(camera: Camera | None) -> Camera | None:
 
 
 def _named(variations: dict[str, Any]) -> dict[str, Any]:
+    """Refuse a variation whose name stands for none."""
     if NONE in variations:
         raise ValueError(f"the variation {NONE!r} draws nothing; give it another name")
     return variations
 
 
 class _Spec(BaseModel):
+    """A part of a scene file: no other keys than its own, and numbers that are numbers."""
+
     model_config = STRICT
 
 
@@ -225,6 +231,7 @@ class ShapeSpec(_Spec):
         return self
 
     def _check_one(self, *names: str) -> None:
+        """Refuse a part that has none or several of these keys."""
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) == 1:
             return
@@ -293,6 +300,7 @@ class BodySpec(ShapeSpec):
         return self
 
     def _check_softness(self) -> None:
+        """Refuse a key that is for soft bodies in a rigid one, or the other way."""
         wrong: tuple[str, ...] = _SOFT
         hint = "a soft body; give it elastic: {density: 300, young: 1.0e5}"
         if self.elastic:
@@ -416,6 +424,7 @@ def _read_picture(given: Any) -> Any:
 
 
 def _explain(where: Where, error: ErrorDetails) -> str:
+    """Say what is wrong with an entry, and how to mend it."""
     kind = error["type"]
     given = error["input"]
     if kind in UNKNOWN:

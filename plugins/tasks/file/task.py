@@ -145,6 +145,7 @@ class FileTask(Task):
         """
 
         def problem(count: int) -> UserError | None:
+            """Find out what is wrong with a scene of the first numbers."""
             try:
                 self._with(dict(numbers[:count]))
             except UserError as error:

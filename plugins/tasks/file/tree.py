@@ -102,6 +102,7 @@ class Tree:
                 raise UserError(f"{self.file}, line {line}: {problem}")
 
     def _read(self, node: Any, where: Where) -> Any:
+        """Make plain data of a node, and note the lines of its entries."""
         self.lines.setdefault(where, node.start_mark.line + 1)
         if isinstance(node, yaml.SequenceNode):
             items = enumerate(node.value)
@@ -125,6 +126,7 @@ class Tree:
         return found
 
     def _scalar(self, node: Any, where: Where) -> Any:
+        """Read a text, number or word, as YAML 1.2 does."""
         text: str = node.value
         if node.style is not None:  # in quotes, or folded
             return text

@@ -94,9 +94,15 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return [outcomes[number] for number in range(len(jobs))]
 
     def _schedule(self, job: Rollout) -> Schedule:
+        """Say what is done in which step of a job."""
         return Schedule(job, self._rates[0])
 
     def _find_figures(self, task: Task, job: Rollout) -> ModelFigures:
+        """Return a world's own figures for a job's scene and tool; those of the last few thousand are kept.
+
+        Raises:
+            UserError: the scene has what MuJoCo Warp can't play.
+        """
         scene = job.scene_in(task)
 
         def extract() -> tuple[Scene, ModelFigures]:
@@ -114,6 +120,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return keep(self._figures, key, _KEPT_FIGURES, extract)[1]
 
     def _model(self, task: Task, job: Rollout) -> Element:
+        """Compile the model of a job's world."""
         return model(task.robot, job.scene_in(task), job.tool, *self._rates)
 
     def _play(
@@ -177,6 +184,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return keep(self._batches, (figures.shared, size), _KEPT_BATCHES, build)
 
     def _outcome(self, job: Rollout, figures: ModelFigures, played: Played) -> Outcome:
+        """Make a job's outcome of its world's result."""
         if played.crowded:
             problem = f"more than {_MOST_CONTACTS // 2} contacts at once"
             return Outcome(None, None, error=f"MuJoCo Warp: {problem}")

@@ -233,6 +233,7 @@ class Worlds:
         warp.launch(advance, 1, [self._step])
 
     def _leave_out(self, _: Any, data: Any) -> None:
+        """Drop contacts beyond a world's room, and note that it was crowded."""
         contact = data.contact
         self._counts.zero_()
         counted = [
@@ -247,6 +248,7 @@ class Worlds:
         warp.launch(cut, 1, [data.naconmax, data.nacon])
 
     def _note(self) -> None:
+        """Record the state before a step, where one is asked for."""
         data = self._data
         noted = [
             self._step,
@@ -281,5 +283,6 @@ def _count_rows(compiled: Element, contacts: int) -> int:
 
 def _assign(array: Any, values: Array) -> None:
     # The type of a vector's components.
+    """Copy numbers to the device, as an array's own type."""
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     array.assign(np.ascontiguousarray(values, dtype=warp.dtype_to_numpy(scalar)))

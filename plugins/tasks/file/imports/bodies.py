@@ -58,6 +58,11 @@ class Imported:
 
 
 def _check_body(body: Body) -> None:
+    """Refuse a body that has what a scene file may not say.
+
+    Raises:
+        UserError: says what.
+    """
     where = f"body {body.name[:64]!r}"
     if not _NAME.fullmatch(body.name):
         raise UserError(f"{where}: {_RENAME}")
@@ -82,6 +87,11 @@ def _check_body(body: Body) -> None:
 
 
 def _check_joint(joint: Joint) -> None:
+    """Refuse a joint that has what a scene file may not say.
+
+    Raises:
+        UserError: says what.
+    """
     if not _NAME.fullmatch(joint.name):
         raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
     if not np.abs(joint.origin).max() <= LONGEST_M:

@@ -72,10 +72,12 @@ def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
 
 
 def _solid(part: Any) -> bool:
+    """Check if a part of a file has triangles."""
     return isinstance(part, trimesh.Trimesh) and len(part.faces) > 0
 
 
 def _color(part: trimesh.Trimesh) -> Array:
+    """Read a part's colour, four numbers from 0 to 1; nan where it has none."""
     if not part.visual.defined:
         return np.full(4, np.nan)
     color = getattr(part.visual, "material", part.visual).main_color
@@ -120,6 +122,7 @@ def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
 
 
 def _is_convex(mesh: trimesh.Trimesh) -> bool:
+    """Check if a mesh is closed and nearly fills its convex hull."""
     return bool(
         mesh.is_watertight and mesh.volume > _CONVEX * ConvexHull(mesh.vertices).volume
     )

@@ -50,6 +50,7 @@ def read_mesh(
 
 
 def _notes(solid: MeshSolid, upright: bool) -> Iterator[str]:
+    """Yield a line for each thing that a user should know of a mesh."""
     if not upright:
         yield "y is up in a GLB file; it was turned so that z is up"
     if not np.isfinite(solid.volume):

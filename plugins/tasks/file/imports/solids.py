@@ -134,6 +134,7 @@ def load_solid(
 
 
 def _hull(corners: Array) -> Mesh:
+    """Make a mesh of the convex hull of corners (N, 3), whose faces look outward."""
     hull = ConvexHull(corners)
     faces: npt.NDArray[np.int64] = hull.simplices.astype(np.int64)
     one, other = np.diff(corners[faces], axis=1).swapaxes(0, 1)
@@ -144,6 +145,8 @@ def _hull(corners: Array) -> Mesh:
 
 @lru_cache(maxsize=64)
 def _cut(data: bytes, kind: str, max_parts: int, name: str) -> dict[str, Array]:
+    """Cut a mesh in a process of its own, see `cut_mesh`; kept on disk by its content."""
+
     def cut() -> bytes:
         return isolated(cut_bytes, f"mesh {name}", data, kind, str(max_parts))
 

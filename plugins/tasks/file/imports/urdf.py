@@ -62,6 +62,8 @@ def read_urdf(
 
 
 class _UrdfBodies:
+    """Bodies and joints of a URDF file, and notes on what was left out."""
+
     def __init__(
         self, description: Description, folder: Path, prefix: str, notes: list[str]
     ) -> None:
@@ -71,6 +73,7 @@ class _UrdfBodies:
         self._notes = notes
 
     def read(self, fixed: bool) -> Imported:
+        """Make the bodies, the root first, and the joints between them."""
         tree = self._description
         moving = {
             child: joint for child, joint in tree.joints.items() if self._moves(joint)
@@ -165,6 +168,7 @@ class _UrdfBodies:
         *,
         fixed: bool,
     ) -> Body | None:
+        """Make a body of links that are rigidly joined, each with its pose; None: nothing is there."""
         visuals = list[Geom]()
         for link, place in links:
             for shape in link.visuals:
@@ -185,6 +189,7 @@ class _UrdfBodies:
         return joined_body(name, pose, mass, visuals, collisions, _FRICTION)
 
     def _geoms(self, shape: RobotShape, place: Pose, *, drawn: bool) -> list[Geom]:
+        """Make what is drawn of a shape, or what collides."""
         pose = place @ shape.origin.pose
         color = shape.color or _GREY
         if not isinstance(shape.shape, Path):
@@ -210,6 +215,7 @@ def _turns_freely(joint: RobotJoint) -> bool:
 
 
 def _start(joint: RobotJoint) -> float:
+    """Return the position at which a joint starts, rad or m: the one in its range next to 0."""
     if joint.kind not in ("revolute", "prismatic"):
         return 0.0
     lower, upper = joint.range
@@ -217,6 +223,7 @@ def _start(joint: RobotJoint) -> float:
 
 
 def _moved(joint: RobotJoint) -> Pose:
+    """Return how a joint's start moves what hangs from it."""
     if joint.kind == "prismatic":
         return Pose(joint.direction * _start(joint))
     turn = Rotation.from_rotvec(joint.direction * _start(joint))
