@@ -96,7 +96,7 @@ def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> 
 def page_module(folder: Path) -> Any:
     """Import the first four blocks of code on the page about scenes as a module."""
     blocks = re.findall(
-        r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.S
+        r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.DOTALL
     )
     file = folder / "pull_tray.py"
     file.write_text("\n\n".join(blocks[:3]) + "\n" + blocks[3])

@@ -47,7 +47,7 @@ SMALL = [
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.S)
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 
 STARTS = ("python -m ", "vlmgineer ")
@@ -145,7 +145,9 @@ def compose(line: str) -> None:
 def console(page: Path) -> list[tuple[str, str]]:
     """Find the blocks of commands that are not run here, each after the comment that says why."""
     return re.findall(
-        r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```", page.read_text(), re.S
+        r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```",
+        page.read_text(),
+        re.DOTALL,
     )
 
 
@@ -179,7 +181,7 @@ def test_settings_of_every_command_are_there():
 def test_each_kind_of_block_is_looked_at():
     """Fail on a page with a block of code that no test here knows."""
     languages = {
-        page.name: Counter(re.findall(r"^```(\w+)", page.read_text(), re.M))
+        page.name: Counter(re.findall(r"^```(\w+)", page.read_text(), re.MULTILINE))
         for page in PAGES
     }
     known = {"sh", "console"}
@@ -523,7 +525,7 @@ def test_the_tables_have_every_field_and_its_default(of):
     text = (ROOT / "docs/scene_types.md").read_text()
     if f"## {of.__name__}\n" in text:
         section = text.partition(f"## {of.__name__}\n")[2].partition("\n## ")[0]
-        rows = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", section, re.M))
+        rows = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", section, re.MULTILINE))
         assert list(rows) == [field.name for field in dataclasses.fields(of)]
         for field in dataclasses.fields(of):
             if field.default is not dataclasses.MISSING:
@@ -531,7 +533,7 @@ def test_the_tables_have_every_field_and_its_default(of):
             elif field.default_factory is dataclasses.MISSING:
                 assert rows[field.name] == "needed", field.name
     else:
-        (row,) = re.findall(rf"^\| `{of.__name__}` \| (.*?) \|", text, re.M)
+        (row,) = re.findall(rf"^\| `{of.__name__}` \| (.*?) \|", text, re.MULTILINE)
         assert re.findall(r"`(\w+)`", row) == [
             field.name for field in dataclasses.fields(of)
         ]

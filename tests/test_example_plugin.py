@@ -163,7 +163,7 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
         "listener": "csv",
     }
     help_text = python_m(site, tmp_path, "core.run", "--help").stdout
-    assert re.search(r"^sim: .*\btoy\b", help_text, re.M)
+    assert re.search(r"^sim: .*\btoy\b", help_text, re.MULTILINE)
 
 
 def test_a_mistake_in_its_settings_is_one_line(site, tmp_path):

@@ -108,9 +108,10 @@ def _visuals(visual: RobotShape) -> Iterator[Visual]:
     if not isinstance(shape, Path):
         yield Visual(shape, pose, color)
         return
-    for mesh, painted in _pieces(shape):
+    for piece, painted in _pieces(shape):
+        mesh = piece
         if visual.scale != ONE:
-            mesh = Mesh.from_trimesh(mesh.to_trimesh().apply_scale(visual.scale))
+            mesh = Mesh.from_trimesh(piece.to_trimesh().apply_scale(visual.scale))
         yield Visual(mesh, pose, painted or color)
 
 

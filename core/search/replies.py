@@ -41,9 +41,9 @@ def ask_model(
                 )
                 continue
             missing.remove(reply.request_id)
-            reply = checked(reply)
-            events.hook.reply_received(request=by_id[reply.request_id], reply=reply)
-            arrived.put(reply)
+            sound = checked(reply)
+            events.hook.reply_received(request=by_id[sound.request_id], reply=sound)
+            arrived.put(sound)
 
     for request in requests:
         events.hook.request_composed(request=request)

@@ -144,8 +144,8 @@ def try_on_each(
             trials = Trials(executor)  # a robot's own: trials don't say which it is
             for candidate, tried in trials.try_in(conditions, own):
                 progress.advance(bar)
-                tried = tried or _reject(candidate, conditions)
-                designs.append(record(candidate, name, tried, bench.robust))
+                all_tried = tried or _reject(candidate, conditions)
+                designs.append(record(candidate, name, all_tried, bench.robust))
     some = next(iter(candidates.values()))
     order = {candidate.id: number for number, candidate in enumerate(some)}
     return sorted(designs, key=lambda design: order[design["design"]])

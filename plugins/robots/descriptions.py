@@ -93,13 +93,13 @@ def mend(
     for child, joint in arm.joints.items():
         if {child, joint.parent} & {*drop}:
             continue
+        joints[child] = joint
         if joint.name in limits:
             numbers = limits[joint.name]
             exact = {key: rounded(value) for key, value in numbers.items()}
             kind = "revolute" if joint.kind == "continuous" else joint.kind
             ends = joint.limits._replace(**exact)
-            joint = replace(joint, kind=kind, limits=ends)
-        joints[child] = joint
+            joints[child] = replace(joint, kind=kind, limits=ends)
     return write(Description(arm.name, links, joints))
 
 

@@ -246,9 +246,9 @@ def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in item.items():
         if key == "color" or value in (_NO_TURN, "box"):
             continue
-        if isinstance(value, list):
-            value = [round(number, 4) for number in value]
         short[key] = value
+        if isinstance(value, list):
+            short[key] = [round(number, 4) for number in value]
     return short
 
 

@@ -56,7 +56,7 @@ def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]
     for mount, placed in solids_of(tool).items():
         for component, solid in placed:
             if mount in mounts:
-                solid = solid.apply_transform(mounts[mount].matrix)
+                solid.apply_transform(mounts[mount].matrix)
             held.append((component, solid))
 
     return held

@@ -24,7 +24,7 @@ from plugins.results.workshop.motion import Sampled
 
 # Besides marks: `_` at the end of a word, and what GitHub makes a link of.
 _MARKUP = re.compile(
-    r"[\\`*{}\[\]<>#+!|~&@]|(?<![^\W_])_|_(?![^\W_])|:(?=//)|(?<=www)\.", re.I
+    r"[\\`*{}\[\]<>#+!|~&@]|(?<![^\W_])_|_(?![^\W_])|:(?=//)|(?<=www)\.", re.IGNORECASE
 )
 
 

@@ -170,7 +170,8 @@ def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
     for entry in entries:
         for goal in entry:
             if isinstance(goal, Reach) and goal.after in firsts:
-                goal = replace(goal, after=firsts[goal.after])
-            goals.append(goal)
+                goals.append(replace(goal, after=firsts[goal.after]))
+            else:
+                goals.append(goal)
 
     return tuple(goals)

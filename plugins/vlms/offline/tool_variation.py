@@ -188,10 +188,11 @@ def _resize(tool: Tool, scale: float, rng: Generator) -> ToolChange:
     components = []
 
     for other in tool.components:
+        stretched = other
         if other.parent == component.name:
             position = other.pose.position * stretch
-            other = replace(other, pose=Pose(position, other.pose.quaternion))
-        components.append(other)
+            stretched = replace(other, pose=Pose(position, other.pose.quaternion))
+        components.append(stretched)
 
     # The end that meets the parent stays where it is.
     pose = component.pose
@@ -361,10 +362,11 @@ def _reattach(tool: Tool) -> Tool:
     sizes = {component.name: component.shape.bounds[1] for component in tool.components}
     components = []
     for component in tool.components:
+        moved = component
         if component.parent in sizes:
             parent = Boxes.from_poses([(Pose(), sizes[component.parent])])
-            component = _move_to_touch(component, parent)
-        components.append(component)
+            moved = _move_to_touch(component, parent)
+        components.append(moved)
 
     return replace(tool, components=tuple(components))
 

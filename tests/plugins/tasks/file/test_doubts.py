@@ -57,7 +57,7 @@ def test_soft_bodies_in_the_air(tmp_path, text):
         doubts(tmp_path, text, cloth.replace("position", "pinned: [0], position")) == []
     )
     (shown,) = re.findall(
-        r"(?:^#  .*\n)+(?=# Flat|\n# Flat)", text, re.M
+        r"(?:^#  .*\n)+(?=# Flat|\n# Flat)", text, re.MULTILINE
     )  # the scaffold's own, as a comment
     assert (
         doubts(

@@ -183,7 +183,7 @@ def test_what_is_elastic_is_soft(tmp_path):
     elastic = "elastic: {density: 200, young: 2.0e4}"
     shown = next(
         block
-        for block in re.findall(r"```yaml\n(.*?)```", page, re.S)
+        for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
         if "elastic" in block
     )
     text = f"name: Soft\ndescription: Press the dough, and bring the rope's end to a place.\n{shown}"
