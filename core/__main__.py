@@ -34,6 +34,7 @@ def dispatch_words(words: list[str]) -> int | None:
     ]
     say(USAGE, "")
     print_table(("command", "what it does"), rows)
+
     return None
 
 

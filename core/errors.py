@@ -43,7 +43,9 @@ def fault(error: BaseException | None) -> str | None:
             if cause is error and not isinstance(error, Fault | UserError):
                 text = f"{type(error).__name__}: {error}"
             return " ".join(text.split()).removesuffix(":")
+
         cause = cause.__cause__
+
     return None
 
 

@@ -75,6 +75,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         warnings.append(
             f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"
         )
+
     entry: dict[str, Any] = {
         "strategy": evaluation.candidate.strategy,
         "plan": evaluation.candidate.action,

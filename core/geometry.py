@@ -187,6 +187,7 @@ class _Solid:
                 return np.zeros(3), np.array(
                     [2 * radius, 2 * radius, length + 2 * radius]
                 )
+
         corners = cast("Mesh", self.drawn).vertices
         low = corners.min(axis=0)
         high = corners.max(axis=0)
@@ -209,6 +210,7 @@ class _Solid:
                     height=length, radius=radius, count=(32, 32)
                 )
                 return mesh.apply_translation(-mesh.bounds.mean(axis=0))
+
         mesh = cast("Mesh", self.drawn)
         return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
@@ -286,10 +288,12 @@ class Mesh(_Solid):
             raise ValueError(
                 f"expected vertices (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}"
             )
+
         if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
             raise ValueError(
                 f"faces: vertex numbers must be 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
             )
+
         faces.setflags(write=False)
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
@@ -374,6 +378,7 @@ def _measured(mesh: Mesh) -> tuple[float, Array, Array]:
 def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
     """Return a shape of the same kind with a bounding box of these side lengths; radii are means of two or three."""
     x, y, z = (float(side) for side in size)
+
     match shape:
         case Box():
             return Box((x, y, z))

@@ -240,12 +240,14 @@ class Reach(Goal):
                 scale = np.maximum(first, measure.slip)
                 left = left + measure.left(now) / scale
                 before = before + first / scale
+
             reached = np.clip(1 - left / np.where(before > 0, before, 1.0), 0.0, 1.0)
             if self.rest:
                 reached = reached / np.maximum(self.unrest(body, now), 1.0)
             if self.held and hold is not None:
                 reached = reached * hold(body)
             shares.append(reached)
+
         if self.any:
             return np.asarray(np.max(shares, axis=0))
         return np.asarray(np.mean(shares, axis=0))
@@ -267,6 +269,7 @@ class Reach(Goal):
             if not self.ever:
                 best = np.minimum(best, reached)
             reached = best
+
         if self.after is not None:
             reached = np.minimum(reached, self._share_before(self.after, evidence))
         return reached
@@ -282,6 +285,7 @@ class Reach(Goal):
             if isinstance(goal, Reach):
                 known[number] = goal
                 known[goal.name or number] = goal
+
         if which not in known:
             names = ", ".join(
                 getattr(goal, "name", "") or str(number)
@@ -290,6 +294,7 @@ class Reach(Goal):
             raise ValueError(
                 f"a goal comes after {which!r}, which is no goal; there are: {names}"
             )
+
         first = known[which].progress_over_time(evidence)
         unfulfilled = self.progress_over_time(evidence) < DONE
 
@@ -330,6 +335,7 @@ class Reach(Goal):
             found.append(
                 Margin.at_most(f"speed of {what}", fastest, 1.0, "resting speeds")
             )
+
         if self.by_s is not None and evidence.trace is not None:
             times = evidence.trace.times
             fulfilled = times[self.progress_over_time(evidence) >= DONE]
@@ -337,6 +343,7 @@ class Reach(Goal):
             found.append(
                 Margin.at_most(f"time to fulfil {what}", first, self.by_s, "s")
             )
+
         return found
 
     def words(self) -> str:
@@ -584,6 +591,7 @@ class Untouched(Limit):
                 touched = trace.touched(name, "robot")
                 gap = 0.0 if touched else float(trace.clearances[name])
                 found.append(Margin.clearance(name, gap))
+
         return found
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
@@ -640,6 +648,7 @@ def goals_reward(
         reward = np.average(shares, axis=0, weights=[goal.weight for goal in wanted])
     elif shares:
         reward = np.max(shares, axis=0)
+
     for limit in limits(task.goals):
         reward = reward * limit.share(evidence)
     return np.clip(reward, 0.0, 1.0)
@@ -695,11 +704,13 @@ def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
             "the tolerance or limit, d0 the same at the start; of several bodies it is the mean, and any one is the "
             "best."
         )
+
     counts = "the mean of the goals' progress, by weight"
     if len(wanted) < 2:
         counts = "the progress"
     elif not every:
         counts = "the progress of the best goal"
+
     return [*lines, f"The reward is {counts}."]
 
 

@@ -78,6 +78,7 @@ def requests(cfg: DictConfig) -> list[Request]:
         raise UserError(
             f"{cfg.designs}: none of its designs can be an elite; the first reason: {reason}"
         )
+
     (first,) = designer.requests(1, Team([cfg.agent], elites))
     return [first, *designer.follow_ups(first, elites[0])]
 
@@ -109,6 +110,7 @@ def write(request: Request, model: str, estimate: Estimate, folder: Path) -> Non
         for picture in message.parts:
             if isinstance(picture, Picture):
                 write_bytes(folder / f"{picture.name}.png", picture.png)
+
     write_bytes(folder / "schema.json", _json(request.schema))
     brief = request.brief
     rest = {
@@ -159,6 +161,7 @@ def main(words: list[str]) -> None:
         say(
             f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"
         )
+
     say(str(Path(cfg.output)))
 
 

@@ -49,6 +49,7 @@ def main(words: list[str]) -> None:
     flags = [word for word in words if word.startswith("-")]
     resumed = [word for word in words if word.startswith("resume=")]
     others = [word for word in words if word not in (*flags, *resumed)]
+
     if flags and {*flags} <= {"--help", "-h"}:
         from core.config.compose import overview
 
@@ -58,6 +59,7 @@ def main(words: list[str]) -> None:
             raise UsageError(
                 f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's"
             )
+
         from core.search.orchestration import resume
 
         resume(Path(resumed[0].removeprefix("resume=")), others)
@@ -100,6 +102,7 @@ def _hydra(given: list[str]) -> None:
     except OSError as error:  # Hydra makes the run's folder
         where = error.filename or "the run's folder"  # no name: its disk is full
         raise UserError(f"can't write {where}: {error.strerror}") from error
+
     if _failures:
         raise _failures[0]
 

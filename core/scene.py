@@ -258,6 +258,7 @@ class Scene:
                     raise ValueError(
                         f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}"
                     )
+
             body = bodies[joint.body]
             problems = {
                 "a joint can't hold a soft body; pin nodes of it": any(

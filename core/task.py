@@ -212,6 +212,7 @@ def _reads_trace(kind: type[Task]) -> bool:
         raise UsageError(
             f"task {kind.name}: reward{signature} must be reward(self, start, end) or (self, start, end, trace)"
         )
+
     return reads
 
 
@@ -238,11 +239,13 @@ def margins_of(
         margins = least_first(task.margins(start, end, trace))
     except (AttributeError, KeyError, ValueError):
         return ()  # goals that don't fit the scene cost the margins, not the rollout
+
     if not margins and task.success_reward < 1:
         far = 1 - task.success_reward
         return least_first(
             [Margin.at_least("reward", reward, task.success_reward, "", far)]
         )
+
     return tuple(
         margin
         for margin in margins

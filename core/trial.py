@@ -319,6 +319,7 @@ def effort_of(candidate: Candidate, trials: Sequence[Trial]) -> Effort | None:
         if trial.margins:
             margin = min(margin.margin for margin in trial.margins)
             least.append(max(margin, 0.0))
+
     return Effort(
         motion_s=float(np.mean(times)),
         mass_kg=candidate.tool.mass,
@@ -359,12 +360,15 @@ def ranked(
     """
     places = []
     highest = np.inf
+
     for item in sorted(items, key=lambda item: figures(item)[0], reverse=True):
         reward, distance_m = figures(item)
         if highest - reward > tie:
             highest = reward  # what is within a tie of it counts as equal
         places.append((-highest, _or_longest(distance_m), item))
+
     places.sort(key=lambda place: place[:2])
+
     return [item for _, _, item in places]
 
 

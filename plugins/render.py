@@ -52,6 +52,7 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
         UserError: a part, a setting or the design is wrong.
     """
     check_seed(cfg.seed)
+
     for name in ("width", "height"):
         pixels = cfg[name]
         if not 1 <= pixels <= MAX_PIXELS:

@@ -80,7 +80,9 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
         config = _compose(name, overrides)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, name) from error
+
     check_keys(config)
+
     return config
 
 
@@ -137,13 +139,16 @@ def _hydra() -> AbstractContextManager[object]:
 def explain(error: Exception, name: str) -> UserError:
     """Turn a complaint of Hydra or OmegaConf about the config ``name`` into one line that says what is possible."""
     failed = installed().failed
+
     if isinstance(error, MissingConfigException) and error.options:
         group, _, choice = (error.missing_cfg_file or "").rpartition("/")
         return UsageError(f"{choices(group, choice, error.options)}{failed}")
+
     if isinstance(error, MissingMandatoryValue):
         return UsageError(
             f"{error.full_key} has no value; give one with {error.full_key}=VALUE"
         )
+
     no_group = re.match(r"Could not override '(.+?)'\. No match in the", str(error))
     if no_group:
         known = [str(key) for key in _compose(name, [])]
@@ -159,6 +164,7 @@ def explain(error: Exception, name: str) -> UserError:
         return UsageError(
             f"can't read {word}; put its value in quotes: '{key}=\"...\"'"
         )
+
     if isinstance(error.__cause__, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(error.__cause__)}"
     return UsageError(f"{message}{failed}")
@@ -208,6 +214,7 @@ def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
         raise UserError(
             f"{kind}: its configuration can't be used here: {first_line(error)}"
         ) from error
+
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
     group = KINDS[str(kind)]
@@ -248,6 +255,7 @@ def read_parts(
             raise UsageError(
                 f"{kind}: {entry!r} names no {kind}; give a name, or {{name: NAME, SETTING: VALUE}}"
             )
+
         shown = " ".join([name, *(f"{key}={value}" for key, value in given.items())])
         if shown in parts:
             raise UsageError(f"{kind}: {shown!r} is repeated; name each {kind} once")
@@ -259,9 +267,11 @@ def read_parts(
             node |= dict(chosen.settings)
             if isinstance(chosen, RobotPart):
                 node["base"] = list(chosen.base)
+
         configured = OmegaConf.create({**node, **given})
         found = robot_part(configured) if kind is ROBOT else part(kind, configured)
         parts[shown] = cast(PluginPart[T], found)
+
     if not parts:
         raise UsageError(f"{kind}: name at least one {kind}")
     return parts
@@ -301,12 +311,14 @@ def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
         UserError: see `part`; or the material can't be used.
     """
     robot = config.get("robot")
+
     try:
         schema = OmegaConf.structured(Material)
         merged = OmegaConf.merge(schema, config.get("material") or {})
         material = node(cast(DictConfig, merged), Material)
     except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
         raise UserError(f"material: {first_line(error)}") from error
+
     return replace(
         part(TOOL, config.tool),
         robot=robot_part(robot) if robot else None,

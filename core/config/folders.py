@@ -23,7 +23,9 @@ def new_folder(name: str) -> str:
             continue
         except OSError:
             break
+
         return chosen
+
     return name
 
 

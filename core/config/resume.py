@@ -48,12 +48,14 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     """
     refuse_key_words(overrides)
     unusable = "the run's configuration can't be used by this version"
+
     try:
         schema = OmegaConf.structured(RunConfig)
         before = cast(DictConfig, OmegaConf.merge(schema, config))
         lacks = sorted(OmegaConf.missing_keys(before))
     except OmegaConfBaseException as error:
         raise UserError(f"{unusable}: {first_line(error)}") from error
+
     if lacks:
         raise UserError(f"{unusable}: it lacks {', '.join(lacks[:3])}")
     after = before.copy()
@@ -62,17 +64,20 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
             _apply(after, override)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config") from error
+
     for key in ("budget.n_iteration", "evolution.refine"):
         least = OmegaConf.select(before, key, default=0)
         if OmegaConf.select(after, key, default=0) < least:
             raise UsageError(
                 f"{key} of a run that goes on can only be raised; it is {least}"
             )
+
     more_generations = after.budget.n_iteration > before.budget.n_iteration
     if more_generations and before.evolution.get("refine", 0):
         raise UsageError(
             "budget.n_iteration of a run with evolution.refine can't change: refinement comes last"
         )
+
     return after
 
 
@@ -87,6 +92,7 @@ def _apply(config: DictConfig, override: Override) -> None:
         raise UsageError(
             f"{line}: a run goes on as it began; what may change: {possible}"
         )
+
     if key in GROUPS:
         config[key] = load("config", [line])[key]
     else:
@@ -113,6 +119,7 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
             repeated_here = any(f"{path}.".startswith(f"{key}.") for key in given)
             if (is_address or other_model) and not repeated_here:
                 found[path] = clean(value, 300)
+
     if found:
         words = " ".join(f"{path}={value}" for path, value in found.items())
         raise UserError(

@@ -74,6 +74,7 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
             written = result.config[name] if kind == "listener" else result.config
             settings = cast(DictConfig, OmegaConf.merge(base, written))
             result.config = _placed(kind, name, settings)
+
         return result
 
 
@@ -121,6 +122,7 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
         if settable and parameter.name not in KINDS[kind].provided:
             needed = parameter.default is parameter.empty
             default = MISSING if needed else parameter.default
+
             with suppress(TypeError):  # YAML can't say it
                 json.dumps(default)
                 settings[parameter.name] = default
@@ -129,6 +131,7 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
         declared = getattr(factory, key, None)  # by the part's class
         is_list = isinstance(declared, list | tuple)
         settings[key] = list(declared) if declared and is_list else default
+
     return settings
 
 

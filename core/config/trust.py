@@ -104,6 +104,7 @@ def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str
                 f"{where}: its configuration has {clean(value, 100)!r} for {clean(path, 100)}, which is not resolved: "
                 "it comes from a run's folder"
             )
+
     return config
 
 
@@ -120,6 +121,7 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
             for event in yaml.parse(text, Loader=yaml.CSafeLoader)
         ):
             raise UserError(f"{file} can't be used: it has aliases")
+
         config = OmegaConf.to_container(OmegaConf.create(text))
     except (
         OmegaConfBaseException,
@@ -128,6 +130,7 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
         RecursionError,
     ) as error:
         raise UserError(f"{file} can't be used: {clean(str(error), 200)}") from error
+
     if not isinstance(config, dict):
         raise UserError(f"{file} can't be used: it is no configuration")
     return cast(dict[str, Any], config)

@@ -126,10 +126,12 @@ class PromptComposer:
             user.append(picture)
 
         elites = {elite.candidate.id for elite in brief.elites}
+
         for name, strip in strips.items():
             which = "an elite" if name in elites else "a failure"
             caption = f"Film strip of {which}, {name}: six instants of its motion, in reading order:"
             user += [Text(f"{caption}\n\n"), strip]
+
         return (*self._system(values), Message("user", tuple(user)))
 
     def critique(
@@ -164,6 +166,7 @@ class PromptComposer:
         if text.strip():
             messages.append(Message("assistant", (Text(text),)))
         messages.append(Message("user", (self._templates.fill(REPAIR, values),)))
+
         return tuple(messages)
 
     def _parts(self, brief: Brief) -> Sequence[str]:
@@ -180,6 +183,7 @@ class PromptComposer:
                 "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
             )
+
         return settings.initial
 
     def _system(self, values: dict[str, Any]) -> list[Message]:

@@ -166,6 +166,7 @@ def combined_figures(
         poor = poor_layouts(evaluation, task)
         if poor and sight.numbers:
             figures["poor_layouts"] = poor
+
     return figures | dict(evaluation.figures)
 
 
@@ -196,6 +197,7 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
         for name in draw.ranges:
             described[name] = round(draw(name, math.nan), 3)
         poor.append(described)
+
     return poor[:_LAYOUTS]
 
 
@@ -236,6 +238,7 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
         if len(names) == len(evaluation.trials):
             where = f"all {len(names)} trials"
         lines.append(f"{text} in {where}")
+
     if len(lines) > _OUTCOMES:
         lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
     return lines
@@ -289,6 +292,7 @@ def _places(seen: Observation) -> dict[str, Any]:
     if seen.paths:
         places["path_m"] = {name: _path(path) for name, path in seen.paths.items()}
         places["times_s"] = list(seen.instants)
+
     return places
 
 
@@ -321,6 +325,7 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
     for name in stirred[:_BODIES]:
         moved = seen.moved[name]
         described[name] = _say("move", moved, sight.way(moved))
+
     if len(stirred) > _BODIES:
         described[f"{len(stirred) - _BODIES} others"] = "moved too"
     return described
@@ -332,6 +337,7 @@ def _first_touches(seen: Observation, sight: Sight) -> list[str]:
     for contact in seen.contacts:
         if contact.kind != "body":
             first.setdefault(contact.other, _say("touch", contact, sight.numbers))
+
     if first:
         return list(first.values())[:_TOUCHES]
 
@@ -340,6 +346,7 @@ def _first_touches(seen: Observation, sight: Sight) -> list[str]:
         gaps = {
             name: gap for name, gap in seen.clearances.items() if name in seen.errors
         }
+
     return [_say("nearest", gaps)]
 
 

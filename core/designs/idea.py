@@ -21,20 +21,24 @@ def read_idea(file: str | None, *, wanted: bool) -> str | None:
         raise UsageError(
             "prompt.file is empty; give the text file with your idea, such as prompt.file=my_idea.md"
         )
+
     if not file:
         return None
     if not wanted:
         raise UsageError(
             f"prompt.file={file} is not used by this prompt; add prompt=human"
         )
+
     text = read_text(Path(file), f"prompt.file={file}")
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL).strip()
     if not text:
         raise UserError(
             f"prompt.file={file} is empty; describe the tool and its motion"
         )
+
     if len(text) > MAX_IDEA:
         raise UserError(
             f"prompt.file={file} has {len(text)} characters; at most {MAX_IDEA} are allowed"
         )
+
     return text

@@ -57,10 +57,12 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
         raise DesignError(
             f"an action plan must be a list of waypoints, not {kind(plan)}"
         )
+
     if not 1 <= len(plan) <= MAX_WAYPOINTS:
         raise DesignError(
             f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
         )
+
     for number, waypoint in enumerate(plan, start=1):
         _check_waypoint(waypoint, f"waypoint {number}", gripper)
 
@@ -73,14 +75,17 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
 def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
     """Refuse what is not a list of numbers, each within its range; ``where`` names the waypoint."""
     names = WAYPOINT if gripper else WAYPOINT[:6]
+
     if not isinstance(waypoint, list | tuple):
         raise DesignError(
             f"{where} must be a list of {len(names)} numbers, not {kind(waypoint)}"
         )
+
     if len(waypoint) != len(names):
         raise DesignError(
             f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}"
         )
+
     for name, number, limits in zip(names, waypoint, _RANGES, strict=False):
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise DesignError(f"{where}: {name} must be a number, not {kind(number)}")

@@ -56,6 +56,7 @@ def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
         raise DesignError(
             f"'action' is {kind(name)}; it must be the name of an action representation"
         )
+
     try:
         return _actions(name)
     except UserError as error:
@@ -84,10 +85,12 @@ def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any)
         raise DesignError(
             f"{describe_part(part)}: {method} raised {type(error).__name__}: {error}"
         ) from error
+
     if not isinstance(value, wanted):
         raise DesignError(
             f"{describe_part(part)}: {method} gave {shorten(repr(value))}; expected {wanted.__name__}"
         )
+
     return value
 
 
@@ -121,6 +124,7 @@ def look(
         poses[body.name] = Pose.from_rotation(
             body.pose.position + shift, turn * body.pose.rotation
         )
+
     return Seen(poses)
 
 
@@ -139,6 +143,7 @@ def resolve(
     """
     rise = _rise(seed, settings.perception)
     waypoints: Waypoints
+
     if isinstance(plan, Waypoints):
         waypoints = plan
     else:
@@ -146,6 +151,7 @@ def resolve(
         seen = replace(seen, felt=tuple(_lower(pose, rise) for pose in felt))
         waypoints = call_part(plan, "resolve", Waypoints, seen)
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
+
     check_tempo(waypoints, task.home, settings.max_motion_s)
     if not rise.any():
         return waypoints

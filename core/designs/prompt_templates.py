@@ -44,6 +44,7 @@ class PromptTemplates:
             raise UserError(
                 f"prompt template {part}{SUFFIX}: {_one_line(error)}; a template may use: {', '.join(sorted(values))}"
             ) from error
+
         # A blank line at the end, however a client joins the texts.
         return Text(text.strip() + "\n\n")
 

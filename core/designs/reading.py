@@ -74,6 +74,7 @@ def read_designs(
         base = Candidate(None, NO_PLAN, generation, agent, number, parents=parents)
         found = _read_strategy(strategy, base, representation, task, actions)
         candidates += islice(found, n_action)
+
     return candidates
 
 
@@ -116,6 +117,7 @@ def _read_strategy(
 
     tool = given
     problem = None
+
     try:
         if given is None:
             tool = _read_tool(fields, representation, gripper)
@@ -124,11 +126,13 @@ def _read_strategy(
         problem = str(error)
 
     base = replace(base, tool=tool, problem=problem)
+
     try:
         plans = _read_action_sets(fields)
     except DesignError as error:
         yield replace(base, problem=problem or str(error))
         return
+
     for action, raw in enumerate(plans):
         try:
             plan = parse_plan(actions, raw, gripper)
@@ -192,6 +196,7 @@ def _read_tool(
         raise DesignError(
             f"{describe_part(representation)}: parse gave a tool {mount}, and gripper={gripper} was asked for"
         )
+
     weighed = representation.material.made(tool)
     return replace(weighed, name=name, description=description)
 
@@ -221,6 +226,7 @@ def load_designs(path: Path) -> object:
     what = f"designs file {path}"
     text = read_text(path, what).rstrip()
     start = len(text) - len(text.lstrip())
+
     try:
         document, end = decode(text, start, what)
         _strategies(document)
@@ -228,6 +234,7 @@ def load_designs(path: Path) -> object:
         raise UserError(f"{error}; {EXPECTED}") from error
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
+
     if end < len(text):
         raise UserError(f"{what} goes on after its document; {EXPECTED}")
     return document
@@ -246,6 +253,7 @@ def load_tool(
         raise UserError(
             f"{path} has {len(strategies)} strategies; there is no strategy={number}"
         )
+
     given = representation.given(task)
     try:
         fields = _as_fields(strategies[number])
@@ -296,6 +304,7 @@ def dump_names(candidate: Candidate) -> dict[str, Any]:
         raise ValueError(
             f"candidate {candidate.id} has no tool to write: {candidate.problem}"
         )
+
     return {
         "strategy_name": candidate.strategy_name,
         "strategy_description": candidate.strategy_description,

@@ -104,6 +104,7 @@ def parse_reply(text: str) -> object:
             return {"strategies": saved}
         _, longest = max(failures, key=lambda failure: failure[0])
         raise longest
+
     if not objects:
         raise DesignError(f"the reply has no JSON object; {EXPECTED}")
     return objects[0]
@@ -132,11 +133,13 @@ def _save_strategies(text: str) -> list[Any]:
             reread += len(text) - position
             following = _STRATEGY.search(text, position + 1)
             position = following.start() if following else len(text)
+
         strategies.append(strategy)
     else:
         if not malformed:
             strategies.append(_unread(text, position))  # the list has no end
             malformed = 1
+
     return strategies if len(strategies) > malformed else []
 
 

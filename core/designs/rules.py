@@ -79,19 +79,24 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         raise DesignError(
             f"the tool has no components; hang at least one from {' or '.join(tool.mounts)}"
         )
+
     if len(tool.components) > MAX_COMPONENTS:
         raise DesignError(
             f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed"
         )
+
     for component in tool.components:
         _check_component(component)
         if material.density_kg_m3 is None:
             _check_mass(component)
+
     check_weight(tool, robot, material)
+
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(
             f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed"
         )
+
     _check_extent(tool)
     joints = check_contacts(tool, robot)
     check_joints(tool, material, mount_solids(tool, robot))
@@ -187,6 +192,7 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
         else:
             _check_gap(name, gap, MAX_GAP_M, f"parent {parent!r}")
             points[name] = placed[parent][1].apply(point)
+
     return points
 
 
@@ -207,12 +213,14 @@ def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -
     if material.density_kg_m3 is None:
         kind = "even of steel"
     most = material.strength_pa
+
     for name, (bend, stress) in Beams(tool, joints, material).bending().items():
         if bend > MAX_BEND_M_N:
             raise DesignError(
                 f"component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
                 f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
             )
+
         load_pa = MAX_LOAD_N * stress
         if most is not None and load_pa > most:
             raise DesignError(
@@ -236,6 +244,7 @@ def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
         raise UserError(
             f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None"
         )
+
     try:
         tool = representation.material.made(tool)
         if tool.components:
@@ -243,4 +252,5 @@ def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
     except DesignError as error:
         what = f"the tool that it gives for {task.name} breaks a rule"
         raise UserError(f"{describe_part(representation)}: {what}: {error}") from error
+
     return tool

@@ -19,12 +19,14 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     if brief.elites:
         ids = [elite.candidate.id for elite in brief.elites]
         strategy["parents"] = _list(_TEXT | {"enum": ids}, 1, min(2, len(ids)))
+
     strategy |= {"strategy_name": _TEXT, "strategy_description": _TEXT}
     if brief.representation.given(brief.task) is None:
         strategy |= {"tool_name": _TEXT, "tool_description": _TEXT}
     if brief.task.robot.gripper:
         strategy["gripper"] = {"type": "boolean", "enum": [brief.gripper]}
     strategy |= brief.representation.schema()
+
     if brief.n_action:
         plan = brief.actions.schema(gripper=brief.gripper)
         strategy["action_description"] = _TEXT

@@ -58,6 +58,7 @@ class SpawnRules:
                 rules.check(tool)
             except DesignError as error:
                 raise DesignError(f"in {rules.task.name}, {error}") from error
+
         if self._parts:
             return
 
@@ -71,6 +72,7 @@ class SpawnRules:
                 solids.append((solid, mount))
 
         _check_halves(solids)
+
         for solid, mount in solids:
             carriers = (mount,) if tool.gripper else self.robot.near_mount
             _check_arm(solid, arm, carriers)

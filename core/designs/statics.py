@@ -75,6 +75,7 @@ class Beams:
             if parent in self._shapes:
                 beam = self.beam(parent, joints[component.name])
                 chain.append((parent, beam))
+
             self.chains[component.name] = chain
 
     def bending(self) -> dict[str, tuple[float, float]]:
@@ -105,6 +106,7 @@ class Beams:
             moved_m += beam.softness * float(a @ a + a @ b + b @ b) / 3
             far = max(np.linalg.norm(a), np.linalg.norm(b))
             stress_pa = max(stress_pa, beam.weakness * float(far))
+
         return moved_m, stress_pa
 
     def beam(self, name: str, stop: Array) -> Beam:

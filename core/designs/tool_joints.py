@@ -105,9 +105,11 @@ def check_joints(
         )
 
     solids = {name: list(mounts.get(name, ())) for name in tool.borne_on}
+
     for part in tool.parts:
         solid = Solid(part.component, solid_geometry(part.shape), part.pose)
         solids[part.bearer].append(solid)
+
     for bearer in tool.bearers:
         if bearer.joint.kind == "hinge":
             _check_pin(bearer, solids)
@@ -177,6 +179,7 @@ def _check_strength(joint: ToolJoint, share: float) -> float:
         raise DesignError(
             f"has a dry friction of {joint.friction:.3g} {limits.load}; at most {limits.spring:g} is allowed"
         )
+
     return exerted * strain / 2
 
 
@@ -197,6 +200,7 @@ def weigh_moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
         away: Array = np.cross(axis, pose.apply(center))
         mass += component.mass
         inertia += float(turned @ tensor @ turned + component.mass * (away @ away))
+
     if bearer.joint.kind == "slider":
         return mass, mass
     return mass, inertia

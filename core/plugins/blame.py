@@ -41,6 +41,7 @@ def describe_failure(
         if blamed is not None:
             owner = f"{blamed.kind} {blamed.name!r} of {blamed.distribution}"
             return f"{owner} raised {type(error).__name__}: {error}"
+
     return None
 
 

@@ -62,6 +62,7 @@ class Kind(Generic[T]):
             raise UserError(
                 f"{offer} makes a {type(part).__name__}, which is no {expected}"
             )
+
         missing = [name for name in self.attributes if not hasattr(part, name)]
         if missing:
             raise UserError(

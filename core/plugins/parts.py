@@ -82,6 +82,7 @@ class RobotPart(PluginPart[Robot]):
             raise UsageError(
                 f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}"
             ) from error
+
         if not any(self.base):
             return Pose()
         return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw))

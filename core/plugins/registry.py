@@ -93,6 +93,7 @@ class Plugins:
         manager = pluggy.PluginManager(PROJECT)
         manager.add_hookspecs(Parts)
         manager.add_hookspecs(Configs)
+
         try:
             manager.register(plugin, name)
             manager.check_pending()
@@ -150,6 +151,7 @@ class Plugins:
             raise UsageError(
                 f"{choices(kind, name, self.names(kind), where)}{self.failed}"
             )
+
         if isinstance(offer.factory, Command):
             return lambda: offer.factory
         return _imported(offer, offer.factory)
@@ -221,6 +223,7 @@ class Plugins:
             raise UserError(
                 f"{offer} can't be made: {type(error).__name__}: {error}"
             ) from error
+
         KINDS[group].check(part, str(offer))
 
         with suppress(TypeError):  # one that can't be a key is described by its class
@@ -279,11 +282,13 @@ def check_settings(
             raise UsageError(
                 f"{where}: setting {name!r} can't be {value!r}: {reason}"
             ) from error
+
     for name in _needed(signature):
         if name not in checked and name not in given:
             raise UsageError(
                 f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}"
             )
+
     return checked
 
 
@@ -304,16 +309,19 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
         UserError: it can't be imported, or can't be called.
     """
     owner = f"{offer.kind} {offer.name!r} of {offer.distribution}"
+
     try:
         found = pkgutil.resolve_name(what) if isinstance(what, str) else what
     except RAISED as error:  # a third-party import may raise anything
         raise UserError(
             f"{owner} can't be imported: {type(error).__name__}: {error}"
         ) from error
+
     if not callable(found):
         raise UserError(
             f"{owner} is {found!r}; it must be callable, or a text 'module:attribute'"
         )
+
     return typing.cast(Callable[..., Any], found)
 
 

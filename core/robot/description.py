@@ -89,6 +89,7 @@ def assembled(
     for link, bearing in () if fused else tool_parts(tool):
         links[link.name] = link
         joints[link.name] = bearing
+
     for name, parent, pose, joint in tool.bearers if fused else ():
         links[name] = RobotLink(name)
         joints[name] = _joint(name, parent, pose, joint)
@@ -107,6 +108,7 @@ def assembled(
 def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
     """Yield the links of a tool's components, and the joints that bear them."""
     frames = {component.name: component.link for component in tool.components}
+
     for component in tool.components:
         in_link = component.link.inverse()
         center, tensor = mass_properties(component.shape, component.mass)
@@ -180,6 +182,7 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
 
     collisions = link.collisions
     visuals = link.visuals
+
     for component in borne:
         _, pose = tool.borne[component.name]
         center, tensor = mass_properties(component.shape, component.mass)
@@ -188,6 +191,7 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
         solid, drawn = _place_shapes(component, pose)
         collisions += solid
         visuals += drawn
+
     return RobotLink(
         link.name, Inertial.from_tensor(*merge_inertias(weights)), collisions, visuals
     )

@@ -139,6 +139,7 @@ def link_frames(
         frames[name] = place(
             rotations[joint], positions[joint], rotation, pose.position
         )
+
     return frames
 
 
@@ -300,6 +301,7 @@ class Arm:
             joints[k] = seed
             errors[k, 0] = math.sqrt(error[:3].dot(error[:3]))
             errors[k, 1] = math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
+
         return joints, errors
 
     def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
@@ -337,6 +339,7 @@ class Arm:
 
             # The redundant joint motion drifts home, away from the limits; only at first, so that it converges.
             idle = (0.05 if count < 4 else 0.0) * (self.home - q)
+
             if np.count_nonzero((q <= lower) | (q >= upper)):
                 gradient = jacobian.T.dot(error)
                 held = ((q <= lower) & (gradient < 0)) | ((q >= upper) & (gradient > 0))
@@ -367,6 +370,7 @@ class Arm:
             damping = max(damping / 5, 1e-8)
             if settled:
                 break
+
         return q, error, count
 
     def home_for(self, pose: Pose) -> Array:
@@ -382,6 +386,7 @@ class Arm:
                 f"robot {self.robot.name} can't reach the task's home ({where}), by {solution.error_m:.3f} m and "
                 f"{solution.error_rad:.2f} rad; place it elsewhere with robot.base=[x,y,z,yaw], or choose another robot"
             )
+
         return solution.joints
 
 

@@ -63,6 +63,7 @@ def keep_file(
             f"meshes can't be kept in {folder}: {error.strerror}; make the folder writable, or choose another with "
             "XDG_CACHE_HOME"
         ) from error
+
     return file
 
 
@@ -87,6 +88,7 @@ def farthest(corners: Array) -> Array:
     while len(hull.points) < MAX_CORNERS:
         outside = (corners @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
         hull.add_points(corners[[outside.argmax()]])
+
     return np.asarray(hull.points)
 
 

@@ -59,6 +59,7 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
     for way, angle in zip(ways, angles, strict=True):
         cells = max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)
         counts.append(max(1, math.ceil(cells)))
+
     ends = [0, *accumulate(counts)]
 
     # For each knot, the number of the way that it lies on, and its share of that way.
@@ -80,6 +81,7 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
             knots.positions[curve], knots.rotations[curve] = _place_on_curve(
                 positions[passed], rotations[passed], counts[first:last]
             )
+
     return knots
 
 

@@ -12,6 +12,7 @@ from core.values.descriptions import Origin, RobotShape, rounded_shape
 def urdf_shapes(shape: Shape, pose: Pose) -> list[RobotShape]:
     """Make one of our shapes of those that URDF has; a mesh becomes a file of `scratch`."""
     origin = Origin.from_pose(pose)
+
     match shape:
         case Capsule(radius, length):
             shapes = [RobotShape(rounded_shape(Cylinder(radius, length)), origin)]
@@ -19,6 +20,7 @@ def urdf_shapes(shape: Shape, pose: Pose) -> list[RobotShape]:
             for end in (-length / 2, length / 2):
                 place = pose @ Pose(np.array([0.0, 0.0, end]))
                 shapes.append(RobotShape(ball, Origin.from_pose(place)))
+
             return shapes
         case Mesh():
             file = scratch() / f"{shape.content}.obj"

@@ -98,6 +98,7 @@ def _time_at_rest(
     s = sample_cells(cells)
     slope = np.abs(path(s, 1))
     half = arm.acceleration_limits * speed / 2
+
     with np.errstate(divide="ignore"):  # where a joint does not move
         fastest = np.minimum(
             _row_minima(arm.velocity_limits * speed / slope) ** 2,
@@ -131,10 +132,12 @@ def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
         most = square[k] + change
         if most < square[k + 1]:
             square[k + 1] = most
+
     for k in reversed(range(len(allowed))):
         most = square[k + 1] + allowed[k]
         if most < square[k]:
             square[k] = most
+
     return square
 
 
@@ -169,6 +172,7 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     quickest = (arm.velocity_limits * speed / slope).min(axis=1)
 
     asked = leg.asked
+
     for _ in range(_ROUNDS):
         rates = np.minimum(quickest, (PEAK * np.diff(leg.ends) / last / asked)[way])
 
@@ -190,6 +194,7 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
         if not short.any():
             break
         asked = np.where(short, asked * leg.seconds / took, asked)
+
     times, along = _sample_evenly(s, rate, lasts)
 
     reached = [*accumulate(took[:-1].tolist()), float(times[-1])]

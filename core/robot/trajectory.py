@@ -112,6 +112,7 @@ def plan_motion(
         DesignError: no tempo keeps the arm's limits.
     """
     tempo = plan.tempo or Tempo.usual(len(plan))
+
     if begin is None:
         begin = Begin(arm.home_for(home))
     else:
@@ -144,6 +145,7 @@ def plan_motion(
             wait_s=tempo.waits[last - 1],
         )
         legs.append(leg)
+
     trajectory, reached = join_legs(legs, arm, speed)
 
     steps = np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1)
@@ -187,6 +189,7 @@ def join_legs(
         closed = close_fingers(leg.grips, timed.times, timed.reached)
         fingers.append(opening * (1 - closed))
         reached += [began + seconds for seconds in timed.reached]
+
         if leg.wait_s > 0:
             times.append(times[-1][-1:] + leg.wait_s)
             targets.append(targets[-1][-1:])

@@ -70,6 +70,7 @@ def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
             name = f"{link.name}_color{colors.index(shape.color) or ''}"
             color = _element("color", rgba=shape.color)
             part.append(_element("material", color, name=name))
+
         element.append(part)
 
     for shape in link.collisions:
@@ -122,6 +123,7 @@ def _joint_element(joint: RobotJoint) -> Any:
     if joint.spring is not None:
         stiffness, rest = joint.spring
         element.append(_element("spring", stiffness=stiffness, rest=rest))
+
     return element
 
 

@@ -68,4 +68,5 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
             f"robot {robot.name} has no gripper, and task.tool_kinds has no other kind; set task.tool_kinds=[rigid], "
             "or choose another robot"
         )
+
     return borne

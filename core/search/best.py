@@ -42,6 +42,7 @@ def save_best(
     if len(tasks) == 1:
         _save_motion(best.candidate, tasks[0], run, folder, film=film)
         return
+
     save_design(best.candidate, run.representation, folder)
     for task in tasks:
         _save_motion(best.candidate, task, run, folder / task.name, film=film)
@@ -73,6 +74,7 @@ def _save_motion(
     if not film or simulator is None:
         return
     file = folder / "rollout.gif"
+
     try:
         save_film(task, simulator, candidate, run.seed, settings, file)
     except RAISED as error:  # a film that fails costs the film, never the run

@@ -95,6 +95,7 @@ class SearchBuilder:
             assignment, parts.vlm, parts.prompts, parts.sampling, parts.events, pictures
         )
         equip(designer, parts, drawable=drawable)
+
         return designer
 
 
@@ -132,6 +133,7 @@ def equip(designer: ModelDesigner, parts: DesignerParts, *, drawable: bool) -> N
     prompts = parts.prompts
     vlm = parts.vlm
     assignment = parts.assignment
+
     if drawable:
         artist = StripArtist(
             assignment.task,
@@ -165,6 +167,7 @@ def check_level(parts: DesignerParts) -> None:
         raise UsageError(
             f"{task.name} has no text without numbers for prompt.told={told}: give it `in_words`"
         )
+
     if not level.numbers and not parts.vlm.sees:
         raise UsageError(
             f"{parts.vlm.model} reads the scene's numbers, not pictures: prompt.told={told} needs a model that sees"

@@ -155,10 +155,12 @@ class ModelDesigner:
         for reply in replies:
             request = missing.pop(reply.request_id)
             self._replies.append(reply)
+
             if reply.error is not None:
                 lost = _lose(request, f"the model gave no answer: {reply.error}")
                 yield Answer(request, [lost], lost=reply.unanswered)
                 continue
+
             try:
                 yield Answer(request, self._read(request.brief, reply))
             except DesignError as error:
@@ -167,9 +169,11 @@ class ModelDesigner:
                         request, [_lose(request, f"the reply can't be read: {error}")]
                     )
                     continue
+
                 messages = self.prompts.repair(request, reply, str(error))
                 name = f"{request.id}{REPAIRED}"
                 again.append(replace(request, id=name, messages=messages))
+
         for request in missing.values():
             yield Answer(request, [_lose(request, "no reply came")])
 

@@ -67,6 +67,7 @@ def evolve(
     if cut_short and cut_short[0]:
         generation = _generation(len(generations), cut_short[0], strategy.tie)
         generations.append(generation)
+
     return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
 
 
@@ -108,10 +109,12 @@ class CheckedCandidates:
                 raise UserError(
                     f"{name}: ask gave {candidates!r}; expected an iterator of Candidate"
                 )
+
             for candidate in candidates:
                 if not isinstance(candidate, Candidate):
                     wrong = f"ask gave {shorten(repr(candidate))} among its candidates"
                     raise UserError(f"{name}: {wrong}; expected a Candidate")
+
                 self._expect(candidate)
                 yield self._check(candidate)
         except LimitReached as limit:
@@ -129,5 +132,7 @@ class CheckedCandidates:
         except DesignError as error:
             name = describe_part(self._strategy)
             return replace(candidate, problem=f"{name} built a wrong tool: {error}")
+
         self._sound = tool
+
         return candidate

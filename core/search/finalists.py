@@ -88,6 +88,7 @@ def choose(
             events.hook.finalist_tried(
                 evaluation=replace(finalist, finals=finals[name])
             )
+
         earned = [fitness.rewards(finals[e.candidate.id]) for e in left]
         left = _keep_better_half(left, earned, result.tie)
 
@@ -118,4 +119,5 @@ def _keep_better_half(
         first = next(number for number in left if means[number] >= highest - tie)
         better.append(ranked[first])
         left.remove(first)
+
     return better

@@ -40,6 +40,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     search.events.register(store, "store")
     hint = resume_hint(folder)
+
     try:
         return run_search(search, store, film=cfg.film)
     except UserError as error:
@@ -64,11 +65,14 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     """Run the loop, and write what it found."""
     run = search.run
     events = search.events
+
     with writing(run.folder):
         for picture in search.designer.scene_pictures():
             if picture.name == "scene":
                 (run.folder / "scene.png").write_bytes(picture.png)
+
     events.hook.run_started(run=run)
+
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
         result = evolve(
@@ -114,6 +118,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         refuse_stored_receivers(config, overrides)
         print_outcome(run(changed(config, overrides), folder), folder)
         return
+
     try:
         _go_on(store, folder, overrides)
     finally:

@@ -31,6 +31,7 @@ def print_outcome(result: Result, folder: Path) -> None:
         raise UserError(
             f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}"
         )
+
     reasons = [e.reason for g in result.generations for e in g.evaluations]
     why = reasons[0] if reasons else "no candidate came"
     print_best(best_figures(result), folder, why, unseen_figures(result))
@@ -52,11 +53,13 @@ def print_best(
     if best is None:
         reason = f"; the first reason: {why}" if why else ""
         raise UserError(f"no candidate could be tried{reason}")
+
     figures = [f"best reward {best.reward:.3f}"]
     if best.distance_m is not None:  # of joined plans it is not known
         figures.append(f"distance {best.distance_m:.2f} m")
     if unseen is not None:
         mean = f"mean {unseen.mean:.3f}, worst {unseen.worst:.3f}"
         figures.append(f"in {unseen.layouts} unseen layouts {mean}")
+
     figures.append(f"candidate {best.candidate}")
     say(", ".join(figures), str(folder / "best"))

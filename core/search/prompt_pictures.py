@@ -58,6 +58,7 @@ class StripArtist:
         layout = self.seed if shown is None else shown.layout
         # Of several trials what was observed may be of another engine, or perturbed.
         seen = None if evaluation.combined else evaluation.observation
+
         try:
             recording, draw = filmed(
                 task,
@@ -73,6 +74,7 @@ class StripArtist:
         except RAISED as error:  # else it costs the picture, never the run
             report_missing(f"film strip of {candidate.id}", error)
             return None
+
         if strip is None:
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
@@ -111,6 +113,7 @@ def prompt_pictures(
             if not numbers:
                 why = f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
                 raise UserError(why) from error
+
             report_missing("pictures", error)
             drawable = False
             break
@@ -120,6 +123,7 @@ def prompt_pictures(
             if not numbers:
                 raise
             report_missing("picture of the scene", error)
+
     pictures = {
         tool.gripper: (*drawn.get(tool.gripper, ()), *photographs) for tool in mounted
     }

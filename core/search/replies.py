@@ -40,6 +40,7 @@ def ask_model(
                     file=sys.stderr,
                 )
                 continue
+
             missing.remove(reply.request_id)
             sound = checked(reply)
             events.hook.reply_received(request=by_id[sound.request_id], reply=sound)
@@ -49,6 +50,7 @@ def ask_model(
         events.hook.request_composed(request=request)
     release_memory()  # of pictures that were drawn: a model may take minutes
     run_in_thread(receive, arrived.put, "replies")
+
     while (reply := arrived.get()) is not None:
         if isinstance(reply, Exception):
             raise reply

@@ -96,6 +96,7 @@ def _build_strategy(
             "rollouts": rollouts,
             "tie": settings.get("tie", TIE),
         }
+
     strategy: EvolutionStrategy = part(
         EVOLUTION, OmegaConf.create(dict(settings))
     ).create(designer=designer, budget=designer.assignment.budget)

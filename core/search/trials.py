@@ -126,9 +126,11 @@ class Trials:
                 )
                 broken = []
                 yield from self._play(player, chunks, broken)
+
             alone = (piece for chunk in broken for piece in chunk.split(1))
             yield from self._play(player, alone, None)
             yield from self._drain()
+
             if self._waiting:
                 raise UserError(
                     f"{describe_part(self.executor)}: map gave no result for {len(self._waiting)} trials"
@@ -174,6 +176,7 @@ class Trials:
                     self._settled.append((candidate, ()))
                 else:
                     self._register(candidate, to_try)
+
             for condition, members in to_try.items():
                 if members:
                     yield Chunk(condition, tuple(members))
@@ -189,10 +192,13 @@ class Trials:
                 if key in self.known:
                     continue
                 waiting.missing += 1
+
                 if key not in self._waiting:
                     self._waiting[key] = []
                     members.append(candidate)
+
                 self._waiting[key].append(waiting)
+
         if waiting.missing == 0:
             self._settled.append((candidate, self._trials_of(waiting)))
 
@@ -237,6 +243,7 @@ def _fail(chunk: Chunk, error: Exception) -> Trial:
             f"candidate {candidate.id} can't be tried: {machine}; this is a fault of the machine, not of the design, "
             "which stays untried: see that there is room on its disks and in its memory"
         )
+
     reason = str(error)
     if not isinstance(error, PluginError):
         reason = f"{type(error).__name__}: {reason}"
@@ -268,6 +275,7 @@ def _gather(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candida
             arrived.put(candidate)
 
     run_in_thread(read, arrived.put, "candidates")
+
     while True:
         item = arrived.get()
         group: list[Candidate] = []
@@ -279,6 +287,7 @@ def _gather(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candida
                 item = arrived.get(timeout=LINGER_S)
             except queue.Empty:
                 break
+
         if group:
             yield group
         if isinstance(item, Exception):

@@ -41,10 +41,12 @@ def prepare(
     """
     tool = candidate.tool
     plan = candidate.plan
+
     if tool is None:
         raise ValueError(
             f"candidate {candidate.id} has no tool to try: {candidate.problem}"
         )
+
     if scene is None:
         scene = task.scene(seed)
     waypoints = resolve(plan, task, seed, settings, scene)
@@ -187,16 +189,19 @@ def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
         raise DesignError(
             "the plan has guards ('until'), and this engine can't play them"
         )
+
     duration = motion.trajectory.duration
     most = stage.settings.max_motion_s
     if duration > most:
         took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most:.0f} s"
         raise DesignError(f"{took}; use fewer waypoints")
+
     if stage.checks or stage.settings.observe:
         thin = thinnest(stage.scene)
         hz = sample_hz(stage.task.robot, job.tool, job.trajectory, thin)
         check_work(job.tool, duration, hz)
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
+
     return motion, job
 
 

@@ -126,6 +126,7 @@ class PlannedGuards:
         # Only where the way was too short for a reading before its end.
         extended = self._extend(guard)
         self._find_next(self._number + 1)
+
         return extended
 
     def _estimate_force(self, arm: Array, points: Array, forces: Array) -> Array:
@@ -166,12 +167,14 @@ class PlannedGuards:
             times = np.array([0.0, tempo.waits[number]])
             wait = JointTrajectory(times, stop.arm[ends], stop.fingers[ends])
             stop = _join(stop, wait)
+
         arrivals = np.append(before.arrivals[:number], stop.duration)
         rest = None
         if arm is not None:
             rest = self._plan_rest(stop, number + 1)
         self.motion = self._join_motions(stop, arrivals, rest)
         self._find_next(number + 1)
+
         return self.motion.trajectory
 
     def _extend(self, guard: Guard) -> JointTrajectory | None:
@@ -200,12 +203,14 @@ class PlannedGuards:
         distance = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
         misses = self.motion.misses[:count]
         slowed = self.motion.slowed[:count]
+
         if rest is not None:
             trajectory = _join(first, rest.trajectory)
             distance += rest.distance_m
             arrivals = np.append(arrivals, first.duration + rest.arrivals)
             misses = np.vstack([misses, rest.misses])
             slowed = np.append(slowed, rest.slowed)
+
         plan = self._waypoints.poses[: len(arrivals)]
         return Motion(trajectory, distance, arrivals, misses, plan, slowed)
 
@@ -268,6 +273,7 @@ def _bring_to_rest(
         way = end - begin
     limits = speed * arm.acceleration_limits
     lasts = FEEL_S
+
     while True:
         at_first = 6 * way / lasts - 4 * velocity
         at_last = 2 * velocity - 6 * way / lasts

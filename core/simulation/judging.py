@@ -36,6 +36,7 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> list[Trial]:
         else:
             name = attempt.candidate.id
             trials.append(Trial(stage.where, name, "failed", reason=failure))
+
     return trials
 
 
@@ -52,6 +53,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
                 attempt.findings = findings(*parts)
         except Explosion as explosion:
             return attempt.problem or f"the simulation blew up: {explosion}"
+
         wanted = stage.task.reads_trace or stage.settings.observe
         if wanted and outcome.error is None and is_finite(recording):
             attempt.contacts = find_contacts(*parts)
@@ -77,6 +79,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
     if task.reads_trace:
         contacts = [attempt.contacts for attempt in finished]
         trace = make_trace(stage.scene, [found for found in contacts if found])
+
     rewards = _rewards(task, starts, ends, trace).tolist()
     shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1).tolist()
     for number, attempt in enumerate(finished):
@@ -105,6 +108,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
         if not 0.0 <= reward <= 1.0:
             reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
             trial = replace(trial, status="failed", reward=0.0, reason=reason)
+
         observed = _observe(stage, trial, attempt)
         yield judge(observed, attempt.findings, forbid=stage.forbids)
 
@@ -155,4 +159,5 @@ def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Arr
             f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {count} worlds; "
             f"expected ({count},)"
         )
+
     return rewards

@@ -161,6 +161,7 @@ class _Case:
         if forbidden is not None:
             instant, what = forbidden
             return "forbidden", what, instant
+
         if self.names and not self.left:
             return "placed", "", None
 
@@ -187,9 +188,11 @@ class _Case:
             if not _is_ball(self.scene, name):
                 turned = self.end.quaternion(name)
                 tilt = round(float(_tilts(self.start.quaternion(name), turned)), 1)
+
             shifted = self._moved(name) > _STILL_M or tilt > _STILL_DEG
             if shifted or name in self.names:
                 found[name] = Moved(_point(end - begin), _point(end), tilt)
+
         return found
 
     def choose_paths(self, moved: Mapping[str, Moved]) -> list[str]:
@@ -248,9 +251,11 @@ class _Case:
         scene = self.scene
         contacts = self.contacts
         work = (0.0, np.inf)
+
         if touches.size:
             first, last = contacts.taken.times[touches[[0, -1]]].tolist()
             work = (first, last)
+
         causes = [
             *_unreachable(self.motion, work),
             *_stuck(scene, contacts, self.lags, work),
@@ -289,6 +294,7 @@ def _stuck(
 ) -> Iterator[Cause]:
     """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
     times = contacts.taken.times
+
     for begin, stop in _runs(lags > STUCK_RAD):
         if times[stop - 1] < work[0] or times[begin] > work[1]:
             continue
@@ -301,6 +307,7 @@ def _stuck(
             if not scene[other].fixed:
                 places = contacts.taken.states.position(other)
                 moved = _length(places[peak] - places[before])
+
             if moved <= UNYIELDING_M:
                 yield float(times[begin]), "stuck", other
 
@@ -324,6 +331,7 @@ def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause 
         tipped = runs[-1][0]
         if heights[tipped] >= rest - FELL_M:
             return float(times[tipped]), "tipped", name
+
     return None
 
 

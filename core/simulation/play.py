@@ -55,6 +55,7 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
         if metres > MISSED_M or radians > MISSED_RAD:
             miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
             problems.append(f"the arm misses the way to waypoint {number} by {miss}")
+
     return [*problems, *motion.slowdowns(), *planned.warnings]
 
 
@@ -67,6 +68,7 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     for attempt, outcome in zip(attempts, outcomes, strict=True):
         attempt.outcome = outcome
         follow_guards(stage, attempt)
+
     played = iter(judge_attempts(stage, attempts))
 
     condition = stage.condition
@@ -77,6 +79,7 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
         if examiner is not None and trial.status == "ok":
             trial = examiner.examine(condition, candidate, trial)
         trials.append(trial)
+
     return trials
 
 
@@ -93,7 +96,9 @@ def _run_engine(
     if not listed or not all(isinstance(outcome, Outcome) for outcome in outcomes):
         got = f"{shorten(repr(outcomes))}; expected a list of Outcome"
         raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
+
     if len(outcomes) != len(jobs):
         got = f"{len(outcomes)} outcomes for {len(jobs)} jobs"
         raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
+
     return outcomes

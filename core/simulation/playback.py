@@ -44,6 +44,7 @@ class Schedule:
         if job.record_hz > 0:
             self.every = max(1, round(1 / (job.record_hz * time_step)))
             self.samples = np.append(np.arange(0, count, self.every), count)
+
         first = -(-self.settle // LAG_EVERY) * LAG_EVERY
         self.looks = np.arange(first, count, LAG_EVERY)
         self.tick = max(1, round(FEEL_S / time_step))

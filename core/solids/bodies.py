@@ -63,6 +63,7 @@ class Solids:
                 self.widths[number] = thickness(shape) / 2
             elif isinstance(shape, Sphere):
                 self.radii[number] = shape.radius
+
         corners = np.linalg.norm(np.abs(self.middles) + self.halves, axis=1)
         self.reaches = np.where(self.radii < np.inf, 0.0, corners)
         self.far = np.linalg.norm(self.positions, axis=1) + corners

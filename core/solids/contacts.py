@@ -73,6 +73,7 @@ class Contacts:
             force = 0.0
             if values is not None:
                 force = float((values * self.touching[key]).max())
+
         depth = self.depths[key]
         return Contact(kind, first, second, times[0], times[-1], depth, force)
 
@@ -110,9 +111,11 @@ def find_contacts(
             kind = "body"
         elif number >= links or pair.first.name in tool.mounts:
             kind = "tool"
+
         key = (kind, pair.first.name, pair.second.name)
         touching[key] = touching.get(key, False) | touched
         depths[key] = max(depth, depths.get(key, depth))
+
         if kind == "tool" and not scene[pair.second.owner].fixed:
             sample = int(touched.argmax())
             if earliest is None or sample < earliest[0]:
@@ -120,6 +123,7 @@ def find_contacts(
 
     bodies = {body.name for body in scene.bodies}
     softs = {soft.name for soft in scene.softs}
+
     for (first, second), force in taken.forces.items():
         if softs & {first, second}:  # engines alone know what soft bodies touch
             kind = "arm"
@@ -127,6 +131,7 @@ def find_contacts(
                 kind = "body"
             elif first == "tool" and tool.components:
                 kind = "tool"
+
             key = (kind, first, second)
             touching[key] = force > 0
             depths[key] = 0.0
@@ -233,7 +238,9 @@ def nearest(
                 break
             gap = -Pair(robot[number], body).look(sample).depth
             best = min(best, (gap, sample))
+
         found[body.owner] = best
+
     return found
 
 

@@ -42,6 +42,7 @@ def neighbours(
         names = tracks.solids.owners
         both = [frozenset((names[i], names[j])) for i, j in pairs.tolist()]
         pairs = pairs[[pair not in joined for pair in both]]
+
     return pairs
 
 

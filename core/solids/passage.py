@@ -134,6 +134,7 @@ def find_passage(
         if passage is not None:
             return passage
         instant = course.find_next(instant, look.depth)
+
     return encounter.cut
 
 
@@ -170,10 +171,12 @@ class Encounter:
                 return Passage(self.since, f"passed through {{}} at {self.since:.2f} s")
             self.entry = look
             self.reached = 0.0
+
         if self.entry is not None and look.depth >= self.limit:
             if self.reached < self.limit:
                 self.since = now
             self.reached = max(self.reached, look.depth)
+
         return self._find_stuck(look, instant, now)
 
     def _follow_side(self, look: Look, instant: Instant, now: float) -> None:

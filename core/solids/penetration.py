@@ -89,6 +89,7 @@ def findings(
         within = meetings.near[:, before]
         meetings = _find_meetings(tracks, meetings.pairs, meetings.depths, within)
         times = closer.times
+
     return [*_find_passages(meetings, times), *flung, *_find_overrun(tool, recording)]
 
 
@@ -147,9 +148,11 @@ def _count_looks(meetings: _Meetings) -> Array:
     ways = meetings.ways[pair, interval] + 2 * away  # there and back
     looks = np.zeros(tracks.samples - 1)
     np.maximum.at(looks, interval, np.maximum(ways / meetings.depths.thick[pair], 1.0))
+
     for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):
         # What comes to rest is near no more, but may stay too deep.
         looks[1:] = np.maximum(looks[1:], looks[:-1] > 0)
+
     return looks
 
 
@@ -166,6 +169,7 @@ def _find_passages(meetings: _Meetings, times: Array) -> list[Finding]:
         if passage is not None:
             names = pair.first.name, pair.second.name
             passages[names] = min(passages.get(names, passage), passage)
+
     return [
         Finding(f"{first!r} {text.format(repr(second))}", penetration=True)
         for (first, second), (_, text) in passages.items()
@@ -211,6 +215,7 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
             texts.append(f"{name!r} was flung: {reached}")
         elif far > LOST_M:
             texts.append(f"{name!r} was flung: it got {far:.1f} m away")
+
     return [Finding(text, penetration=False) for text in texts]
 
 

@@ -94,6 +94,7 @@ class SolidPairs:
             self._geometry.addGeometryObject(
                 pin.GeometryObject(str(number), solid.frame, place, solid.geometry)
             )
+
         for pair in limits:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
         self._data = pin.GeometryData(self._geometry)
@@ -182,6 +183,7 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
         (first + count, second + count): deep
         for (first, second), deep in _link_limits(robot, jointed(tool)).items()
     }
+
     for first, part in enumerate(mounted):
         for second, link in enumerate(links, start=count):
             before = model.supports[part.frame]
@@ -189,6 +191,7 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
             on_two_fingers = before - behind and behind - before
             if part.frame != link.frame and not on_two_fingers:
                 limits[first, second] = DEEP_M
+
     return SolidPairs(model, [*mounted, *links], limits)
 
 

@@ -94,15 +94,18 @@ class Track:
         if len(self.positions) == 1:
             k = 0
             share = 0.0
+
         if share == 0 and k in self._places:
             return self._places[k]
         rotation = self.rotations[k]
         position = self.positions[k]
+
         if share > 0:
             position = position + share * (self.positions[k + 1] - position)
             turn = pin.log3(rotation.T.dot(self.rotations[k + 1]))
             rotation = rotation.dot(pin.exp3(share * turn))
             return coal.Transform3s(rotation, position), rotation
+
         self._places[k] = coal.Transform3s(rotation, position), rotation
         return self._places[k]
 
@@ -253,6 +256,7 @@ def follow(
         turning = np.where(number == 0, model.reach, 0.0)  # about the joints before
         far = solids.far[moving] + turning
         aside += detour.moved[number] + far[:, None] * detour.turned[number]
+
     rows = _rows(
         solids,
         moving,

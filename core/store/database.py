@@ -80,12 +80,14 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
     """
     file = folder / FILE
     log = folder / f"{FILE}-wal"
+
     try:
         if not file.exists():
             raise UserError(f"{folder} holds no run: there is no {FILE} in it")
         for path in folder.glob(f"{FILE}*"):
             if not path.is_file():  # opening a pipe would wait without end
                 raise UserError(f"{path} is no regular file")
+
         # Without a log it is at rest: SQLite needs no lock, nor a folder that can be written.
         mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
         address = f"{file.resolve().as_uri()}?{mode}"
@@ -98,6 +100,7 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
             if state not in _sound:
                 _check(database, file)
                 _sound.add(state)
+
             yield database
     except (sqlite3.Error, OSError) as error:
         why = clean(str(error), 300)  # SQLite quotes a text that it can't decode
@@ -118,6 +121,7 @@ def _check(database: sqlite3.Connection, file: Path) -> None:
             raise UserError(
                 f"{file} was written by another version of this program; it is left as it is"
             )
+
     found = damage(database)
     if found is not None:
         raise sqlite3.DatabaseError(found)
@@ -142,14 +146,17 @@ class Database:
         self.folder = folder
         self._using = threading.Lock()
         refuse_links(folder)
+
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(folder / LOCK)
+
         try:
             file = folder / FILE
             if file.exists() and file.stat().st_size > 0:
                 with reading(folder):  # which checks it
                     pass
+
             with writing(folder):
                 self._connection = sqlite3.connect(
                     file,
@@ -187,6 +194,7 @@ class Database:
             level = "FULL" if paid else "NORMAL"
             self._connection.execute(f"PRAGMA synchronous={level}")
             self._connection.execute("BEGIN IMMEDIATE")
+
             try:
                 yield
                 self._connection.execute("COMMIT")

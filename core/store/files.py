@@ -22,13 +22,16 @@ def write_text(file: Path, text: str) -> None:
 def write_request(folder: Path, request: Request) -> None:
     """Write a request to ``requests/``: its text, its schema, and pictures beside the scene's."""
     folder = folder / "requests"
+
     for message in request.messages:
         for part in message.parts:
             if (
                 isinstance(part, Picture) and part.name != "scene"
             ):  # which the run's folder has already
                 (folder / f"{part.name}.png").write_bytes(part.png)
+
     write_text(folder / f"{request.id}.md", _as_text(request))
+
     if not request.critique:
         write_text(
             folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2)

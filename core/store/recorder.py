@@ -83,13 +83,16 @@ class RunStore:
                     f"{folder} already holds a run; go on with it with resume={folder}, or choose another folder with "
                     "hydra.run.dir=..."
                 )
+
             with database.transaction():
                 database.create()
                 database.insert(
                     "run", schema_version=SCHEMA_VERSION, config=json.dumps(config)
                 )
+
             store = cls(database)
             on_error.pop_all()
+
         return store
 
     @classmethod
@@ -107,6 +110,7 @@ class RunStore:
                 return None
             store = cls(database)
             unless_begun.pop_all()
+
         return store
 
     @hookimpl
@@ -166,6 +170,7 @@ class RunStore:
                 request.id,
             )
             return
+
         with writing(self.folder):
             write_request(self.folder, request)
         with self._database.transaction():

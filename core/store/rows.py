@@ -385,6 +385,7 @@ def damage(database: sqlite3.Connection) -> str | None:
                 read(dict(row))
             except ValueError as error:
                 return f"row {row['row_number']} of {table}: {error}"
+
     for (candidate,) in database.execute(_ORPHANS):
         return f"evaluations: {candidate} has no row in strategies"
     for candidate, number in database.execute(_LOST_TRIALS):

@@ -29,6 +29,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # For an encoding that has not every letter.
         sys.stdout.reconfigure(errors="backslashreplace")
+
     sys.stdout = Scrubbed(sys.stdout)
     sys.stderr = Scrubbed(sys.stderr)
     interrupt = _Interrupt()
@@ -36,6 +37,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
         # Ignored where a shell runs it in the background.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, interrupt)
+
     try:
         status = function(sys.argv[1:])
         sys.stdout.flush()
@@ -51,6 +53,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
         _leave(f"error: {error}", 1)
     except KeyboardInterrupt as error:
         _leave("; ".join(["interrupted", *map(str, error.args)]), 130)
+
     sys.exit(status or 0)
 
 
@@ -76,12 +79,14 @@ def folders_and_overrides(
         if word.startswith("-"):
             raise UsageError(f"can't read {word!r}; {usage}")
         key, _, value = word.partition("=")
+
         if "=" not in word or Path(word).exists():
             folders.append(Path(word))
         elif key in ("run", "runs"):
             folders.append(Path(value))
         else:
             overrides.append(word)
+
     return folders, overrides
 
 
@@ -139,6 +144,7 @@ def print_table(
             table.add_column(name, justify="right", no_wrap=True)
         else:
             table.add_column(name, overflow="fold")
+
     for row in rows:
         table.add_row(*(rich.text.Text(clean(cell, 2000)) for cell in row))
     console = rich.console.Console(file=file, width=None if file.isatty() else 100_000)

@@ -90,8 +90,10 @@ def read_untrusted(file: Path, most: int) -> bytes:
         raise UserError(f"{file} can't be read: {error.strerror}") from error
     except ValueError as error:  # a zero byte in its name
         raise UserError(f"{str(file)!r} can't be a file's name: {error}") from error
+
     if len(data) > most:
         raise UserError(
             f"{file} has {size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
         )
+
     return data

@@ -56,6 +56,7 @@ def isolated(
             raise UserError(
                 f"{what} takes more than {limit_s or LIMIT_S:g} s to read; {mend}"
             ) from error
+
         last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])
         if last.startswith(_REFUSED):
             raise UserError(f"{what} {last.removeprefix(_REFUSED)}")
@@ -63,16 +64,19 @@ def isolated(
             raise UserError(
                 f"{what} can't be read: the process ended with {done.returncode} {last[:200]}; repair it"
             )
+
         return out.read_bytes()
 
 
 def _main(module: str, function: str, *words: str) -> None:
     """Call a function with what is piped in, and write the bytes that it returns to the file that comes last."""
     *given, out = words
+
     with contextlib.suppress(
         ValueError, OSError
     ):  # a system that has no such limit, or a lower one
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
     try:
         Path(out).write_bytes(
             getattr(importlib.import_module(module), function)(

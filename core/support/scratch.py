@@ -30,6 +30,7 @@ def scratch() -> Path:
         UserError: it can't be made.
     """
     global _folder, _maker
+
     with _lock:
         try:
             if _folder is None:

@@ -91,6 +91,7 @@ def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
             alike = re.sub(r"[\d.]*\d", "0", line)
             counts[alike] += 1
             first.setdefault(alike, f"{name}: {line}")
+
     return [
         f"{count} times, first {first[alike]}" if count > 1 else first[alike]
         for alike, count in counts.most_common()
@@ -106,6 +107,7 @@ def hydra_word(value: object) -> str:
     if isinstance(value, Mapping):
         items = [f"{hydra_word(key)}:{hydra_word(value[key])}" for key in value]
         return f"{{{','.join(items)}}}"
+
     text = str(value).lower() if isinstance(value, bool) else str(value)
     if re.fullmatch(r"[\w./+-]+", text):
         return text

@@ -30,6 +30,7 @@ def run_in_thread(
                 error.__traceback__
             )  # which shows whose code it was
             raised.__cause__ = error
+
         ended(raised)
 
     threading.Thread(target=run, name=name, daemon=True).start()

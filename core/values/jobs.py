@@ -190,10 +190,12 @@ class RolloutSettings:
         )
         _check_range("settle_s", self.settle_s, 60, " seconds")
         _check_range("hold_s", self.hold_s, 60, " seconds")
+
         if self.speed > 1:
             raise UsageError(
                 f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}"
             )
+
         if self.penetration not in PENETRATION_MODES:
             raise choices("rollout.penetration", self.penetration, PENETRATION_MODES)
 

@@ -165,6 +165,7 @@ class Joint:
             value = getattr(self, name)
             problem = f"{name} must be from 0 to {MAX_FORCE:g}, got {value}"
             problems[problem] = not 0 <= value <= MAX_FORCE
+
         refuse(f"joint {self.name!r}: ", problems)
         unit = tuple(float(value) / length for value in self.axis)
         object.__setattr__(self, "axis", unit)
@@ -235,6 +236,7 @@ class PlacedJoint:
         turned = multiply(now, inverse(self.turn))
         real = turned[..., 0]
         imaginary = turned[..., 1:]
+
         if joint.kind == "ball":
             angle = 2 * np.arctan2(np.linalg.norm(imaginary, axis=-1), np.abs(real))
             return JointState(angle, np.linalg.norm(spin, axis=-1))

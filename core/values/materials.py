@@ -45,10 +45,12 @@ class Material:
             value = getattr(self, name)
             if value is not None:
                 check_positive("material.", **{name: value})
+
         if not 0.01 <= self.infill <= 1:
             raise UsageError(
                 f"material.infill is a share, 0.01 to 1, got {self.infill}"
             )
+
         for name in ("wall_mm", "friction"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:

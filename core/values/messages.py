@@ -117,9 +117,11 @@ def checked(reply: Reply) -> Reply:
     """
     text = reply.text
     error = reply.error
+
     if not isinstance(text, str):
         error = error or f"the text is {kind(text)}"
         text = ""
+
     # JSON can hold half a pair, a UTF-8 file can't.
     text = scrub(text.encode("utf-8", "replace").decode("utf-8"))
     if error is not None:

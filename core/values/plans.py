@@ -179,6 +179,7 @@ def content_of(value: object) -> object:
             if not (type(v) is type(f.default) and v == f.default)
         ]
         return type(value).__name__, *given
+
     if isinstance(value, np.ndarray):
         return value.shape, value.dtype.str, value.tobytes()
     if isinstance(value, tuple):

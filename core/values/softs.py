@@ -256,7 +256,9 @@ def simplices(counts: Sequence[int]) -> Elements:
         for axis in axes:
             corner[:, axis] += 1 - 2 * mirrored[:, axis]
             element.append(numbers[tuple(corner.T)])
+
         found.append(np.stack(element, axis=-1))
+
     return np.concatenate(found)
 
 

@@ -55,6 +55,7 @@ class ToolJoint:
             raise DesignError("a joint's axis needs a length: give for example 0 0 1")
         x, y, z = (float(value) / length for value in self.axis)
         object.__setattr__(self, "axis", (x, y, z))
+
         if not self.lower <= 0 <= self.upper or self.lower == self.upper:
             raise DesignError(
                 f"a joint's range must hold 0, and more than 0; it is {self.lower:g} to {self.upper:g}"

@@ -65,14 +65,17 @@ class Trace:
             ValueError: what touches a soft body is known by its force, and nothing measured forces.
         """
         self._check(body)
+
         if self.forces is None and {body, by} & self.states.soft.keys():
             raise ValueError(
                 "the trace has no forces, by which contacts of soft bodies are known"
             )
+
         found = self._never()
         for (kind, toucher, other), flags in self.touching.items():
             if _is_between(kind, toucher, other, body, by):
                 found = found | flags
+
         return found
 
     def touched(self, body: str, by: str | None = None) -> Flags:
@@ -106,10 +109,12 @@ class Trace:
             ValueError: nothing measured forces.
         """
         self._check(body)
+
         if self.forces is None:
             raise ValueError(
                 "the trace has no forces; this engine or environment measures none"
             )
+
         found = np.zeros(self.shape)
         for (presser, other), force in self.forces.items():
             # A component of the tool presses with the tool's force while it touches.
@@ -118,6 +123,7 @@ class Trace:
                 found = np.maximum(found, force * touches)
             elif _is_between(self._kind(presser), presser, other, body, by):
                 found = np.maximum(found, force)
+
         if by in ("robot", "tool"):
             found = found + self.passed_on(body, by)
         return found
@@ -133,11 +139,13 @@ class Trace:
         pressed = {
             name: np.zeros(self.shape) for name in self.states.names if name != body
         }
+
         for (presser, other), force in forces.items():
             kind = self._kind(presser)
             free = other in pressed and presser not in pressed
             if free and _is_between(kind, presser, other, other, by):
                 pressed[other] = pressed[other] + force
+
         _spread(pressed, [(*pair, forces[pair]) for pair in between])
 
         total = np.zeros(self.shape)
@@ -147,6 +155,7 @@ class Trace:
                 force = forces[pair]
                 borne = np.maximum(force - force[..., :1], 0.0)
                 total = total + np.minimum(pressed[through], borne)
+
         return total
 
     def held(self, body: str) -> Flags:
@@ -170,6 +179,7 @@ class Trace:
             robot |= within & self.contact(name, "robot")
             for place in self.states.places:
                 fixed |= within & self.contact(name, place)
+
         return robot & ~fixed
 
     def __getitem__(self, index: int) -> Trace:

@@ -63,11 +63,13 @@ def read_xml(data: bytes, file: Path) -> Element:
         raise UserError(
             f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})"
         ) from error
+
     count = sum(1 for _ in root.iter())
     if count > _MAX_ELEMENTS:
         raise UserError(
             f"{file} has {count} elements; at most {_MAX_ELEMENTS} are read"
         )
+
     return root
 
 
@@ -93,6 +95,7 @@ def read_description(
     if root.tag != "robot":
         tag = shorten(root.tag)[1:-1]
         raise UserError(f"{file} is no URDF: its root is <{tag}> instead of <robot>")
+
     try:
         return read_tree(root, file, without, taken)
     except UserError as error:
@@ -115,6 +118,7 @@ def read_tree(
             raise UserError(
                 f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
             )
+
         joints[child] = joint, parent
 
     for name in without:
@@ -137,15 +141,18 @@ def read_tree(
     for element in root.iter("material"):
         if element.find("color") is not None:
             colors[element.get("name", "")] = _read_color(element)
+
     folder_of = file if taken is not None else None
 
     description = Description(str(root.get("name") or file.stem), {})
     for name, link in links.items():
         if name in kept:
             description.links[name] = _read_link(link, name, colors, folder_of)
+
     for child, (joint, parent) in joints.items():
         if child in kept:
             description.joints[child] = _read_joint(joint, parent, child)
+
     return description
 
 
@@ -164,6 +171,7 @@ def _find_kept(
     except CycleError as error:
         loop = " -> ".join(error.args[1])
         raise UserError(f"links form a loop: {loop}; a URDF is a tree") from error
+
     return kept
 
 
@@ -202,6 +210,7 @@ class _Part:
             values = tuple(map(float, text.split()))
         except ValueError:
             values = ()
+
         plain = text.isascii() and "_" not in text
         finite = all(abs(value) <= MAX_NUMBER for value in values)  # nan is not
         if not (plain and finite and len(values) == count):
@@ -209,6 +218,7 @@ class _Part:
             raise UserError(
                 f"{self.where}: {name} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}"
             )
+
         return values
 
     def positive(self, name: str, count: int) -> Any:
@@ -251,15 +261,19 @@ def _find_named(
             raise UserError(
                 f"{tag} name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'; rename it"
             )
+
         if name in (taken or ()):
             raise UserError(
                 f"{tag} {name!r} has a name that the program needs itself; rename it"
             )
+
         if name in found:
             raise UserError(
                 f"two {tag}s are named {name!r}; each needs a name of its own"
             )
+
         found[name] = _Part(element, f"{tag} {name!r}")
+
     return found
 
 
@@ -288,9 +302,11 @@ def _read_link(
         raise UserError(f"{inertial.where}: mass is {mass:g} kg; it can't be negative")
 
     moments: Any = Inertial.moments
+
     if inertial.element.find("inertia") is not None:
         tensor = inertial.need("inertia")
         moments = tuple(tensor.number(name, 0.0) for name in MOMENTS)
+
     return RobotLink(
         name, Inertial(mass, origin.xyz, moments, origin.rpy), collisions, visuals
     )
@@ -316,7 +332,9 @@ def _read_shapes(
             color = colors.get(material.get("name", ""))
             if material.find("color") is not None:
                 color = _read_color(material)
+
         shapes.append(RobotShape(shape, part.origin(), color, scale))
+
     return tuple(shapes)
 
 
@@ -325,6 +343,7 @@ def _read_geometry(
 ) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
     where = part.where
     shape = _Part(element, f"{where}: {element.tag}")
+
     match element.tag:
         case "box":
             return Box(shape.positive("size", 3)), ONE
@@ -340,8 +359,10 @@ def _read_geometry(
                 raise UserError(
                     f"{where}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0"
                 )
+
             name = element.get("filename") or ""
             return Path(name) if file is None else find_mesh(name, file, where), scale
+
     tag = shorten(element.tag)[1:-1]
     raise UserError(
         f"{where}: <{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh"

@@ -140,6 +140,7 @@ class Step:
             raise DesignError(
                 f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction"
             )
+
         return Pose.xyz_rpy(origin, (0.0, 0.0, math.atan2(way[1], way[0])))
 
     def corrected(
@@ -161,11 +162,13 @@ class Step:
             raise DesignError(
                 f"{where}: 'corrects' needs a way there, and the waypoint before is at the same place"
             )
+
         shift = (missed @ way / length + self.beyond) * way / length
         poses = {}
         for name in self.corrects:
             place = _place(name, seen, where)
             poses[name] = Pose(place.position + shift, place.quaternion)
+
         return poses
 
     @property
@@ -218,6 +221,7 @@ class AnchoredPlan(ActionPlan):
             where = f"waypoint {number}"
             offset = Pose.xyz_rpy(step.offset, step.rpy)
             pose = step.frame(known, where) @ offset
+
             if step.until:
                 reached = felt.pop(0) if felt else None
                 poses = dict(known.poses)
@@ -227,6 +231,7 @@ class AnchoredPlan(ActionPlan):
                     found = step.corrected(known, way, missed, where)
                     if reached:
                         poses |= found
+
                 known = Seen({**poses, HERE: reached or pose})
 
             row = [*pose.position, *pose.rpy]
@@ -297,6 +302,7 @@ class AnchoredActions(ActionRepresentation):
         if not self.guards:
             for name in _GUARD_FIELDS:
                 del properties[name]
+
         waypoint = {
             "type": "object",
             "properties": properties,
@@ -310,6 +316,7 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(
                 f"an action plan must be a list of waypoints, not {kind(data)}"
             )
+
         if not 1 <= len(data) <= MAX_WAYPOINTS:
             raise DesignError(
                 f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
@@ -323,6 +330,7 @@ class AnchoredActions(ActionRepresentation):
                 raise DesignError(
                     f"waypoint {number}: 'here' is where a guard ended; none comes before"
                 )
+
             guards += bool(step.until)
             steps.append(step)
 
@@ -330,10 +338,12 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(
                 f"the action plan has {guards} guards; at most {MAX_GUARDS} are allowed"
             )
+
         if steps[0].corrects:
             raise DesignError(
                 "waypoint 1: 'corrects' needs a waypoint before, from which the way leads there"
             )
+
         return AnchoredPlan(tuple(steps), gripper)
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
@@ -363,9 +373,11 @@ class AnchoredActions(ActionRepresentation):
 
             pose = Pose.xyz_rpy(row[:3], row[3:6])
             numbers = row[:6]
+
             if anchor != Anchor():
                 offset = step.frame(seen, where).inverse() @ pose
                 numbers = np.round([*offset.position, *offset.rpy], _DIGITS) + 0.0
+
             if guard:
                 seen = Seen({**seen.poses, HERE: pose})
             x, y, z, roll, pitch, yaw = numbers.tolist()
@@ -374,7 +386,9 @@ class AnchoredActions(ActionRepresentation):
             except ValidationError as error:
                 message = error.errors(include_url=False)[0]["msg"]
                 raise DesignError(f"{where}: {message}") from error
+
             steps.append(step.dump())
+
         return steps
 
     def parameters(self, plan: ActionPlan) -> Numbers:
@@ -485,9 +499,11 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
         if first["type"] == "unexpected_keyword_argument":
             raise DesignError(str(choices("field", place, _DEFAULTS, where))) from error
         raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
+
     for is_broken, message in _FAULTS:
         if is_broken(step):
             raise DesignError(f"{where}: {message}")
+
     return step
 
 
@@ -508,6 +524,7 @@ def _place(name: str, seen: Seen, where: str) -> Pose:
         raise DesignError(
             f"{where}: no anchor {shorten(name)}; possible: {', '.join((*seen.poses, WORLD))}"
         )
+
     return seen.poses[name]
 
 

@@ -64,6 +64,7 @@ def check_plans_that_fit_the_schema_are_read(
                     f"{shorten(repr(data))} was refused without a reason",
                 )
                 continue
+
             sound += 1
             expect(
                 isinstance(plan, ActionPlan),
@@ -86,6 +87,7 @@ def check_plans_that_fit_the_schema_are_read(
                 np.array_equal(same.poses, waypoints.poses),
                 "a plan that was pickled means other waypoints",
             )
+
     expect(sound, f"of {2 * _DRAWS} plans of the schema's form none was read")
 
 

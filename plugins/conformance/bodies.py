@@ -142,6 +142,7 @@ def check_shapes_rest_where_they_are_put() -> Iterator[Case]:
             1e-3,
             2.0,
         )
+
     stack = [
         cube(f"brick{i}", (0.6, 0, 0.03 + 0.06 * i), side=0.06, mass=0.4)
         for i in range(4)

@@ -244,6 +244,7 @@ def simulators() -> Iterator[tuple[str, Simulator]]:
         ):  # for example an engine whose library is not installed
             yield offer.name, PluginPart("sim", offer.name).create()
             made = True
+
     if not made:
         raise UserError(
             "no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed"

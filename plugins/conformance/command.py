@@ -61,6 +61,7 @@ def main(words: list[str]) -> None:
             )
             say(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}")
             sys.stdout.flush()
+
     if failed:
         raise UserError(f"{failed} of {count} checks failed")
 

@@ -25,6 +25,7 @@ def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:
             status = end.code
         finally:
             sys.argv = given
+
     return status or 0, output.getvalue()
 
 

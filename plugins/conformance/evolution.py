@@ -81,6 +81,7 @@ def search(
                 isinstance(candidate, Candidate),
                 f"ask returned a {type(candidate).__name__}, not a Candidate",
             )
+
         generations.append(candidates)
         ordered = sorted(candidates, key=lambda candidate: candidate.key)
         strategy.tell(
@@ -89,6 +90,7 @@ def search(
                 for candidate in ordered
             ]
         )
+
     return generations
 
 

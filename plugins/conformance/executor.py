@@ -34,6 +34,7 @@ def check_an_exception_belongs_to_its_chunk(make: Make) -> None:
             chunk[0]: result
             for chunk, result in executor.map(roots, [[1.0], [-1.0], [4.0]])
         }
+
     expect(
         results.get(1.0) == [1.0] and results.get(4.0) == [2.0],
         "a chunk that raised affects other chunks",

@@ -61,6 +61,7 @@ def check_it_names_conditions(make: Make) -> None:
     fitness = make(condition())
     text = fitness.instructions()
     expect(isinstance(text, str), f"instructions returned {text!r}, not a text")
+
     for what, found in {
         "conditions": fitness.conditions(),
         "unseen": fitness.unseen(),
@@ -73,11 +74,13 @@ def check_it_names_conditions(make: Make) -> None:
                 isinstance(each, Condition),
                 f"{what} has a {type(each).__name__}, not a Condition",
             )
+
         places = [each.where for each in found]
         twice = sorted({str(place) for place in places if places.count(place) > 1})
         expect(
             not twice, f"{what} repeats {', '.join(twice)}; each place is tried once"
         )
+
     expect(
         len(fitness.conditions()) > 0,
         "conditions is empty: a candidate is tried nowhere",

@@ -53,6 +53,7 @@ def check_oblique_impact_on_a_slope() -> Iterator[Case]:
     after = 0.03
     speed = GRAVITY * fall
     gained = after / fall  # by the fall after the impact
+
     for friction, degrees in product((0.1, 0.5), (30, 60)):
         tilt = math.radians(degrees)
         hill = replace(slope(tilt, friction), restitution=restitution)
@@ -139,4 +140,5 @@ def check_forces_are_those_that_press(simulator: Simulator) -> str | None:
         above + GRAVITY,
         0.1 * below,
     )
+
     return None

@@ -70,6 +70,7 @@ class Release:
         values = [value]
         step = _STEP_S / _INERTIA[joint.kind]
         most = joint.friction * step  # that friction changes the speed by in a step
+
         for _ in range(round(self.seconds / _STEP_S)):
             pull = _PULL[joint.kind]
             if joint.kind == "hinge":
@@ -81,6 +82,7 @@ class Release:
             speed *= inside
             value += speed * _STEP_S
             values.append(value)
+
         return np.interp(times, np.arange(len(values)) * _STEP_S, values) - joint.start
 
 
@@ -206,6 +208,7 @@ def check_chain_stays_together(simulator: Simulator) -> None:
     states = play(simulator, Scene((top, bottom), (hinge, ball)), 2.0).states
     fastest = states.linear_velocities.max()
     between("the largest speed of a chain that swings, m/s", fastest, 1.0)
+
     for number in range(0, 200, 10):
         upper = states[number].pose("upper")
         lower = states[number].pose("lower")

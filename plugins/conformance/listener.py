@@ -85,9 +85,11 @@ def script(
             ),
             ("generation_finished", {"generation": generations[-1]}),
         ]
+
     first = generations[0].evaluations[0]
     finalist = replace(first, finals=first.trials)
     events.append(("finalist_tried", {"evaluation": finalist}))
+
     return [
         *events,
         ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)}),
@@ -130,6 +132,7 @@ def play(listener: object, events: Sequence[tuple[str, dict[str, Any]]]) -> None
     """
     hub = event_hub()
     hub.register(listener)
+
     with ThreadPoolExecutor(1) as pool:
         for event, content in (*events, ("run_ended", {})):
             send = partial(getattr(hub.hook, event), **content)

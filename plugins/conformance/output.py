@@ -100,6 +100,7 @@ def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
         "a job whose targets are not numbers must give an outcome with an error",
     )
     expect(outcomes[2].end is None, "an outcome with an error must have no states")
+
     for number in (0, 1, 3):
         (alone,) = simulator.rollout(task, [jobs[number]])
         expect(
@@ -206,4 +207,5 @@ def check_pictures(simulator: Simulator) -> None:
             np.count_nonzero(off > 30),
             20,
         )
+
     near("a picture that is drawn again", draw(), plain.astype(int), 30)

@@ -118,10 +118,12 @@ def check_straight_lines_are_reached(robot: Robot) -> str:
         _, errors = arm.follow(positions, rotations.as_matrix(), arm.home)
         reached = np.all(errors < _REACHED, axis=1)
         shares.append(np.argmin([*reached, False]) / len(reached))
+
     mean = float(np.mean(shares))
     mend = "choose a home away from limits and from an outstretched arm"
     what = f"the share of lines around home that is reached ({mend})"
     between(what, mean, _LEAST_REACHED)
+
     return f"{mean:.0%} of lines reached"
 
 
@@ -150,6 +152,7 @@ def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
     near(f"{where}the tracking error, rad", error, lag, max(2e-3, 0.5 * lag))
     end = arm.forward(recording.arm[-1]).position
     near(f"{where}where the end-effector ends, m", end, plan[-1, :3], _END_M)
+
     return lag
 
 

@@ -108,5 +108,6 @@ def examine(kind: str, checked: Any) -> Iterator[Verdict]:
         except RAISED as error:  # anything that the part's code raises is a result
             failed = isinstance(error, AssertionError)
             problem = str(error) if failed else describe_error(error)
+
         name = check.__name__.removeprefix("check_").replace("_", " ")
         yield Verdict(name, time.perf_counter() - began, problem, remark)

@@ -138,6 +138,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
             for solid in body_solids(body):
                 for _, gap in obstacles.gaps(solid, 0.0):
                     deep = max(deep, -gap)
+
             what = f"with seed {seed} {body.name!r} starts {1000 * deep:.1f} mm inside {other.name!r}"
             expect(
                 deep < MAX_OVERLAP_M,
@@ -164,6 +165,7 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
         still = at_home(task)
     except UserError as error:  # reported by the check of home
         raise LeftOut("the arm does not reach home") from error
+
     scene = task.scene(SEEDS[0])
     spawn = scene.state()
     between(
@@ -195,6 +197,7 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
             moving or way < MAX_DRIFT_M,
             f"{what}; put it where it can rest, or give it friction",
         )
+
     trace = make_trace(
         scene, [find_contacts(scene, task.robot, Tool(), film(outcome))]
     )[0]
@@ -205,4 +208,5 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
         0.0,
         MAX_IDLE_REWARD,
     )
+
     return f"in {name}"

@@ -44,10 +44,12 @@ def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None
             representation.given(task)
         except UserError:  # there is none for this task
             continue
+
         try:
             count += given_tool(representation, task) is not None
         except UserError as error:
             raise AssertionError(str(error)) from error
+
     expect(
         count or designs(representation),
         "it gives no tool for any task, and writes none",

@@ -178,6 +178,7 @@ def run(
     """
     task = Bodies(*bodies, joints=joints)
     scene = task.scene(0)
+
     try:
         return play(simulator, task, job)
     except UserError as error:

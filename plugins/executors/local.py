@@ -132,6 +132,7 @@ class _Worker:
                 return RuntimeError(
                     f"it took more memory than executor.memory_mb={self._memory_mb} allows"
                 )
+
             return RuntimeError(str(result)) if isinstance(result, _Died) else result
 
     def _hand_over(self, job: bytes) -> bool:
@@ -147,6 +148,7 @@ class _Worker:
         if why is not None:
             self._bury()
             raise UserError(f"worker processes can't be used: {why}")
+
         return True
 
     def _sent(self, job: bytes) -> str | None:
@@ -174,6 +176,7 @@ class _Worker:
     def _start(self) -> None:
         self._bury()
         os.environ.update(_ONE_THREAD)
+
         with _reaping:
             if self._closed:
                 raise UserError("the executor is closed")
@@ -181,12 +184,14 @@ class _Worker:
                 resource_tracker.ensure_running()  # or it is started below, and lets signals through again
                 # The process inherits it: Ctrl-C is not for it, not even while it starts.
                 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
             if (
                 multiprocessing.get_start_method()
                 not in multiprocessing.get_all_start_methods()
             ):
                 # In a job of joblib it is joblib's own method, whose name a new process would not know.
                 multiprocessing.set_start_method("spawn", force=True)
+
             self._pipe, theirs = _spawn.Pipe()
             with theirs:
                 arguments = [theirs, self._memory_mb, scratch()]
@@ -212,11 +217,14 @@ class _Worker:
                 return pipe.recv()
         except (EOFError, OSError):
             pass
+
         self._bury()
+
         if process.exitcode in (-signal.SIGTERM, -9):
             raise Fault(
                 "the worker process died: it was killed, as the system does when memory runs out"
             )
+
         raise _Died(f"the worker process died (exit code {process.exitcode})")
 
     def _bury(self) -> None:
@@ -266,18 +274,22 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
         except RAISED as error:
             pipe.send(portable(error))
             return
+
         if not begun:
             begun = True
             gc.freeze()  # what was imported stays: Python's garbage collector need not look there again and again
             if memory_mb is not None:
                 _limit_memory(memory_mb)
+
         pipe.send(None)
+
         try:
             result = pickle.dumps(function(chunk))
         except MemoryError:
             result = pickle.dumps(MemoryError())
         except RAISED as error:
             result = pickle.dumps(portable(error))
+
         pipe.send_bytes(result)
         del function, chunk, job, result
         release_memory()

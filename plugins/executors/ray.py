@@ -76,6 +76,7 @@ class RayExecutor(Executor):
             raise UserError(
                 "executor=ray needs Ray: pip install 'ray>=2.40'"
             ) from error
+
         if address is not None:
             _reach(address)
         self._ray = ray
@@ -130,11 +131,13 @@ class RayExecutor(Executor):
                 )  # no fault of the chunk
                 why = f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
                 continue
+
             if isinstance(answer, _Unusable):
                 raise UserError(str(answer))
             if not isinstance(answer, Fault):
                 return answer  # type: ignore[no-any-return]
             machine, why = True, str(answer)
+
         if self._closed:
             return RuntimeError("the executor is closed")
         return (Fault if machine else RuntimeError)(
@@ -151,6 +154,7 @@ class RayExecutor(Executor):
                 raise self._ray.exceptions.RayError("the executor is closed")
             answers = task.remote(job)
             self._tasks[id(answers)] = answers
+
         try:
             unusable: bytes = self._ray.get(next(answers))
             if unusable:
@@ -158,8 +162,10 @@ class RayExecutor(Executor):
             if not self._ray.wait([answers], timeout=limit)[0]:
                 self._ray.cancel(answers, force=True)
                 raise self._ray.exceptions.GetTimeoutError
+
             result: bytes = self._ray.get(next(answers))
             next(answers, None)  # its end: the process is free for the next chunk
+
             return result
         finally:
             with self._lock:
@@ -179,15 +185,18 @@ class RayExecutor(Executor):
                 f"executor.num_cpus={self._num_cpus:g}: the cluster has {has.get('CPU', 0):g} cores; "
                 "where it grows by itself, set executor.workers"
             )
+
         if self._num_gpus > 0:
             cards = has.get("GPU", 0)
             if cards < self._num_gpus:
                 raise UserError(
                     f"executor.num_gpus={self._num_gpus:g}: the cluster has {cards:g} graphics cards"
                 )
+
             room = min(room, cards / self._num_gpus)
         elif batches:
             return 1
+
         return int(room)
 
     def _connect(self) -> None:
@@ -204,12 +213,14 @@ class RayExecutor(Executor):
                 "num_cpus": max(wanted, cores()),
                 "include_dashboard": False,
             }
+
         self._connected = True  # perhaps in part only
         constants = self._ray._private.ray_constants
         usual = constants.ENABLE_RAY_CLUSTER
         # A cluster that is started here listens on 127.0.0.1 only, as on macOS and Windows, not on all addresses.
         constants.ENABLE_RAY_CLUSTER = usual and self._address is not None
         handler = signal.getsignal(signal.SIGTERM)
+
         try:
             self._ray.init(
                 **settings,
@@ -254,6 +265,7 @@ def _reach(address: str) -> None:
         raise UsageError(
             f"executor.address must be HOST:PORT, ray://HOST:PORT or auto, got {address!r}"
         )
+
     try:
         socket.create_connection((host, int(port)), timeout=_REACH_S).close()
     except (OSError, OverflowError) as error:
@@ -279,6 +291,7 @@ def _work(job: bytes) -> Iterator[bytes]:
     the chunk begins; or why it can't.
     """
     _keep_scratch()
+
     try:
         function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
         getattr(function, "prepare", lambda: None)()
@@ -289,9 +302,12 @@ def _work(job: bytes) -> Iterator[bytes]:
             )
         )
         return
+
     yield b""
+
     try:
         result = pickle.dumps(function(chunk))
     except RAISED as error:
         result = pickle.dumps(portable(error))
+
     yield result

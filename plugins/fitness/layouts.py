@@ -66,6 +66,7 @@ class Layouts(Fitness):
             raise UsageError(
                 f"seed and fitness.layouts together must be at most {_MOST_SEED}; those after are unseen"
             )
+
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
         task = condition.task.shared()
@@ -75,6 +76,7 @@ class Layouts(Fitness):
             raise UsageError(
                 f"fitness=layouts: all layouts of {task.name} are the same; {mend}"
             )
+
         self._condition = condition
         self._unseen = unseen
         self._sims: Mapping[str, Part[Simulator]] = {condition.sim.name: condition.sim}
@@ -155,4 +157,5 @@ def describe_ranges(ranges: Ranges) -> str:
     for (_, span), names in groups.items():
         others = f" to {names[-1]}" if len(names) > 1 else ""
         described.append(f"{names[0]}{others} {span}")
+
     return ", ".join(described)

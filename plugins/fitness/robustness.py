@@ -90,6 +90,7 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
             rolling_friction=body.rolling_friction * friction,
         )
         bodies.append(changed)
+
     return replace(scene, bodies=tuple(bodies))
 
 
@@ -103,6 +104,7 @@ def _draw_poses(
 
     solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
     anchored = {body.name for body in scene.bodies if body.fixed} | {None}
+
     for placed in scene.ordered_joints:
         if placed.joint.parent in anchored:
             anchored.add(placed.joint.body)
@@ -117,6 +119,7 @@ def _draw_poses(
         for name, parts in solids.items():
             if name not in members:
                 standing += parts
+
         for body in group:
             moving += solids[body.name]
         move = _draw_move(group, moving, Obstacles(standing), ranges, rng)
@@ -125,6 +128,7 @@ def _draw_poses(
             poses[body.name] = move @ body.pose
             parts = solids[body.name]
             solids[body.name] = tuple(_move(solid, move) for solid in parts)
+
     return poses
 
 
@@ -146,6 +150,7 @@ def together(
                 for solid in solids[body.name]
                 for _, gap in others.gaps(solid, TOGETHER_M)
             )
+
     count, labels = connected_components(near, directed=False)
     return [
         [body for body, label in zip(bodies, labels, strict=True) if label == group]
@@ -177,6 +182,7 @@ def _draw_move(
             after = _gaps([_move(solid, move) for solid in solids], others)
             if _fits(before, after):
                 return move
+
     return Pose()
 
 

@@ -79,6 +79,7 @@ class ProgressListener:
         if best is not None and mean is not None:
             rewards = f"best {best:.3f}  mean {mean:.3f}"
         counts = f"{len(generation.evaluations)} candidates"
+
         for status in ("rejected", "failed"):
             count = generation.count(status)
             if count:

@@ -99,6 +99,7 @@ def _reasons(result: Result) -> Iterator[str]:
 def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     """Say what is to be said of the best candidate."""
     yield from _tied(result, best)
+
     if len(best.tasks) > 1:
         every = [evaluation.figures for evaluation in result.ranking]
         yield _compare("tasks", best.tasks, [best.figures], every)
@@ -204,6 +205,7 @@ def _settings(run: Run) -> list[str]:
         config["task"].pop(key, None)
     names = {kind: config[kind].get("name") for kind in _CHOSEN}
     words = [f"{kind}={name}" for kind, name in names.items() if name is not None]
+
     try:
         defaults = load("evaluate", words)
     except UserError:

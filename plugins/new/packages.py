@@ -181,6 +181,7 @@ def main(words: list[str]) -> None:
         raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
     kind, name = named
     output = Path(outputs[0]) if outputs else None
+
     if kind == "scene":
         file = write_scene(name, output)
         say(f"{file}: a scene, ready to be changed")

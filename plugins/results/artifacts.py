@@ -31,6 +31,7 @@ def save_files(
     tool = candidate.tool
     assert tool is not None
     poses = motion.plan
+
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*POSE_COLUMNS[: poses.shape[1]], "arrival_s"])

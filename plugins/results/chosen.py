@@ -56,6 +56,7 @@ def stored_evaluations(
                 parents=design.parents,
             )
             evaluations.append(stored.of(known))
+
     return evaluations
 
 
@@ -75,6 +76,7 @@ def chosen_evaluations(
             raise UserError(
                 f"{path}: there is no such folder of a run, and no designs file"
             )
+
         written = read_designs(load_designs(path), representation, task)
         return [Evaluation(candidate) for candidate in written]
 
@@ -90,6 +92,7 @@ def chosen_evaluations(
     if ended is not None and ended.best is not None:
         winner = ended.best.candidate
         ranking.sort(key=lambda evaluation: evaluation.candidate.id != winner)
+
     return ranking[: cfg.top]
 
 
@@ -113,6 +116,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
             raise UserError(
                 f"{folder}: its configuration can't be used here: {first_line(error)}"
             ) from error
+
     return cfg
 
 

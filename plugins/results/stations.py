@@ -98,6 +98,7 @@ def read_on_each(
             read[name] = _read_on(cfg, replace(task, robot=robot), aliases)
         except UserError as error:
             problems[name] = str(error)
+
     if not read:
         raise UserError("; ".join(dict.fromkeys(problems.values())))
 
@@ -146,6 +147,7 @@ def try_on_each(
                 progress.advance(bar)
                 all_tried = tried or _reject(candidate, conditions)
                 designs.append(record(candidate, name, all_tried, bench.robust))
+
     some = next(iter(candidates.values()))
     order = {candidate.id: number for number, candidate in enumerate(some)}
     return sorted(designs, key=lambda design: order[design["design"]])

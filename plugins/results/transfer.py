@@ -75,6 +75,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
         name = task.create().name
         designs += [{"task": name, **design} for design in found["designs"]]
         result = result or {"task": cfg.task.name, **found}
+
     return {**result, "designs": designs}
 
 
@@ -130,6 +131,7 @@ def show(result: Mapping[str, Any]) -> None:
         f"perturbed: mean ± standard deviation over {count} small perturbation{'s' if count > 1 else ''} of the scene",
         "robust: the lowest of the engines' means; IK error: how far the arm misses the plan at most",
     )
+
     for design in result["designs"]:
         name = f"{design['design']}, {design['task']}, {design['robot']}"
         remarks = [design["reason"]] if design["reason"] else design["warnings"]

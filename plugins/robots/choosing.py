@@ -52,6 +52,7 @@ def hold_joints(
         if value:
             origin = Origin.from_pose(origin.pose @ _move(joint, value), DIGITS)
         joints[joint.child] = replace(joint, kind="fixed", origin=origin, mimic=None)
+
     return replace(description, joints=joints)
 
 
@@ -114,11 +115,13 @@ def find_arm(description: Description, flange: str) -> list[RobotJoint]:
 def limit_turning(joint: RobotJoint) -> RobotJoint:
     """Check a joint of the arm, and give it finite limits."""
     where = f"joint {joint.name!r} between base and flange"
+
     if joint.kind not in TURNING:
         raise UserError(
             f"{where} is {joint.kind}; an arm's joints turn; hold it at a value with "
             f"robot.fixed={{{joint.name}:{joint.range[0]:g}}}"
         )
+
     if joint.mimic:
         raise UserError(
             f"{where} mimics another one, which can't be; drive each by itself"
@@ -132,6 +135,7 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
     velocity = wrong.attempt(read_limit, joint, "velocity", "rad/s")
     wrong.report()
     assert ends is not None
+
     return replace(joint, kind="revolute", limits=Limits(*ends, effort, velocity))
 
 
@@ -165,15 +169,18 @@ def check_home(
         raise UsageError(
             "robot.home is needed, at which the flange looks down; `vlmgineer home` with these words finds it"
         )
+
     if len(home) != len(arm):
         names = ", ".join(joint.name for joint in arm)
         raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {names}")
+
     for value, joint in zip(home, arm, strict=True):
         lower, upper = joint.range
         if not lower <= value <= upper:
             raise UsageError(
                 f"home {value:g} of joint {joint.name!r} is not in its limits {lower:g} to {upper:g}"
             )
+
     return tuple(map(float, home))
 
 
@@ -189,6 +196,7 @@ def choose_gripper(
     for name in options.joints:
         if name not in description.named:
             raise choices("joint", name, description.named, "gripper")
+
     left, right = (description.named[name] for name in options.joints)
 
     fingers = (left, right)
@@ -241,6 +249,7 @@ def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Li
     for joint in fingers:
         if not joint.mimic or joint.limits.upper:
             opening.append(read_span(joint, "metres"))
+
     if not opening or any(lower != 0 for lower, _ in opening):
         raise UserError(
             f"{left.name!r} and {right.name!r} must move from 0, closed, to how far they open"
@@ -281,6 +290,7 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
         value = min(max(lower, 0.0), upper)
         values[joint.name] = f"{joint.name}:{value:g}"
         elsewhere |= bool(value) and joint.kind != "continuous"
+
     held = f"[{','.join(values)}]"
     if elsewhere:
         held = f"{{{','.join(values.values())}}}"

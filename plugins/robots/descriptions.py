@@ -31,9 +31,11 @@ def robots_folder() -> Path:
         files = importlib.metadata.files("example-robot-data") or []
     except importlib.metadata.PackageNotFoundError:
         files = []
+
     for file in files:
         if file.match("robots/panda_description/urdf/panda.urdf"):
             return Path(str(file.locate())).resolve().parents[2]
+
     raise UserError(
         "the descriptions of robots are missing: pip install example-robot-data"
     )
@@ -75,6 +77,7 @@ def mend(
     for name in (*drop, *inertials, *collisions):
         if name not in arm.links:
             raise LookupError(f"the description has no link {name!r}")
+
     links = {}
     for name, link in arm.links.items():
         if name in drop:
@@ -86,20 +89,24 @@ def mend(
             given = Inertial(mass, tuple(center), tuple(moments))
             whole = Inertial.from_tensor(*given.placed())
             links[name] = replace(links[name], inertial=whole)
+
         if name in collisions:
             shape = _collision(collisions[name])
             links[name] = replace(links[name], collisions=(shape,))
+
     joints = {}
     for child, joint in arm.joints.items():
         if {child, joint.parent} & {*drop}:
             continue
         joints[child] = joint
+
         if joint.name in limits:
             numbers = limits[joint.name]
             exact = {key: rounded(value) for key, value in numbers.items()}
             kind = "revolute" if joint.kind == "continuous" else joint.kind
             ends = joint.limits._replace(**exact)
             joints[child] = replace(joint, kind=kind, limits=ends)
+
     return write(Description(arm.name, links, joints))
 
 

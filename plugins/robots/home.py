@@ -47,6 +47,7 @@ def main(words: list[str]) -> None:
         raise UsageError(
             f"robot={part.name} has a home; give your own arm: robot=urdf robot.path=FILE"
         )
+
     if len(cfg.at) != 3 or not all(map(math.isfinite, cfg.at)):
         raise UsageError(f"at must be three numbers, metres, got {list(cfg.at)}")
 

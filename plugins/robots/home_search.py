@@ -48,6 +48,7 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, place: Array) -> R
     for goal in _goals(axis, chosen.mount_rpy, place):
         for start in _starts(arm):
             tried.append(arm.inverse(goal, start))
+
     found = [s for s in tried if s.error_m < _NEAR_M and s.error_rad < _NEAR_RAD]
     found.sort(key=lambda solution: -_rate(arm, solution.joints))
 
@@ -60,11 +61,13 @@ def find_home(robot: Robot, axis: Array, chosen: ArmSettings, place: Array) -> R
         except UserError as error:
             problem = str(error)
             continue
+
         still = JointTrajectory(np.zeros(1), np.array([upright.home]), np.zeros(1))
         met = find_self_collision(upright, Tool(), still)
         if met is None:
             return upright
         problem = f"there {met.describe(np.zeros(1))}"
+
     where = short_numbers(place, 3, ", ")
     raise UserError(
         f"no joints bring the flange to ({where}) from its base, looking down: {problem}; choose another at=, or place "

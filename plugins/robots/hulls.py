@@ -134,6 +134,7 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
         raise UserError(
             f"can't be read as {mesh.suffix[1:].upper()} ({reason}); export it again"
         ) from error
+
     if not parts:
         raise UserError("has no triangles; export it again")
     if not all(np.isfinite(some).all() for some in corners):
@@ -144,6 +145,7 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
     if size > _LARGEST_M:
         mend = 'if it is in millimetres, give its <mesh> scale="0.001 0.001 0.001"'
         raise UserError(f"reaches {size:.4g} m from its origin; {mend}")
+
     for part in parts:
         part.apply_transform(np.diag([*factors, 1.0]))
     return parts

@@ -53,6 +53,7 @@ def turn_mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
             f"near home the arm can't turn the flange straight down: it misses it by {solution.error_m:.3f} m and "
             f"{solution.error_rad:.3f} rad; choose another home"
         )
+
     return replace(robot, home=tuple(solution.joints.round(6).tolist()))
 
 
@@ -126,4 +127,5 @@ def wrist_height(robot: Robot, joints: Array) -> float:
             along = poses[last.child].rotation.apply(last.direction)
             way = np.mean(middles[link], axis=0) - poses[RIGID_MOUNT].position
             return float(way @ along * along[2])
+
     return 0.0

@@ -87,6 +87,7 @@ def normalise(
         ) or RobotLink(head)
 
     wrong.report()
+
     for head in heads:
         joint = description.joints[head]
         parent, pose = parts[joint.parent]
@@ -109,6 +110,7 @@ def normalise(
             flange,
             Origin.from_pose(pose, DIGITS),
         )
+
     return Description(description.name, links, joints)
 
 
@@ -124,6 +126,7 @@ def _joined(
         # Without shapes it is only a frame.
         solid = any(link.collisions for link, _ in parts)
         inertial = _BASE if solid else Inertial()
+
     visuals = []
     collisions = []
     for link, pose in parts:
@@ -131,6 +134,7 @@ def _joined(
             visuals.append(_read_alike(shape, pose, True))
         for shape in link.collisions:
             collisions.append(_read_alike(shape, pose, False))
+
     return RobotLink(head, inertial, tuple(collisions), tuple(visuals))
 
 
@@ -147,6 +151,7 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
     for link, pose in parts:
         if link.inertial.mass > 0:
             heavy.append(link.inertial.placed(pose))
+
     if not heavy:
         raise UserError(
             f"{where} moves, but has no mass; give it <inertial> with mass and inertia"
@@ -166,6 +171,7 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
         raise UserError(
             f"{where} has moments of inertia {shown} kg m^2; {rule}: look at its units and signs"
         )
+
     return mass, center, tensor + max(0.0, lacking * 1.001) * np.eye(3)
 
 

@@ -78,6 +78,7 @@ def describe(chosen: ArmSettings) -> Description:
             f"{path} is Xacro, of which a URDF is to be made first: pip install 'xacrodoc>=2,<3', then: "
             f"xacrodoc {path} -o {path.with_suffix(suffix).name}"
         )
+
     data = read_untrusted(path, MAX_BYTES)
     return read_description(data, path, chosen.without or (), taken=RESERVED)
 
@@ -112,6 +113,7 @@ def build_unmounted(
         found = wrong.attempt(choose_gripper, description, chosen.gripper, flange, arm)
         if found is not None:
             gripper, fingers = found
+
     drives = {joint.name: joint for joint in (*arm, *fingers)}
     if chosen.gripper is None or gripper is not None:
         wrong.attempt(check_rest, description, drives)

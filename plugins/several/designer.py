@@ -80,6 +80,7 @@ class PlannedTool:
         if self.lost is not None:
             yield replace(self.tool, problem=self.lost)
             return
+
         words = [f"{task}: {text}" for task, text in sorted(self.words.items())]
         sets = zip_longest(*self.plans.values()) if self.plans else [()]
         for number, plans in enumerate(sets):
@@ -87,6 +88,7 @@ class PlannedTool:
             for task, plan in zip(self.plans, plans, strict=True):
                 if plan is not None:
                     chosen[task] = plan
+
             yield replace(
                 self.tool,
                 plan=TaskPlans(tuple(chosen.items())),
@@ -177,6 +179,7 @@ class SeveralDesigner(ModelDesigner):
             for agent in team.agents:
                 if self.assignment.given is not None or (agent + generation) % 2:
                     kept[agent] = self._renew(tools, generation, agent, team)
+
         return kept
 
     def _renew(
@@ -208,6 +211,7 @@ class SeveralDesigner(ModelDesigner):
             if tool.problem is not None:
                 yield tool
                 continue
+
             planned, new = self._ask_for_plans(tool, teams)
             for request in new:
                 waiting[request.id] = (planned, request.brief.task.name)
@@ -244,6 +248,7 @@ class SeveralDesigner(ModelDesigner):
             requests.append(
                 self._request_plans(task, tool, parents, brief, temperature)
             )
+
         return planned, requests
 
     def _held(self, evaluation: Evaluation) -> dict[str, ActionPlan]:

@@ -66,13 +66,16 @@ class TaskActions(ActionRepresentation):
                 raise DesignError(
                     "plans for several tasks must be a list of objects with 'task', 'action' and 'plan'"
                 )
+
             task = item.get("task")
             if not isinstance(task, str):
                 raise DesignError(
                     f"'task' of plan {number} is {kind(task)}; it must be the name of a task"
                 )
+
             plan = _read_plan(item, gripper=gripper)
             plans.append((clean(task, MAX_NAME), plan))
+
         return TaskPlans(tuple(plans))
 
 

@@ -44,6 +44,7 @@ class SeveralSearch(SearchBuilder):
                 f"prompt.told={prompts.settings.told} shows one scene, and {task.name} has several: "
                 "use words or source"
             )
+
         assert isinstance(parts.fitness, Together)
         judges = parts.fitness.by_task
 
@@ -58,6 +59,7 @@ class SeveralSearch(SearchBuilder):
                 gripper: tuple(_name(picture, part, number) for picture in own)
                 for gripper, own in drawn.items()
             }
+
         designer = SeveralDesigner(
             replace(assignment, actions=TaskActions()),
             parts.vlm,
@@ -73,6 +75,7 @@ class SeveralSearch(SearchBuilder):
             plan_pictures=pictures,
         )
         equip(designer, parts, drawable=drawable)
+
         return designer
 
 

@@ -41,6 +41,7 @@ class Several(Task):
             raise UsageError(
                 f"task.of needs two or more different tasks, got {', '.join(names)}"
             )
+
         self.tool_kinds = _find_common_kinds(of)
         texts = [f"{task.name}: {task.description}" for task in self._parts]
         in_words = [f"{task.name}: {task.in_words}" for task in self._parts]
@@ -100,4 +101,5 @@ def _find_common_kinds(entries: Sequence[str | Mapping[str, Any]]) -> tuple[str,
             f"these tasks have no tool kind in common: {', '.join(takes)}; "
             "set tool_kinds of one, or leave one out"
         )
+
     return common

@@ -56,14 +56,17 @@ class Islands(EvolutionStrategy):
         check_positive(
             "evolution.", islands=islands, migrate=migrate, patience=patience
         )
+
         if islands > budget.n_agent:
             raise UsageError(
                 f"evolution.islands is {islands}, but budget.n_agent is {budget.n_agent}; each needs one"
             )
+
         if not styles:
             raise UsageError(
                 "evolution.styles is empty; give at least one text, which may be empty"
             )
+
         self._migrate = migrate
         self._patience = patience
         steps = max(islands - 1, 1)
@@ -100,6 +103,7 @@ class Islands(EvolutionStrategy):
             best_first(pool, self.tie)[:1] if travel else [] for pool in self._pools
         ]
         restarted = [self._restart(k) for k in range(count)]
+
         for k in range(count):
             if not restarted[k] and count > 1:
                 self._pools[k] += best[k - 1]
@@ -122,4 +126,5 @@ class Islands(EvolutionStrategy):
         self._pools[k] = []
         self._best[k] = 0.0
         self._idle[k] = 0
+
         return True

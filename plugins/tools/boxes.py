@@ -42,11 +42,13 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         raise DesignError(
             f"{where}: shape must be one of {', '.join(_SIZES)}, not {shorten(str(name))}"
         )
+
     check_keys(
         {key: None for key in _KEYS if key in item},
         ("shape", *_SIZES[name]),
         f"{where}, a {name},",
     )
+
     if name == "box":
         sides = read_numbers(item.get("size"), 3, f"{where}: size")
         sizes = [_positive(side, f"{where}: size") for side in sides]
@@ -56,6 +58,7 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
             for size in _SIZES[name]
         }
         sizes = [_positive(value, f"{where}: {size}") for size, value in given.items()]
+
     return PRIMITIVES[name](*sizes), Pose()
 
 

@@ -97,6 +97,7 @@ class ComponentTools(VariedTools):
             if self.joints:
                 properties["joint"] = {"anyOf": [{"type": "null"}, _JOINT]}
             items.append(_object(properties))
+
         item = items[0]
         if len(items) > 1:
             item = {"anyOf": items}
@@ -137,11 +138,13 @@ class ComponentTools(VariedTools):
             raise DesignError(
                 f"{self.field} is missing; give a list of the tool's components"
             )
+
         items = data[self.field]
         if not isinstance(items, list):
             raise DesignError(
                 f"{self.field} must be a list of components, not {kind(items)}"
             )
+
         if len(items) > MAX_COMPONENTS:
             raise DesignError(
                 f"{self.field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed"
@@ -198,6 +201,7 @@ class ComponentTools(VariedTools):
             raise DesignError(
                 f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
             )
+
         parent = dict(self.robot.aliases).get(parent, parent)
 
         position = read_numbers(item.get("position"), 3, f"{where}: position")
@@ -299,13 +303,16 @@ def parents_first(
                 raise DesignError(
                     f"parents lead from {name!r} in a circle; hang it from {' or '.join(mounts)}"
                 )
+
             if name not in parents:
                 raise DesignError(
                     f"{what} {chain[-1]!r} hangs from {shorten(name)}, which is neither a {what} of the tool nor its "
                     f"mount ({' or '.join(mounts)})"
                 )
+
             chain.append(name)
             name = parents[name]
+
         done.update(chain)
         yield from reversed(chain)
 
@@ -348,6 +355,7 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
         name: read_number(item.get(name, 0.0), f"{where}: {name}")
         for name in _JOINT_NUMBERS
     }
+
     try:
         return ToolJoint(moves, (x, y, z), origin=origin, **numbers)
     except DesignError as error:
@@ -389,6 +397,7 @@ def read_number(value: object, where: str) -> float:
         raise DesignError(
             f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below"
         )
+
     return float(value)
 
 
@@ -448,14 +457,17 @@ def _read_name(
         raise DesignError(
             f"{where} has no name; give it one of letters, digits, '_', '.' or '-'"
         )
+
     if not NAME.fullmatch(name):
         raise DesignError(
             f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
         )
+
     if name in reserved:
         raise DesignError(
             f"{where}: its name {name!r} is the robot's own; choose another"
         )
+
     if name in taken:
         raise DesignError(f"two components are named {name!r}; each needs its own name")
     return name

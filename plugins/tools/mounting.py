@@ -96,6 +96,7 @@ class ExampleBox:
 def first_box(brief: Brief) -> ExampleBox:
     """Make a shaft at the flange, or a pad on the inside of the left finger's tip."""
     robot = brief.task.robot
+
     if not brief.gripper:
         size = np.array([0.02, 0.02, 0.1])
         below = (robot.flange.disc.length + size[2]) / 2

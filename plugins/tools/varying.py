@@ -79,6 +79,7 @@ def vary_tool(design: Tool, values: Array) -> Tool:
         pose = Pose.from_rotation(goal - rotation.apply(inside), rotation)
         mass = component.mass * shape.volume / component.shape.volume
         changed[component.name] = replace(component, pose=pose, shape=shape, mass=mass)
+
     return replace(design, components=tuple(changed.values()))
 
 
@@ -96,6 +97,7 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
     values = []
     old = {c.name: c for c in design.components}
     new = {c.name: c for c in other.components}
+
     for component, after in zip(design.components, other.components, strict=True):
         slide = np.zeros(3)
         if component.parent in old:
@@ -108,6 +110,7 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
         growth = np.log(after.shape.bounds[1] / component.shape.bounds[1])
         turn = component.pose.rotation.inv() * after.pose.rotation
         values += [growth, slide, turn.as_rotvec()]
+
     return np.concatenate(values)
 
 

@@ -87,6 +87,7 @@ class Mailbox(VLM):
             if waiting and not announced:
                 self._announce(len(waiting))
                 announced = True
+
             if waiting:
                 time.sleep(self._poll_s)
 
@@ -122,6 +123,7 @@ class Letter:
         """
         text = "\n".join(as_markdown(message) for message in self.request.messages)
         prompt = self.folder / "prompt.md"
+
         try:
             if _holds(prompt, text):
                 return
@@ -134,10 +136,12 @@ class Letter:
 
             self.folder.mkdir(parents=True, exist_ok=True)
             self._post_pictures()
+
             if not self.request.critique:
                 schema = self.request.schema
                 lines = json.dumps(schema, indent=1, ensure_ascii=False)
                 _write(self.folder / "schema.json", f"{lines}\n".encode())
+
             # last, so that the other files are there when it is
             _write(prompt, text.encode())
         except OSError as error:
@@ -191,6 +195,7 @@ class Letter:
         _say(
             f"{self.request.id}: {name} can't be used; {self.folder / 'problem.md'} says why"
         )
+
         return None
 
     def _write_problems(
@@ -263,6 +268,7 @@ def _check_starts(
                 start.check(candidate.tool)
             except DesignError as error:
                 problem = str(error)
+
         checked.append(replace(candidate, problem=problem))
 
     return checked

@@ -165,6 +165,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             raise gymnasium.error.ResetNeeded("call reset before step")
         action = np.clip(self._check(action), -1.0, 1.0)
         fingers = self._fingers
+
         if self.tool.gripper:
             wanted = self._opening * (1 - action[-1]) / 2
             most = FINGER_SPEED * STEP_S
@@ -194,6 +195,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         """Joint targets (J,) at the end of the step, within the limits of angle and speed."""
         arm = self._arm
         fastest = arm.velocity_limits * STEP_S
+
         if self.control_mode == "joints":
             joints = self._joints + action[: len(fastest)] * fastest
         else:
@@ -221,6 +223,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         span = steps * world.time_step
         speeds = (joints - self._joints) / span
         finger_speed = (fingers - self._fingers) / span
+
         for k in range(1, steps + 1):
             if self.task.reads_trace:
                 self._film.add(self._elapsed, world)

@@ -123,6 +123,7 @@ class Writer:
         candidate = evaluation.candidate
         assert candidate.tool is not None
         self._set_time(generation)
+
         try:
             motion, outcome, recording = replay(self._run, candidate, hz)
         except ValueError as error:
@@ -141,6 +142,7 @@ class Writer:
         ]
         self._move_robot(instants, candidate.tool, recording)
         self._move_scene(instants, recording.states)
+
         if outcome.start is not None and not self.task.reads_trace:
             rewards = self._reward_over_time(outcome.start, recording.states)
             columns = rr.Scalars.columns(scalars=rewards)

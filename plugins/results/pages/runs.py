@@ -161,6 +161,7 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
 
     runs = []
     skipped = (HYDRA, "best", "requests", "replies")
+
     for name in sorted(entries, key=natural):
         below = name not in skipped and entries[name].is_dir(follow_symlinks=False)
         if below and depth > 0:
@@ -207,6 +208,7 @@ def read_run(folder: Path) -> AnyRun:
     if figures.stopped is not None:
         why = short(f"stopped: {figures.stopped}")
         return LeftOutRun(folder, "unfinished", why, figures.task, config)
+
     if figures.best is None:
         why = f"no candidate could be tried{short(_first_reason(store))}"
         return LeftOutRun(folder, "failed", why, figures.task, config)

@@ -63,6 +63,7 @@ def best_tool(run: FinishedRun) -> Winner:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     name = run.best.candidate
+
     for evaluation in run.store.evaluations():
         if evaluation.candidate == name and evaluation.status == "ok":
             break

@@ -80,6 +80,7 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     """Return the films of the best runs, with what they show, as far as they are small enough for a page."""
     films = []
     left = FILMS_BYTES
+
     for g in results.groups:
         for film in g.best.films():
             length = film.stat().st_size

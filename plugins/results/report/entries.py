@@ -215,6 +215,7 @@ def _check_seeds(entry: Entry) -> None:
     for task in entry.tasks.values():
         of_task = sorted(run.seed for run in task.runs)
         seeds.add(tuple(of_task))
+
         if len(seeds) > 1 or len(set(of_task)) < len(of_task):
             raise UserError(
                 "its tasks have other seeds, or one twice; run each task once with each of the same seeds"

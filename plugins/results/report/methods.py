@@ -127,6 +127,7 @@ def _distinguish(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     for (task, _), setting in zip(configs, settings, strict=True):
         alike[task, *(setting.get(key) for key in choices)].append(setting)
     varying = [key for key in choices if _varies(settings, key)]
+
     for key in keys:
         if key not in choices and any(_varies(runs, key) for runs in alike.values()):
             varying.append(key)

@@ -176,6 +176,7 @@ def lineage(results: Results) -> Rows:
     designs = run.store.designs()
     tried = [row for row in run.store.evaluations() if row.status == "ok"]
     shown = run.config.get("budget", {}).get("k_top") or SHOWN
+
     for generation in range(len(run.figures.generations)):
         rows = [row for row in tried if row.design[0] == generation]
         best: dict[Key, StoredEvaluation] = {}

@@ -59,6 +59,7 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
             claimed = run.score(entry.rules, task)
             score = None
             why = ""
+
             if claimed == 0:
                 score = 0.0
             elif run.design is None:

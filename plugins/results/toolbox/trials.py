@@ -190,6 +190,7 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
     config = load("config", [*defaults, *words])
 
     run: Mapping[str, Any] = held.run.config
+
     for kind in set(OF_RUN) - given:
         merge = kind in ("material", "rollout")
         OmegaConf.update(config, kind, run[kind], merge=merge)

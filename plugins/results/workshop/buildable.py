@@ -60,6 +60,7 @@ class Buildable(Fitness):
             )
 
         check_positive("fitness.", safety=safety)
+
         if not 0 <= margin_m <= 0.2:
             raise UsageError(
                 f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}"
@@ -120,6 +121,7 @@ class Buildable(Fitness):
         if problems and score.reward > 0:
             lost = f"its reward of {score.reward:.2f} does not count"
             return replace(score, reward=0.0, reason=f"{problems[0]}, so that {lost}")
+
         if len(trials) > 1:
             return score
 

@@ -88,6 +88,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     """
     flange = robot.flange
     thickness = fit.plate_mm / 1000
+
     if flange.thread not in HEADS_MM:
         known = ", ".join(HEADS_MM)
         raise UserError(
@@ -110,6 +111,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     ]
 
     bores = screws.cuts
+
     if flange.pin_angle is not None:
         place = _on_circle(robot, flange.pin_angle)
         radius = (1000 * flange.pin_m + PIN_MM) / 2000
@@ -292,6 +294,7 @@ def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
             continue
         bounds = np.array(lost.bounding_box())
         middle = (bounds[:3] + bounds[3:]) / 2
+
         for axis in pose.rotation.as_matrix().T:
             area = _section(component, middle, axis)
             if area > 0 and 1 - _section(lost, middle, axis) / area < LEFT:

@@ -175,6 +175,7 @@ def cut(
         The part; None if the arm never rests before.
     """
     most = arm.acceleration_limits * STEP_S**2
+
     for end in np.sort(arrivals[arrivals < instant])[::-1].tolist():
         joints, fingers = trajectory.sample(end + STEP_S * np.array([-1.0, 0.0, 1.0]))
         if (np.abs(np.diff(joints, axis=0)) > most).any():

@@ -122,6 +122,7 @@ def measured(
     for sample in sorted(hardest):
         instants[""].append(Instant(float(motion.times[sample]), pulled(sample)))
     last = len(motion.times) - 1
+
     for name, replay in replays.items():
         instants[name] = []
         for found in contact_loads(scene, robot, tool, material, replay.recording):

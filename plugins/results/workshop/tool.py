@@ -92,6 +92,7 @@ def make_tool(
         hardware += body.mount.hardware
 
     checks += check_apart(fitted)
+
     for link in links:
         if link.joint is not None:
             to_make = f"the {link.joint.kind} is to be made by the workshop"

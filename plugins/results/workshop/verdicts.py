@@ -64,6 +64,7 @@ def printable(
         checks: of the whole tool.
     """
     found = [check._replace(mend=_mend(check.name)) for check in checks]
+
     for part in parts:
         for check in part.checks:
             name = f"{check.name}, {part.name}"

@@ -41,6 +41,7 @@ class PyBulletRenderer(Renderer):
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
         self._softs = {soft.name: (soft, 0) for soft in task.scene(seed).softs}
+
         for body in task.scene(seed).bodies:
             for part in body.visuals if body.name not in self._softs else ():
                 number = self._add(part)
@@ -63,6 +64,7 @@ class PyBulletRenderer(Renderer):
                 shape = self._client.createVisualShape(
                     self._client.GEOM_MESH, fileName=file, **look
                 )
+
         return int(self._client.createMultiBody(0, -1, shape))
 
     def _place(self, number: int, pose: Pose) -> None:
@@ -96,6 +98,7 @@ class PyBulletRenderer(Renderer):
                 self._client.resetBasePositionAndOrientation(
                     number, _OUT_OF_SIGHT, [0, 0, 0, 1]
                 )
+
             behind, _ = self._draw(camera, width, height)
             for number, pose in poses.items():
                 self._client.resetBasePositionAndOrientation(number, *pose)
@@ -105,6 +108,7 @@ class PyBulletRenderer(Renderer):
             opacity[list(self._clear)] = list(self._clear.values())
             weight = opacity[numbers][..., None]
             picture = (weight * picture + (1 - weight) * behind).astype(np.uint8)
+
         return picture
 
     def _draw(
@@ -135,6 +139,7 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
     fov_deg = camera.fov_deg
     near = _NEAR_M
     far = _FAR_M
+
     # The software renderer draws nothing in parallel projection: from far away instead.
     if camera.height_m is not None:
         position = position - _AWAY_M * forward
@@ -142,6 +147,7 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
         fov_deg = 2 * float(np.degrees(np.arctan(camera.height_m / 2 / distance)))
         near = near + _AWAY_M
         far = far + _AWAY_M
+
     view: list[float] = pybullet.computeViewMatrix(
         position.tolist(), target.tolist(), up.tolist()
     )

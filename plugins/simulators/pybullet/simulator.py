@@ -58,11 +58,13 @@ class PyBulletSimulator(FreshWorlds):
         if self._scene is None or self._scene[0] is not scene:
             rigid = only_rigid(scene, task.name, "pybullet")
             self._scene = (scene, PreparedScene(rigid, folder))
+
         robot = task.robot
         known = self._robot
         if known is None or known[0] != robot or known[1] is not job.tool:
             file = robot_file(folder, robot, job.tool, visuals=False)
             self._robot = known = (robot, job.tool, file)
+
         forces = job.forces and job.record_hz > 0
         return World(
             self._client,

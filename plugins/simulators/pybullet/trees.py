@@ -62,9 +62,11 @@ class Lightness:
         """Compute it for ``bodies`` and their ``inertias``, with a parent's own joint before those on it."""
         twists = list[Array]()
         above = {name: list[int]() for name in bodies}
+
         for name in bodies.keys() - {joint.body for joint in joints}:  # a free root
             above[name] = list(range(6))
             twists += [*np.eye(6)]
+
         first = len(twists)
         axes = dict[str, list[int]]()
         for joint in joints:
@@ -73,6 +75,7 @@ class Lightness:
             above[joint.body] = [*above.get(joint.parent or "", []), *rows]
             axes[joint.name] = [row - first for row in rows]
             twists += moved_by
+
         masses = np.zeros((len(twists), len(twists)))
         for name, body in bodies.items():
             frame = body.pose @ inertias[name].frame
@@ -82,6 +85,7 @@ class Lightness:
             linear = body.mass * moved @ moved.T
             angular = turned * inertias[name].moments @ turned.T
             masses[np.ix_(above[name], above[name])] += linear + angular
+
         inverse = np.asarray(np.linalg.inv(masses), dtype=np.float64)
         return cls(inverse[first:, first:], axes)
 
@@ -135,12 +139,15 @@ class PreparedTree:
         # Names of bodies may be anything.
         links = {joint.body: str(number) for number, joint in enumerate(joints)}
         frame = frames[joints[0].body] if root is None else root.pose
+
         if root is not None:
             bodies.append(root)
             frames[root.name] = root.pose
             links[root.name] = _ROOT
+
         inertias = {body.name: inertia_of(body) for body in bodies}
         made = {_ROOT: RobotLink(_ROOT)} if root is None else {}
+
         for body in bodies:
             name = links[body.name]
             inertia = inertias[body.name]
@@ -148,16 +155,20 @@ class PreparedTree:
             moved = replace(inertia, frame=place @ inertia.frame)
             shapes = collisions_of(body, folder, place)
             made[name] = RobotLink(name, inertial(moved), shapes)
+
         hung = dict[str, RobotJoint]()
         for joint in joints:
             above = _ROOT
             parent_frame = frame
+
             if joint.parent in frames:
                 above = links[joint.parent]
                 parent_frame = frames[joint.parent]
+
             pose = parent_frame.inverse() @ frames[joint.body]
             name = links[joint.body]
             hung[name] = _joint(joint, name, above, pose)
+
         file = text_file(folder, write(Description("tree", made, hung)), "urdf")
         dynamics = {body.name: dynamics_of(body) for body in bodies}
         offsets = {name: offset_of(inertia) for name, inertia in inertias.items()}
@@ -209,12 +220,14 @@ class PreparedTree:
             client.setCollisionFilterPair(
                 number, number, places[one][1], places[other][1], touch
             )
+
         for joint in self.joints:
             if joint.parent in fixed:
                 parent, link = fixed[joint.parent]
                 client.setCollisionFilterPair(
                     number, parent, places[joint.body][1], link, 0
                 )
+
         return places
 
 
@@ -229,6 +242,7 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
         if loose and joint.parent:
             roots[joint.body] = roots.get(joint.parent, joint.parent)
         trees.setdefault(roots[joint.body], []).append(joint)
+
     return [
         PreparedTree.of(scene, None if name in roots else scene[name], joints, folder)
         for name, joints in trees.items()
@@ -245,11 +259,13 @@ def _joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
     kind = _KINDS[joint.kind]
     lower = 1.0  # above the upper one: none
     upper = -1.0
+
     if joint.limited:
         lower = joint.lower - joint.start
         upper = joint.upper - joint.start
     elif joint.kind == "hinge":
         kind = "continuous"
+
     limits = Limits(rounded(lower, DIGITS), rounded(upper, DIGITS), 0.0, 1000.0)
     x, y, z = (rounded(value, DIGITS) for value in joint.axis)
     origin = Origin.from_pose(pose, DIGITS)
@@ -276,6 +292,7 @@ class Mechanism:
         for place, joint in joints:
             self._resist(place, joint)
             client.changeDynamics(*place, jointDamping=joint.damping)
+
         self._driven = [placed for placed in joints if placed[1].drive]
         self._pulled = [
             placed for placed in joints if placed[1].stiffness or placed[1].latches
@@ -285,6 +302,7 @@ class Mechanism:
         """Set a motor at rest, which is dry friction; PyBullet's own would hold the joint."""
         client = self._client
         most = joint.friction
+
         if joint.kind == "ball":
             client.setJointMotorControlMultiDof(
                 *place,
@@ -316,6 +334,7 @@ class Mechanism:
     def _pull(self, place: Place, joint: Joint) -> None:
         """Add what its spring and latches pull a joint with to the forces of the next step."""
         client = self._client
+
         if joint.kind == "ball":
             quaternion = client.getJointStateMultiDof(*place)[0]
             torques = -joint.stiffness * Rotation.from_quat(quaternion).as_rotvec()
@@ -336,6 +355,7 @@ class Mechanism:
         if self._steps is not None:
             begins = self._steps * self._time_step
             ends = begins + self._time_step
+
         before, after = joint.drive.sample(np.array([begins, ends])).tolist()
         away = after - before
         target = after - joint.start
@@ -344,6 +364,7 @@ class Mechanism:
             away -= 2 * np.pi * round(away / (2 * np.pi))
             value = self._client.getJointState(*place)[0]
             target += 2 * np.pi * round((value - target) / (2 * np.pi))
+
         self._client.setJointMotorControl2(
             *place,
             self._client.POSITION_CONTROL,

@@ -80,12 +80,14 @@ class PreparedScene:
         for tree in self.trees:
             in_a_row = 2 if len(tree.dynamics) > 1 else 1
             count = max(count, in_a_row, ceil(tree.rate * time_step))
+
         if count > MAX_STEPS:
             most = MAX_STEPS / count * time_step
             raise UsageError(
                 f"sim=pybullet needs {count} steps in place of one for the scene's stiffest joint, and takes at most "
                 f"{MAX_STEPS}; lower its stiffness, damping or latch force, or set sim.time_step to {most:.2g} s"
             )
+
         return count
 
     def frames(self, centers: Array, quaternions: Array) -> tuple[Array, Array]:
@@ -181,12 +183,15 @@ class World:
         self._links = links
         self._held = (robot, tool)
         self._filter_contacts(robot, tool, links)
+
         for name, link in links.items():
             friction = np.sqrt(friction_of(robot, tool, name))
             client.changeDynamics(self.robot, link, lateralFriction=friction)
+
         for name, inertia in driven_links(robot).items():
             moments = inertia.moments.tolist()
             client.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments)
+
         if tool.bearers:  # Bullet brakes everything that moves, by 4 % in a second
             client.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0)
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
@@ -245,12 +250,14 @@ class World:
                 self._velocity_gains,
                 self._number,
             )
+
         for number, spring in self._springs:
             value = self.client.getJointState(self.robot, number)[0]
             torque = spring.stiffness * (spring.rest - value)
             self.client.setJointMotorControl2(
                 self.robot, number, p.TORQUE_CONTROL, force=torque
             )
+
         for mechanism in self._mechanisms:
             mechanism.drive()
         p.stepSimulation(self._number)
@@ -273,6 +280,7 @@ class World:
             )
             if joint.stiffness > 0:
                 self._springs.append((number, joint))
+
         for mechanism in self._mechanisms:
             mechanism.launch()
         for body in self._scene.launched:
@@ -283,6 +291,7 @@ class World:
                 _, quaternion = self.client.getBasePositionAndOrientation(number)
                 turn = Rotation.from_quat(quaternion).as_matrix()
                 linear -= np.cross(body.spin, turn @ offset.position)
+
             self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
     def _things(self, tool: Tool) -> dict[Place, Thing]:
@@ -336,6 +345,7 @@ class World:
                 linear = moving[6]
                 angular = moving[7]
             found += (*position, *quaternion, *linear, *angular)
+
         return tuple(found)
 
     def _joints_of(self, angles: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
@@ -361,4 +371,5 @@ class World:
             positions[:, shifted] = frames
             quaternions[:, shifted] = turns
             linear[:, shifted] += np.cross(angular[:, shifted], frames - centers)
+
         return State(self._scene.names, positions, quaternions, linear, angular)

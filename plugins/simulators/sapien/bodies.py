@@ -116,6 +116,7 @@ class Bodies:
                 component = physx.PhysxRigidDynamicComponent()
                 weigh(component, weighed.inertias[body.name])
                 self.components[body.name] = component
+
             entity = sapien.Entity()
             entity.name = body.name
             entity.add_component(component)
@@ -133,6 +134,7 @@ class Bodies:
                 for shape in copies:
                     place(shape, part.shape, part.pose)
                     component.attach(shape)
+
             entity.pose = to_sapien(body.pose)
 
             radius = weighed.radii.get(body.name, 0.0)
@@ -145,6 +147,7 @@ class Bodies:
                 entity.add_component(drive)
                 number = self._names.index(body.name)
                 brakes.append(_Brake(number, drive, impulse, held))
+
             scene.add_entity(entity)
 
         self._brakes = _Brakes(brakes, self._brake_every * time_step)
@@ -262,5 +265,6 @@ class _Brakes:
         ):
             brake = self.brakes[number]
             _limit(brake.drive, brake.impulse, acceleration)
+
         self._low[changed] = (_ALIKE[0] * changed_to) ** 2
         self._high[changed] = (_ALIKE[1] * changed_to) ** 2

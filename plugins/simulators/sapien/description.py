@@ -90,7 +90,9 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
             head, pose = parts[arm.joints[name].parent]
             parent = order.index(head)
             joint = _along_x(arm.joints[name], pose)
+
         made.append(ArticulationLink(name, parent, joint, inertia, collisions))
+
     return tuple(made)
 
 

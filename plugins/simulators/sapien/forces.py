@@ -44,6 +44,7 @@ class Forces(Impulses):
             tuple[Any, ...], float
         ] = {}  # the impulses of shapes at rest, which stay the same
         ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
+
         for component in (
             *system.rigid_dynamic_components,
             *system.rigid_static_components,
@@ -52,11 +53,13 @@ class Forces(Impulses):
             self._things.update(
                 dict.fromkeys(component.collision_shapes, (ranks[name], name))
             )
+
         self._free = [
             (each, self._things[each.collision_shapes[0]])
             for each in system.rigid_dynamic_components
         ]
         links = {link.name: link.collisions for link in robot_links(robot, tool)}
+
         for component in system.articulation_link_components:
             parts = links[component.entity.name]
             shapes = component.collision_shapes
@@ -83,9 +86,11 @@ class Forces(Impulses):
                 impulse = sum(
                     float(point.impulse @ point.normal) for point in contact.points
                 )
+
             if still:
                 self._still[shapes] = impulse
             self.add(met, impulse)
+
             if met.body:
                 for point in contact.points:
                     self.push(met, point.position, point.impulse)

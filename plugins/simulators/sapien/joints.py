@@ -46,6 +46,7 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
         if parent is not None:
             roots[body] = roots.setdefault(parent, parent)
             pairs.setdefault(roots[body], []).append((body, parent))
+
     found: dict[str, tuple[int, int]] = {}
     for number, (root, joined) in enumerate(pairs.items(), start=1):
         if len(joined) > _PAIRS:
@@ -57,6 +58,7 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
             for name in pair:
                 _, bits = found.get(name, (number, 0))
                 found[name] = (number, bits | 1 << bit)
+
     return found
 
 
@@ -146,6 +148,7 @@ class _Hung:
             origin = origin + axis * ((inertia.frame.position - origin) @ axis)
             # So far apart, the two points move independently.
             self._reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)
+
         self._in_child = Pose.from_rotation(origin, turned)
 
         moved = (self.middle - joint.start, 0.0, 0.0)
@@ -160,22 +163,26 @@ class _Hung:
         main = self._connect(0.0)
         main.set_limit_y(0.0, 0.0)
         main.set_limit_z(0.0, 0.0)
+
         if joint.kind != "ball":
             other = self._connect(self._reach)
             other.set_limit_y(0.0, 0.0)
             other.set_limit_z(0.0, 0.0)
 
         limit = main.set_limit_twist
+
         if joint.kind == "slider":
             main.set_limit_twist(0.0, 0.0)
             limit = main.set_limit_x
         else:
             main.set_limit_x(0.0, 0.0)
+
         if joint.limited:
             limit(joint.lower - self.middle, joint.upper - self.middle)
 
         motor = _Motor(main, self)
         motor.resist(0.0, joint.damping)
+
         if joint.kind == "ball" and joint.stiffness:
             yield _BallPull(motor, joint)
         elif joint.latches or (joint.stiffness and joint.kind == "hinge"):
@@ -183,9 +190,11 @@ class _Hung:
         elif joint.stiffness:
             motor.resist(joint.stiffness, joint.damping)
             motor.aim(joint.rest)
+
         if joint.friction:
             brake = _Motor(self._connect(0.0), self)
             brake.resist(0.0, joint.friction * _STICKS, joint.friction)
+
         if joint.drive is not None:
             servo = _Motor(self._connect(0.0), self)
             yield _Servo(servo, joint.drive, tracking_rate, self.time_step)
@@ -291,6 +300,7 @@ class _Pull:
         if slope != self._slope:
             self._motor.resist(slope, joint.damping)
             self._slope = slope
+
         self._motor.aim(position)
         spring = joint.stiffness * (joint.rest - self._turned)
         self._motor.push(spring + latch_force(joint, position))

@@ -78,11 +78,13 @@ class ArticulatedArm:
         iterations = components[0].articulation.solver_position_iterations
         too_far = time_step * (iterations - 1) / (2 * iterations)
         self._ahead = 1 / tracking_rate - too_far
+
         for link, component in zip(links, components, strict=True):
             entity = sapien.Entity()
             entity.name = link.name
             entity.add_component(component)
             scene.add_entity(entity)
+
         self._articulation = components[0].articulation
         active_joints = self._articulation.active_joints
         active = {joint.name: number for number, joint in enumerate(active_joints)}
@@ -132,18 +134,23 @@ class ArticulatedArm:
         if self._pull:
             values = self._articulation.qpos
             speeds = self._articulation.qvel
+
             for i, joint in self._pull:
                 spring = joint.stiffness * (joint.rest - values[i])
                 self._forces[i] = spring - joint.damping * speeds[i]
+
             self._articulation.qf = self._forces
+
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake
             return
+
         for set_target, order, before in zip(
             self._setters, orders, self._orders, strict=True
         ):
             if order != before:  # drives keep their target
                 set_target(order)
+
         self._orders = orders
 
     def joints(self) -> tuple[Array, Array]:
@@ -185,17 +192,20 @@ def _components(
             _hold(component.joint, link.joint)
         else:
             _drive(component.joint, link.joint, arm, tracking_rate)
+
     if tool.gripper:
         fingers = []
         for link, component in zip(links, components, strict=True):
             if link.joint and link.joint.joint.name in arm.finger_joints:
                 fingers.append(component)
+
         difference = [0.0, 1.0, -1.0]  # of the two joints, that is
         articulation = components[0].articulation
         articulation.create_fixed_tendon(
             [fingers[0].parent, *fingers], difference, difference, **_COUPLING
         )
         articulation.solver_position_iterations *= _GRIP
+
     return components
 
 
@@ -232,9 +242,11 @@ def _apart(part: str, arm: Robot, tool: Tool) -> int:
     for number, mount in enumerate(tool.mounts, start=1):
         if part == mount or part in near:
             bits |= 1 << number
+
     for number, bearer in enumerate(tool.bearers, start=len(tool.mounts) + 1):
         if part in (bearer.name, bearer.parent):
             bits |= 1 << number
+
     return bits
 
 

@@ -65,6 +65,7 @@ class Surfaces:
         Shapes of one mechanism that have a bit of ``apart`` in common don't touch each other; the robot's is 0.
         """
         kind = self._kinds[surface]
+
         for other in self._moving if fixed else self._all:
             shape = make(self._material(surface, other))
             low, high = sorted((kind, other))
@@ -89,6 +90,7 @@ class Surfaces:
             restitution = mine.restitution * theirs.restitution
             material = physx.PhysxMaterial(friction, friction, restitution)
             self._materials[key] = material
+
         return self._materials[key]
 
 

@@ -100,6 +100,7 @@ class World:
             self.read([self._bodies.note()])[0], trajectory.arm[0], atol=1e-5
         ):
             raise RuntimeError(UNKNOWN_PACK)
+
         self.forces = (
             Forces(self._system, weighed.scene, robot, tool) if forces else None
         )

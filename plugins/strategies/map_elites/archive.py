@@ -80,6 +80,7 @@ def extent(tool: Tool) -> float:
         corners.setdefault(mount, []).append(
             pose.apply(component.shape.to_trimesh().vertices)
         )
+
     return max(
         (float(np.ptp(np.concatenate(of), axis=0).max()) for of in corners.values()),
         default=0.0,
@@ -153,6 +154,7 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
                 asdict(MEASURES[name]),
                 f"evolution.measures: {name}",
             )
+
         try:
             found[name] = pydantic.TypeAdapter(Measure).validate_python(
                 {**asdict(MEASURES[name]), **given}
@@ -162,10 +164,12 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
             raise UsageError(
                 f"evolution.measures: {name}: {first['loc'][-1]}: {first['msg']}"
             ) from error
+
     if not found:
         raise UsageError(
             f"evolution.measures is empty; name some of {', '.join(MEASURES)}"
         )
+
     return tuple(found.values())
 
 
@@ -250,6 +254,7 @@ def save_archive(
     for name, evaluations in chosen.items():
         for evaluation in evaluations:
             picked.setdefault(evaluation.candidate.id, []).append(name)
+
     cells = {evaluation.candidate.id: cell for cell, evaluation in archive.best.items()}
     kept = {
         e.candidate.id: e
@@ -262,10 +267,12 @@ def save_archive(
     (folder / "designs.json").write_text(
         json.dumps(document, indent=2) + "\n", encoding="utf-8"
     )
+
     with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         axes = [f"cell_{measure.name}" for measure in archive.measures]
         writer.writerow(["strategy", "candidate", *axes, "picked", "reward", *COLUMNS])
+
         for number, (name, evaluation) in enumerate(kept.items()):
             where = cells.get(name, [""] * len(axes))
             values = [value(evaluation) for value in VALUES.values()]

@@ -31,6 +31,7 @@ def move(
         # Small and large ones as often: nobody knows the scale.
         size = np.exp(rng.uniform(*np.log(SHIFTS)))
         moved[points] += rng.choice((-size, size)) * numbers.steps[points]
+
     return np.clip(moved, numbers.lower, numbers.upper)
 
 

@@ -46,6 +46,7 @@ class Variation:
             parents=(candidate.id,),
             varied=True,
         )
+
         try:
             tool, plan = self._apply(candidate, values)
             design = dump_design(replace(candidate, tool=tool, plan=plan), self._tools)
@@ -59,6 +60,7 @@ class Variation:
                 self._start.check(read.tool)
         except DesignError as error:
             return replace(varied, problem=str(error))
+
         return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
 
     def _apply(
@@ -75,6 +77,7 @@ class Variation:
             tool = call_part(
                 self._tools, "with_parameters", Tool, tool, values[:of_tool]
             )
+
         plan = call_part(
             self._actions,
             "with_parameters",

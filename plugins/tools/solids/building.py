@@ -82,6 +82,7 @@ def _placed(node: Node, solid: Manifold) -> Manifold:
 def _leaf(node: Node) -> Manifold:
     """Build a convex primitive about the origin."""
     sizes = [1000 * size for size in node.sizes]
+
     match node.kind:
         case "box":
             return Manifold.cube(sizes, True)
@@ -206,6 +207,7 @@ def _intersect(node: Node, tolerance: Tolerance) -> list[Manifold]:
             raise TooManyPieces
         overlaps = [a ^ b for a, b in itertools.product(parts, others)]
         parts = [overlap for overlap in overlaps if overlap.volume() >= SLIVER]
+
     return parts
 
 
@@ -230,6 +232,7 @@ def _subtract(node: Node, tolerance: Tolerance) -> list[Manifold]:
         parts = cut(parts, few_planes(rest, tolerance))
         if few:
             gone += cutter
+
     return parts
 
 
@@ -268,6 +271,7 @@ def _revolved(
         sectors += _sectors(piece, degrees, tolerance)
         if len(sectors) > MAX_PIECES:
             raise TooManyPieces
+
     return sectors
 
 
@@ -282,6 +286,7 @@ def _sectors(
         tolerance: how far the hull of a sector may come out of it, towards the axis.
     """
     radius = outline.bounds()[2]
+
     if not _convex_when_turned(outline):
         widest = 2 * math.acos(max(0.5, 1 - tolerance.short / radius))
         count = math.ceil(degrees / math.degrees(widest))
@@ -289,5 +294,6 @@ def _sectors(
         count = 1
     else:
         count = math.ceil(degrees / 180 - 1e-6)
+
     sector = outline.revolve(segments(radius), degrees / count).hull()
     return [sector.rotate([0, 0, k * degrees / count]) for k in range(count)]

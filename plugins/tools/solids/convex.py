@@ -131,6 +131,7 @@ class Faces:
             found = HalfspaceIntersection(np.vstack([walls, halves]), np.zeros(3))
         except QhullError as error:
             raise TooManyPieces from error
+
         corners = found.intersections
         return corners, corners @ self.normals.T - self.offsets
 
@@ -170,6 +171,7 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
     for k in range(len(flat), len(offsets)):
         on = np.abs(corners @ normals[k] - offsets[k]) < _ON
         moved[k] -= excess[on].max(initial=0.0) * tolerance.short / sum(tolerance)
+
     return normals, moved + normals @ middle
 
 
@@ -198,6 +200,7 @@ def _spread_fewest(
             enough = count
         else:
             too_few = count
+
     return best
 
 
@@ -252,6 +255,7 @@ def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
         pieces += _cut_part(part, planes)
         if len(pieces) > MAX_PIECES:
             raise TooManyPieces
+
     return pieces
 
 
@@ -269,6 +273,7 @@ def _cut_part(part: Manifold, planes: Planes) -> list[Manifold]:
             pieces.append(piece)
         if left.volume() < SLIVER:
             return [part]
+
     return pieces if left.volume() >= SLIVER else [part]
 
 
@@ -300,4 +305,5 @@ def outline_pieces(
         for inner in (outline ^ around).decompose():
             if inner.area() >= _AREA:
                 within += outline_pieces(inner, tolerance, nested + 1)
+
     return [solid.slice(50.0) for solid in solids] + within

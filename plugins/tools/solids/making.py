@@ -100,6 +100,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
             raise DesignError(
                 f"has a volume of {solid.volume():.3g} mm^3: check what is taken away, and where"
             )
+
         _check_whole(solid)
 
         if is_convex(solid):
@@ -135,6 +136,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
     for tolerance in _TOLERANCES:
         parts = []
         needed = f"more than {MAX_PARTS}"
+
         with suppress(TooManyPieces):
             parts = convex_parts(tree, tolerance)
             parts = [part for part in parts if part.volume() >= SLIVER]
@@ -154,6 +156,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
         if off <= 1000 * WITHIN_M:
             return tuple(Mesh(*_triangles(part)) for part in parts)
         problem = f" (with fewer, {off:.2f} mm)"
+
     raise DesignError(
         f"can't be made of convex parts within {1000 * WITHIN_M:g} mm: they differ by {off:.2f} mm; make thin curved "
         "walls thicker, and avoid sharp rims"
@@ -210,6 +213,7 @@ def _check_whole(solid: Manifold) -> None:
         near = [other for other in apart if piece.min_gap(other, 1.0) < _TOUCH]
         joined = joined + near
         apart = [other for other in apart if other not in near]
+
     if apart:
         raise DesignError(
             f"falls into {len(pieces)} pieces; join them, or write them as components that touch"
@@ -256,8 +260,10 @@ def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float
     here = coal.Transform3s()
     request = coal.DistanceRequest()
     farthest = -math.inf
+
     for place in points:
         there = coal.Transform3s(np.eye(3), place)
         distance = measure(here, there, request, coal.DistanceResult())
         farthest = max(farthest, float(distance))
+
     return farthest

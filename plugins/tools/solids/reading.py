@@ -97,6 +97,7 @@ def dump_node(node: Node) -> dict[str, Any]:
         data["at"] = rounded(node.at)
     elif any(node.at):
         data["at"] = rounded(node.at[:3])
+
     return data
 
 
@@ -127,10 +128,12 @@ class TreeReader:
             raise DesignError(
                 f"{where}: the tool's solids have more than {MAX_NODES} shapes in all; use fewer"
             )
+
         if depth > MAX_DEPTH:
             raise DesignError(
                 f"{where} nests more than {MAX_DEPTH} deep; use fewer operations within each other"
             )
+
         if not isinstance(value, Mapping):
             raise DesignError(
                 f'{where} must be an object such as {{"box": [0.02, 0.02, 0.1]}}, not {kind(value)}'
@@ -151,10 +154,12 @@ class TreeReader:
 
         points = _read_points(content, 2, 3, MAX_POINTS, where)
         _check_outline(np.array(points), where)
+
         if name == "extrude":
             size = _read_size(value.get("height"), f"{where}: height")
         else:
             size = _read_turn(value.get("angle", FULL_TURN), points, where)
+
         return Node(name, (size,), points, at=at)
 
     def _children(self, content: object, where: str, depth: int) -> tuple[Node, ...]:
@@ -181,6 +186,7 @@ def _parse_json(text: str, where: str) -> object:
         raise DesignError(
             f"{where} is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
         )
+
     try:
         value: object = json.loads(text)
     except json.JSONDecodeError as error:
@@ -191,6 +197,7 @@ def _parse_json(text: str, where: str) -> object:
         raise DesignError(
             f"{where}: its JSON has a number of too many digits, or nests too deep"
         ) from error
+
     return value
 
 
@@ -268,10 +275,12 @@ def _read_points(
         raise DesignError(
             f"{where} must be a list of {fewest} to {most} points, not {describe(content)}"
         )
+
     points = []
     for number, point in enumerate(content, start=1):
         numbers = read_numbers(point, count, f"{where}: point {number}")
         points.append(tuple(round(value, DIGITS) + 0.0 for value in numbers))
+
     if np.abs(points).max() > MAX_SIZE_M:
         raise DesignError(f"{where}: a point is more than {MAX_SIZE_M:g} m away")
 

@@ -91,12 +91,14 @@ def build_tool(
     names = _check(root, reserved, " or ".join(mounts))
 
     weighed = _links_with_mass(root) if masses else set()
+
     for link in root.iterfind("link"):
         if link.get("name") not in weighed:
             link[:] = [element for element in link if element.tag != "inertial"]
 
     aliases = dict(robot.aliases)
     _add_mounts(root, mounts, aliases)
+
     try:
         tree = read_tree(root, Path("tool_urdf"))
     except UserError as error:
@@ -124,6 +126,7 @@ def build_tool(
             name, shapes, mass, joint.origin.pose, moving, holders[parents[name]], taken
         )
         components += boxes
+
     return Tool(tuple(components), gripper)
 
 
@@ -162,6 +165,7 @@ def _parse(text: str) -> Element:
         raise DesignError(
             f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
         )
+
     block = _DECLARATION.sub("", text)
     try:
         root = read_xml(
@@ -170,6 +174,7 @@ def _parse(text: str) -> Element:
         )
     except UserError as error:
         raise DesignError(str(error)) from error
+
     if len(root) == 1 and root[0].tag == "robot":
         return root[0]
     return root
@@ -184,6 +189,7 @@ def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
             raise DesignError(
                 f"<{shorten(tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>"
             )
+
         name = element.get("name", "")
         if tag == "link":
             links.append(name)
@@ -196,6 +202,7 @@ def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
             raise DesignError(
                 f"the tool has {found} <{tag}> elements; at most {most} are allowed"
             )
+
     for element in root.iter():
         tags = Counter(child.tag for child in element if child.tag not in _MANY)
         for tag, found in tags.items():
@@ -203,12 +210,15 @@ def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
                 raise DesignError(
                     f"a <{element.tag}> has {found} <{tag}> elements; give one"
                 )
+
     held = {child.get("link") for child in root.iterfind("joint/child")}
+
     for name in links:
         if name not in held:
             raise DesignError(
                 f"no joint holds link {name!r}; hang it from {mounts} or another link"
             )
+
     return links
 
 
@@ -243,9 +253,11 @@ def _boxes(link: RobotLink) -> list[_Shape]:
             raise DesignError(
                 f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>'
             )
+
         red, green, blue, opacity = looks.color or DEFAULT_COLOR
         color = (red, green, blue, max(opacity, _MIN_OPACITY))
         boxes.append(_Shape(shape.shape, shape.origin.pose, color))
+
     return boxes
 
 
@@ -259,6 +271,7 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
         if loose:
             wanted = 'use type "fixed", "revolute" or "prismatic"'
         raise DesignError(f"{where} is of type {shorten(joint.kind)}; {wanted}")
+
     lower, upper, *_ = joint.limits
     if lower is None or upper is None:
         raise DesignError(f'{where} needs <limit lower="..." upper="..."/>')
@@ -302,10 +315,12 @@ def _hang(
     """
     parents, frame = holders
     base = pose if frame is None else frame @ pose
+
     if not shapes and moving is not None:
         raise DesignError(
             f"link {name!r} hangs on a joint that moves, and has no box; give it one"
         )
+
     if not shapes:
         return [], (parents, base)
 
@@ -325,8 +340,10 @@ def _hang(
             if moving is not None:
                 joint = _in_box(moving, place)
             part = Component(name, parent, there, box, share, color, joint)
+
         components.append(part)
         bearers.append(_Holder(part.name, box, place.inverse()))
+
     return components, (bearers, None)
 
 

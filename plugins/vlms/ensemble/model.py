@@ -195,6 +195,7 @@ class Ensemble(VLM):
                     continue
 
                 waiting -= 1
+
                 if isinstance(item, LimitReached):
                     closed[label] = item
                 elif item is not None:

@@ -61,6 +61,7 @@ _AT_IMPORT = {
 def load() -> ModuleType:
     """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
     os.environ.update(_AT_IMPORT)
+
     for name, value in os.environ.items():
         # a file's last line break, which no header can hold
         if is_secret_name(name) and value != value.strip():
@@ -226,6 +227,7 @@ class Client:
             raise UserError(
                 f"vlm.model={self.model} needs an API key; set the environment variable {names}"
             )
+
         # clients refuse to call without a key, local servers ignore it
         self._settings["api_key"] = "none"
 
@@ -250,6 +252,7 @@ class Client:
         if cost is None:
             per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
             cost = prompt * per_prompt_token + completion * per_completion_token
+
         return prompt + completion, cost
 
     def _missing_keys(self) -> list[str]:
@@ -294,6 +297,7 @@ class Client:
             "custom_llm_provider": self._provider,
             "drop_params": False,
         }
+
         try:
             self._litellm.utils.get_optional_params(**parameter)
         except self._litellm.UnsupportedParamsError:
@@ -314,6 +318,7 @@ class Client:
             Exception: any error of LiteLLM's.
         """
         with_schema = self._accepted["response_format"]
+
         try:
             return self._call(request, with_schema)
         except self._litellm.BadRequestError as error:
@@ -382,6 +387,7 @@ class Client:
             settings: of this call.
         """
         sender.provider = self._provider
+
         try:
             return self._litellm.completion(
                 model=self.model, messages=messages, drop_params=True, **settings

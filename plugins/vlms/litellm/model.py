@@ -66,6 +66,7 @@ class LanguageModel(VLM):
             )
 
         check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
+
         for name in _LIMITS:
             limit = getattr(self, name)
             if limit is not None:
@@ -186,6 +187,7 @@ class LanguageModel(VLM):
 
             self._check_limits()
             tries += 1
+
             try:
                 reply, finish = within(
                     self.timeout_s, lambda: self._client.ask(request)
@@ -196,6 +198,7 @@ class LanguageModel(VLM):
                 if tries > self.retries or wait_s is None:
                     after = f" (after {tries} tries)" if tries > 1 else ""
                     return self._failed(request, error, after)
+
                 stop.wait(wait_s)
             else:
                 self._spend(request, reply)

@@ -63,6 +63,7 @@ class _Transport(httpx.BaseTransport):
                 request to OpenAI.
         """
         _keep_openai(request)
+
         for name, value in request.headers.items():
             if is_secret_name(name):
                 remember(value)
@@ -158,6 +159,7 @@ def _read(answer: httpx.Response, deadline: float | None) -> bytes:
             raise BadAnswer(
                 f"the answer is larger than {MAX_BYTES >> 20} MiB; the rest is not read"
             )
+
         if deadline is not None and time.monotonic() > deadline:
             raise httpx.ReadTimeout("the answer takes too long", request=answer.request)
 

@@ -97,6 +97,7 @@ class DesignDrawer:
         rng = self._rng
         thickness = self.thickness_factor * float(rng.uniform(0.012, 0.024))
         kind = _SHAFT_KINDS[int(rng.choice(3, p=[0.6, 0.2, 0.2]))]
+
         if head.primitive == "clamp":
             if subgoal.is_enclosed:
                 thickness = min(thickness, 0.012)

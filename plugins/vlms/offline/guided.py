@@ -220,6 +220,7 @@ class _Carrying(_TinesMotion):
             path.move(place, heading, 0.15 if length > 0.02 else 1.0)
 
         path.go(heading, path.end - (self.depth + 0.02) * self.ahead, touch=True)
+
         return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
 
 
@@ -240,6 +241,7 @@ def _make_tipper(
     """
     axis, most = turn
     headings = QUARTERS
+
     if np.linalg.norm(axis) > 0.2:
         x, y, _ = np.cross(axis, UP)
         headings = [float(np.arctan2(y, x))]

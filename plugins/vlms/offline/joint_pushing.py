@@ -94,6 +94,7 @@ def _find_displacements(
     for position in np.linspace(joint.start, end, count + 1)[1:]:
         place = placed.carry(np.asarray(position), np.zeros(()), resting)
         displacements.append(Pose(place.position, place.quaternion) @ back)
+
     return displacements
 
 

@@ -80,6 +80,7 @@ def _choose_unlike(brief: Brief) -> list[Brief]:
     while len(chosen) < min(1 + _OTHERS, len(alike)):
         distances = np.linalg.norm(points[:, None] - points[chosen], axis=-1)
         chosen.append(int(distances.min(axis=1).argmax()))
+
     return [alike[number] for number in chosen[1:]]
 
 
@@ -92,6 +93,7 @@ def keeps_rules(tool: Tool, brief: Brief, layouts: Sequence[Layout]) -> bool:
         layouts: in which it must be clear of everything at the start.
     """
     material = brief.representation.material
+
     try:
         check_tool(material.made(tool), brief.task.robot, material)
         for layout in layouts:

@@ -94,11 +94,13 @@ class HeadPlacer:
 
         best = Pose()
         least_cost = np.inf
+
         for _ in range(_PLACES * (_MORE if self.faults.several else 1)):
             angle = ahead + rng.uniform(-0.9, 0.9)
             radius = rng.uniform(workspace.inner + 0.02, workspace.outer - 0.02)
             height = start.position[2] + rng.uniform(least, most)
             x, y = start.position[:2]
+
             if not from_above:
                 way = np.array([np.cos(angle), np.sin(angle)])
                 x, y = workspace.base[:2] + radius * way
@@ -164,6 +166,7 @@ class HeadPlacer:
         if head.primitive == "clamp" and subgoal.is_enclosed:
             most = max(least, room - 0.003)
             least = min(most, subgoal.clear_height - path.lowest + _HAND_M)
+
         return least, most
 
 

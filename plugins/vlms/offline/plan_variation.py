@@ -162,6 +162,7 @@ def vary(
 
     scale = parent.scale
     rows = plan.rows.copy()
+
     match draw(kinds, rng):
         case "length":
             change = _lengthen(rows, stroke, rng.normal(0.0, 0.08 * scale))

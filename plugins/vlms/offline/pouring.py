@@ -132,6 +132,7 @@ class _Channels:
             y = side * (self.outer + lip / 2)
             pieces.append(make_piece(f"{name}_web", x, y, -drop, web_size, 1))
             y = side * (self.inner + self.outer) / 2
+
             for edge, up in (("lower", -1.0), ("upper", 1.0)):
                 z = -drop + up * (self.height + lip) / 2
                 pieces.append(make_piece(f"{name}_{edge}", x, y, z, edge_size, 1))

@@ -103,6 +103,7 @@ def push(
         path.go(extent.heading + swing, end, touch=True)
 
     path.go(extent.heading + swing, end + rise, touch=True)
+
     return f"{text}, then leaves"
 
 
@@ -140,6 +141,7 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     if distance > subgoal.workspace.farthest:  # they are thrown
         length = rng.uniform(0.3, 0.9)
         return length, 2.0, rng.uniform(-0.8, 0.8)
+
     return length, speed, 0.0
 
 
@@ -161,6 +163,7 @@ def scoop(
 
     # Bodies that are only lifted can be reached from any side.
     heading = subgoal.heading
+
     if in_place:
         turns = [0.0, np.pi, np.pi / 2, -np.pi / 2]
         heading += float(rng.choice(turns, p=[0.3, 0.5, 0.1, 0.1]))
@@ -191,6 +194,7 @@ def scoop(
         lifted = under + rise * UP
         path.move(lifted, heading, rng.uniform(0.1, 0.4))
         path.add(Pose.xyz_rpy(lifted, (0.0, tilt, heading)), touch=True)
+
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
 
     # Carry them over everything near, and tip them out.
@@ -201,6 +205,7 @@ def scoop(
     path.move(lifted, heading, rng.uniform(0.15, 0.4))
     path.move(there, heading, rng.uniform(0.15, 0.5))
     path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), heading)), touch=True)
+
     return f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and tips out"
 
 
@@ -224,6 +229,7 @@ def hook(
     # The edge of the bodies that the arm passes, and the toe grips.
     passes_over = head.aside[2] > 0
     aside = head.aside[1] * extent.side + head.aside[2] * UP
+
     if passes_over:
         edge = extent.middle + subgoal.upper[2] * UP
     else:
@@ -294,6 +300,7 @@ def clamp(
         path.move(grasp + lift * UP, yaw, 0.3, grip=1.0)
 
     path.move(goal + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
+
     if not rises:
         down = goal + min(lift, subgoal.shift[2] + 0.003) * UP
         path.move(down, yaw, 0.2, grip=1.0)

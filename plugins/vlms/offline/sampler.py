@@ -211,6 +211,7 @@ class Sampler:
             return plan, fault
 
         best = plan
+
         for longer in self._rise_before(plan, path):
             other = self._faults.count(tool, longer, subgoals)
             if other < fault:

@@ -122,6 +122,7 @@ class SceneAnalysis:
         for lane in lanes:
             shift = _draw_shift(Subgoal(lane, np.zeros(3), model), goal, rng)
             subgoals.append(Subgoal(lane, shift, model, goal, alone))
+
         return subgoals
 
     def _draw_easiest(self, solids: list[Solid], rng: Generator) -> Solid:

@@ -72,6 +72,7 @@ def write_tool(
     if not is_given:
         fields["tool_name"] = tool.name
         fields["tool_description"] = tool.description
+
     fields["gripper"] = tool.gripper
     return fields | representation.dump(tool)
 

@@ -61,6 +61,7 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
                 points = scene[part.at].pose.rotation.apply(points)
             wanted |= {"axis": part.axis, "points": points}
             wanted["tolerance_deg"] = part.tolerance_deg
+
     return [
         Target(tuple(bodies), goal.any, goal.held, place, **wanted)  # type: ignore[arg-type]
         for place, bodies in groups.items()

@@ -164,6 +164,7 @@ class ToolBuilder:
         for name, there in _shaft_points(shaft, start, end):
             last = self.add_bar(prefix + name, last, here, there, thickness)
             here = there
+
         return last
 
     def _add_root(

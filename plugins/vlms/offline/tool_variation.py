@@ -192,6 +192,7 @@ def _resize(tool: Tool, scale: float, rng: Generator) -> ToolChange:
         if other.parent == component.name:
             position = other.pose.position * stretch
             stretched = replace(other, pose=Pose(position, other.pose.quaternion))
+
         components.append(stretched)
 
     # The end that meets the parent stays where it is.
@@ -271,6 +272,7 @@ def _free_name(name: str, tool: Tool) -> str:
     while free in taken:
         free = f"{name}_{number}"
         number += 1
+
     return free
 
 
@@ -379,6 +381,7 @@ def _move_to_touch(component: Component, parent: Boxes) -> Component:
         parent: a box in its own frame.
     """
     size = component.shape.bounds[1]
+
     for _ in range(_MOST_MOVES):
         pose = component.pose
         gaps, axes = separations(parent, Boxes.from_poses([(pose, size)]))

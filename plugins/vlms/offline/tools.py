@@ -137,6 +137,7 @@ def guess_head(tool: Tool, subgoal: Subgoal, rng: Generator) -> PlacedHead:
     """
     turn = draw_head_turn(rng) + rng.normal(0.0, 0.1)
     encloses = bool(rng.random() < 0.5)
+
     if tool.gripper and not tool.components:
         hand = Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN)
         return PlacedHead(hand, Pose(_BARE_FINGERTIP))

@@ -35,6 +35,7 @@ def nearness(bodies: Iterable[Body], camera: Camera, wide: int, high: int) -> Ar
             if part.color[3] > _CLEAR:
                 mesh = part.shape.to_trimesh()
                 _raise_to_mesh(nearest, mesh, body.pose @ part.pose, camera)
+
     return np.where(np.isfinite(nearest), nearest, np.nan)
 
 
@@ -61,6 +62,7 @@ def _raise_to_mesh(
     if mesh.is_volume:  # what faces away is hidden by the rest
         backward = pose.rotation.inv().apply(camera.axes[2])
         faces = faces[np.asarray(mesh.face_normals) @ backward < 0]
+
     for corners in faces:
         _raise_to_triangle(nearest, pixels[corners], toward[corners])
 

@@ -47,6 +47,7 @@ def draw_strip(
         pen.rectangle([(0, 0), (320, 17)], fill=(255, 255, 255))
         pen.text((4, 2), clean(text, 60), fill=(30, 30, 30), font_size=12)
         frames.append(np.asarray(frame))
+
     return np.vstack([np.hstack(frames[:3]), np.hstack(frames[3:])])
 
 
@@ -67,11 +68,13 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
         new = all(abs(moment[0] - other) >= APART_S for other, _ in chosen)
         if new and len(chosen) < FRAMES:
             chosen.append(moment)
+
     while len(chosen) < FRAMES:
         chosen.sort()
         gaps = list(pairwise(chosen)) or [(chosen[0], chosen[0])]
         before, after = max(gaps, key=lambda gap: gap[1][0] - gap[0][0])
         chosen.append(((before[0] + after[0]) / 2, ""))
+
     return sorted(chosen)
 
 
