@@ -35,11 +35,11 @@ class Meeting(NamedTuple):
 
 
 @cache
-def meeting(one: Thing, other: Thing) -> Meeting:
+def meeting(thing: Thing, other: Thing) -> Meeting:
     """Say what a contact between two things counts for."""
-    first, second = sorted((one, other))
+    first, second = sorted((thing, other))
     sign = 1.0
-    if first != one:
+    if first != thing:
         sign = -1.0
     if first[0] == second[0]:
         return Meeting(None, None, sign)

@@ -115,22 +115,23 @@ def set_contacts(
     for number, collider in enumerate(colliders):
         _set_contact(spec, collider, number, tools)
     covered = set()
-    for one, other in combinations(colliders, 2):
-        if one.bearer == other.bearer or not one.role.meets(other.role):
+    for first, second in combinations(colliders, 2):
+        if first.bearer == second.bearer or not first.role.meets(second.role):
             continue
-        free = one.free or other.free
-        if not free and one.partners_friction(tools) == other.partners_friction(tools):
+        free = first.free or second.free
+        needed = first.partners_friction(tools)
+        if not free and needed == second.partners_friction(tools):
             continue
 
-        bearers = (one.bearer, other.bearer)
+        bearers = (first.bearer, second.bearer)
         if free and bearers not in covered:  # all their pairs are explicit
             covered.add(bearers)
-            spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
+            spec.add_exclude(bodyname1=first.bearer, bodyname2=second.bearer)
 
-        in_scene = one.role is other.role is Role.SCENE
-        if in_scene and frozenset((one.owner, other.owner)) in joined:
+        in_scene = first.role is second.role is Role.SCENE
+        if in_scene and frozenset((first.owner, second.owner)) in joined:
             continue
-        _add_pair(spec, one, other, slip_rate)
+        _add_pair(spec, first, second, slip_rate)
 
 
 def _reference(spec: Element) -> list[float]:
@@ -153,16 +154,18 @@ def _set_contact(spec: Element, collider: Collider, number: int, tools: float) -
     geom.solimp = IMPEDANCE
 
 
-def _add_pair(spec: Element, one: Collider, other: Collider, slip_rate: float) -> None:
+def _add_pair(
+    spec: Element, first: Collider, second: Collider, slip_rate: float
+) -> None:
     """Add a pair of geoms with parameters of its own."""
-    friction = mean_friction(one.surface.friction, other.surface.friction)
-    rolling = max(one.surface.rolling, other.surface.rolling)
+    friction = mean_friction(first.surface.friction, second.surface.friction)
+    rolling = max(first.surface.rolling, second.surface.rolling)
     if rolling > 0:
         slip_rate *= _ROLLING_SHARE
-    restitution = one.surface.restitution * other.surface.restitution
+    restitution = first.surface.restitution * second.surface.restitution
     spec.add_pair(
-        geomname1=one.geom.name,
-        geomname2=other.geom.name,
+        geomname1=first.geom.name,
+        geomname2=second.geom.name,
         condim=_dimensions(rolling),
         friction=[friction, friction, 0.0, rolling, rolling],
         solref=_rebound(spec, restitution) or _reference(spec),
@@ -175,14 +178,14 @@ def _add_pair(spec: Element, one: Collider, other: Collider, slip_rate: float) -
 def tools_friction(colliders: Sequence[Collider]) -> float:
     """The friction coefficient of the tool, or without one of the links."""
     return next(
-        (one.surface.friction for one in colliders if one.role is Role.TOOL),
+        (item.surface.friction for item in colliders if item.role is Role.TOOL),
         LINK_FRICTION,
     )
 
 
-def mean_friction(one: float, other: float) -> float:
+def mean_friction(first: float, second: float) -> float:
     """Compute the friction coefficient between two bodies: the geometric mean of theirs."""
-    return float(np.sqrt(one * other))
+    return float(np.sqrt(first * second))
 
 
 def _dimensions(rolling: float) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +132,7 @@ class Meter:
             model.geom(number).name.partition("/")[2] for number in range(model.ngeom)
         ]
         robot = model.geom_contype != Role.SCENE.value[0]
-        links = sorted({owner for owner, own in zip(owners, robot, strict=True) if own})
+        links = sorted({*compress(owners, robot)})
         bodies = [body.name for body in scene.bodies]
         self._names = [*links, *bodies]
         self._links = len(links)
@@ -140,8 +141,8 @@ class Meter:
             self._tool = links.index("tool")
 
         numbers = []
-        for owner, own in zip(owners, robot, strict=True):
-            if own:
+        for owner, is_robot in zip(owners, robot, strict=True):
+            if is_robot:
                 numbers.append(links.index(owner))
             else:
                 numbers.append(len(links) + bodies.index(owner))
@@ -212,24 +213,24 @@ class Meter:
         resting = asleep[steps, pairs[:, 0]] & asleep[steps, pairs[:, 1]]
         counted = (joined.addresses >= 0) & (pairs[:, 1] >= self._links)
         new = np.flatnonzero(counted & ~resting)
-        mine = np.flatnonzero(counted & (pairs[:, 0] == self._tool))
+        chosen = np.flatnonzero(counted & (pairs[:, 0] == self._tool))
 
         # The tool's contacts have up to three rows; without friction there is one.
         axes = np.arange(3)
-        dims = joined.dims[mine, None]
-        along = joined.rows[first[mine, None] + np.minimum(axes, dims - 1)]
+        dims = joined.dims[chosen, None]
+        along = joined.rows[first[chosen, None] + np.minimum(axes, dims - 1)]
         along = along * (axes < dims)
-        frames = joined.frames[mine].reshape(-1, 3, 3)
+        frames = joined.frames[chosen].reshape(-1, 3, 3)
         on_second = np.einsum("pi,pij->pj", along, frames)
-        pushes = np.where(owners[mine, 1:] == self._tool, on_second, -on_second)
+        pushes = np.where(owners[chosen, 1:] == self._tool, on_second, -on_second)
         return Measured(
             steps=steps[new],
             pairs=pairs[new],
             forces=joined.rows[first[new]],
             asleep=asleep,
-            touching=steps[mine],
-            others=pairs[mine, 1],
-            points=joined.points[mine],
+            touching=steps[chosen],
+            others=pairs[chosen, 1],
+            points=joined.points[chosen],
             pushes=pushes,
         )
 
@@ -250,8 +251,8 @@ class Meter:
         for pair, steps, entries in _group(measured):
             sums = np.bincount(interval[steps], entries, minlength=len(samples))
             if sums.any():
-                one, other = pair
-                found[self._names[one], self._names[other]] = sums / spans
+                first, second = pair
+                found[self._names[first], self._names[second]] = sums / spans
 
         touched = interval[measured.touching]
         bodies = np.array(self._names, dtype=np.str_)[measured.others]
@@ -279,14 +280,14 @@ def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
     codes = measured.pairs @ (measured.asleep.shape[1], 1)
     order = np.argsort(codes, kind="stable")
     begins = np.flatnonzero(np.diff(codes[order])) + 1
-    for mine in np.split(order, begins):
-        if not len(mine):  # there are no contacts at all
+    for chosen in np.split(order, begins):
+        if not len(chosen):  # there are no contacts at all
             return
-        pair = measured.pairs[mine[0]]
-        one, other = pair
-        steps = measured.steps[mine]
-        entries = measured.forces[mine]
-        resting = measured.asleep[:, one] & measured.asleep[:, other]
+        pair = measured.pairs[chosen[0]]
+        first, second = pair
+        steps = measured.steps[chosen]
+        entries = measured.forces[chosen]
+        resting = measured.asleep[:, first] & measured.asleep[:, second]
         if resting.any():
             steps, entries = _repeat_resting(steps, entries, resting)
         yield pair, steps, entries

@@ -73,7 +73,7 @@ def _rigid(scene: Scene) -> list[Body]:
 
 def _name(scene: Scene, body: str) -> str:
     """Name a body and its joint in the spec."""
-    return f"body_{[one.name for one in scene.bodies].index(body)}"
+    return f"body_{[known.name for known in scene.bodies].index(body)}"
 
 
 def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:

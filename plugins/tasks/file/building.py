@@ -133,18 +133,18 @@ def _located(tree: Tree, where: Where) -> Iterator[None]:
         raise tree.error(where, str(error)) from error
 
 
-def _frame(at: str | None, above: Sequence[Body]) -> Pose:
+def _frame(name: str | None, above: Sequence[Body]) -> Pose:
     """Return the pose of the body or mark that another one is placed at.
 
     Raises:
         UsageError: there is none of that name.
     """
-    if at is None:
+    if name is None:
         return Pose()
     frames = {body.name: body.pose for body in above}
-    if at not in frames:
-        raise choices("body or mark", at, frames, "what the file has before it")
-    return frames[at]
+    if name not in frames:
+        raise choices("body or mark", name, frames, "what the file has before it")
+    return frames[name]
 
 
 def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:

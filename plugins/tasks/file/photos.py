@@ -30,12 +30,12 @@ def read_photograph(
         UserError: it is not in the folder, too large, or no picture.
     """
     data = read_inside(folder / file, folder, "photograph", MAX_MB)
-    made = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
-    with Image.open(io.BytesIO(made)) as sent:  # made by this program
+    png = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
+    with Image.open(io.BytesIO(png)) as sent:  # made by this program
         known = "where its camera stood is not known"
         if camera:
             known = describe_camera(camera, sent.size)
-    return Picture(made, name, f"{name}: a photograph of the real bench; {known}")
+    return Picture(png, name, f"{name}: a photograph of the real bench; {known}")
 
 
 def as_png(data: bytes) -> bytes:

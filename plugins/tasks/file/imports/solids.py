@@ -137,8 +137,8 @@ def _hull(corners: Array) -> Mesh:
     """Make a mesh of the convex hull of corners (N, 3), whose faces look outward."""
     hull = ConvexHull(corners)
     faces: npt.NDArray[np.int64] = hull.simplices.astype(np.int64)
-    one, other = np.diff(corners[faces], axis=1).swapaxes(0, 1)
-    inward = (np.cross(one, other) * hull.equations[:, :3]).sum(axis=1) < 0
+    first, second = np.diff(corners[faces], axis=1).swapaxes(0, 1)
+    inward = (np.cross(first, second) * hull.equations[:, :3]).sum(axis=1) < 0
     faces[inward] = faces[inward, ::-1]
     return Mesh(corners, faces)
 
