@@ -14,6 +14,7 @@ import argparse
 import importlib.util
 import re
 import tempfile
+import textwrap
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -99,7 +100,8 @@ def page_module(folder: Path) -> Any:
         r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.DOTALL
     )
     file = folder / "pull_tray.py"
-    file.write_text("\n\n".join(blocks[:3]) + "\n" + blocks[3])
+    method = textwrap.indent(blocks[3], "    ")
+    file.write_text("\n\n".join(blocks[:3]) + "\n" + method)
     spec = importlib.util.spec_from_file_location("pull_tray", file)
     assert spec is not None
     assert spec.loader is not None

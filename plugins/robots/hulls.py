@@ -85,7 +85,7 @@ def _content(mesh: Path) -> bytes:
     if mesh.suffix.lower() not in KINDS:
         raise UserError(f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}")
     try:
-        return read_untrusted(mesh, MAX_MB * 1_000_000)
+        return read_untrusted(mesh, int(MAX_MB * 1_000_000))
     except UserError as error:
         raise UserError(
             f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes"

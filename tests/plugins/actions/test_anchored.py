@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from core.config.compose import load, tool_part
 from core.design import Candidate, Component, DesignError, Tool
-from core.designs.reading import dump_design, read_designs
+from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.start import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
@@ -350,10 +350,9 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
         for evaluation in stored
     }
     winner = best_tool(read_run(tmp_path / "run"))
-    assert (winner.design["action"], winner.design["action_sets"]) == (
-        "anchored",
-        [plans[winner.candidate]],
-    )
+    (design,) = load_designs(tmp_path / "run/best/design.json")["strategies"]
+    assert design["action"] == "anchored"
+    assert design["action_sets"] == [plans[winner.candidate]]
     resume(tmp_path / "run", ["budget.n_iteration=1"])
     assert (
         len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2

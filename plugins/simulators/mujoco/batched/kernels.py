@@ -58,7 +58,8 @@ def drive(
     before = sampled(times, targets, count[world], world, joint, time)
     after = sampled(times, targets, count[world], world, joint, time + dt)
     aim[world, joint] = after
-    if wp.abs(after) > wp.static(LARGEST):  # MuJoCo does not take it either
+    # MuJoCo takes no such target either.
+    if not wp.isfinite(after) or wp.abs(after) > wp.static(LARGEST):
         broken[world] = 1
         after = targets[world, 0, joint]
         before = after
