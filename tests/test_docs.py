@@ -369,6 +369,7 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     numbers = blocks(page, "python")[1].replace("NumbersStrategy", "TournamentStrategy")
     (package / "tournament/search.py").write_text(numbers)
     (package / "tournament/conf/evolution/Tournament.yaml").unlink()
+    assert "FAILED" not in run("core", "conformance", "evolution=Tournament")
     said = run(
         "core.run",
         "evolution=Tournament",

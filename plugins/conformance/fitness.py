@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 
 from core.design import Candidate
 from core.errors import RAISED
-from core.interfaces import Condition, Fitness, Score, Trial, Waypoints
+from core.interfaces import Condition, Fitness, Score, Task, Trial, Waypoints
 from core.plugins import PluginPart, installed
-from core.trial import Status
+from core.trial import Evaluation, Status
 from plugins.conformance.checking import as_json, expect, some_simulator, some_task
 from plugins.conformance.worlds import stick
 
@@ -24,11 +25,11 @@ MOST_FINALS = 100  # that are looked at: there may be no end to them
 
 
 def condition() -> Condition:
-    """The first task and the first engine that are installed."""
-    return Condition(
-        PluginPart("task", installed().ready("task")[0]),
-        PluginPart("sim", some_simulator()[0]),
-    )
+    """The first task, with layouts that differ if it has some, in the first engine that is installed."""
+    task = PluginPart[Task]("task", installed().ready("task")[0])
+    for variation in list(task.declared("variations", {}))[:1]:
+        task = replace(task, settings=(("variation", variation),))
+    return Condition(task, PluginPart("sim", some_simulator()[0]))
 
 
 def candidate() -> Candidate:
@@ -136,3 +137,19 @@ def check_what_fails_earns_nothing(make: Make) -> None:
             score.reward == 0,
             f"a candidate whose trials were all {status} scores {score.reward}, not 0",
         )
+
+
+def check_a_rejection_counts_where_it_is(make: Make) -> None:
+    """A candidate that is rejected in one condition and succeeds in others is no rejected candidate."""
+    fitness = make(condition())
+    found = trials(fitness, (0.0, 0.5))
+    if len(found) < 2:
+        return
+    found[0] = replace(found[0], status="rejected", reason="it starts inside a body")
+    score = fitness.score(candidate(), found)
+    status = Evaluation(candidate(), tuple(found), score).status
+    expect(
+        status == "ok",
+        f"a candidate that is rejected in one condition alone counts as {status}: let Score.shown be a trial that "
+        "succeeded",
+    )

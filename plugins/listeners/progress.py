@@ -38,7 +38,7 @@ class ProgressListener:
         self._print(f"model: {run.model}")
 
         generations = run.budget.n_iteration + 1
-        size = f"{generations} generations of {self._population} candidates"
+        size = f"{generations} generations of up to {self._population} candidates"
         refined = run.config.get("evolution", {}).get("refine", 0)
         if refined:
             size += f", then {refined} of refinement"
