@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.support.text import clean, kind, short_number, short_numbers, shorten, table
+from core.support.text import clean, kind, short_number, short_numbers, shorten
 
 
 def test_clean_keeps_what_can_be_printed():
@@ -46,10 +46,3 @@ def test_long_text_is_cut():
 def test_numbers_are_short_and_never_minus_zero():
     assert short_number(-0.0001, 3) == "0"
     assert short_numbers((1.0, -0.25, 0.12346), 4, ", ") == "1, -0.25, 0.1235"
-
-
-def test_no_text_of_a_cell_ends_its_cell_or_row():
-    assert (
-        table(["a", "b"], [["x|y", "1\n| 2"]])
-        == "| a | b |\n| --- | --- |\n| x\\|y | 1 \\| 2 |"
-    )
