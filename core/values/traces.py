@@ -234,8 +234,8 @@ def _is_between(kind: str, toucher: str, other: str, body: str, by: str | None) 
         return by in (None, other)
     if body != other:
         return False
+    if by == "arm":  # a component of this name is none of its links
+        return kind == "arm" or (kind == "tool" and toucher in GRIPPER_MOUNTS)
     if by in (None, toucher):
         return True
-    if by == "arm":
-        return kind == "arm" or (kind == "tool" and toucher in GRIPPER_MOUNTS)
     return (by == "robot" and kind != "body") or (by == "tool" and kind == "tool")

@@ -75,6 +75,14 @@ def test_what_touches_a_body_and_when(body, by, instants):
     assert many.first_s(body, by).shape == many.force_n(body, by).shape == (2,)
 
 
+def test_a_component_of_the_name_arm_is_no_link_of_it():
+    trace = Trace.of(
+        *[SCENE.state()] * 4, touching={("tool", "arm", "cube"): flags(1, 2)}
+    )
+    assert not trace.touched("cube", "arm")
+    assert trace.touched("cube", "tool")
+
+
 def test_what_the_robot_passes_on_through_bodies_presses_too():
     """As much as the weakest contact of a chain bears, without the weight that rests from the start."""
     chain = {
